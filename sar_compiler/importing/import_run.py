@@ -200,14 +200,15 @@ def _add_autoremap(
     unwritten = _count_unwritten(place, projects) if exported.has_subtrees else 0
     if not unwritten:
         return
-    as_exported = place.read_bytes()
+    as_exported = place.with_suffix(".exported")
+    place.rename(as_exported)
     write_text(place, write_xml(exported.with_autoremap().without_models_of(palette)))
     if _count_unwritten(place, projects) < unwritten:
         recording.flaws.append(
             "its tree does not say which subtrees have _autoremap. It is assumed for all, because one reads a key that no node in it writes"
         )
     else:
-        place.write_bytes(as_exported)
+        as_exported.replace(place)
 
 
 def _count_unwritten(place: Path, projects: Workspace) -> int:

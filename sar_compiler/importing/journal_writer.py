@@ -62,7 +62,7 @@ class JournalWriter:
         """Write the runs."""
         for tick in self._finder.ticks():
             self._write_ticks(tick)
-        self.end()
+        self.end_run()
 
     def write_next(self) -> bool:
         """Write the changes that were recorded since the last call; return whether the root has failed in them."""
@@ -73,7 +73,7 @@ class JournalWriter:
         self._flush()
         return has_failed
 
-    def end(self, reason: str = "") -> None:
+    def end_run(self, reason: str = "") -> None:
         """End a run whose root has ended; any run, if there is a reason."""
         self._flush()
         if not self._is_open:

@@ -178,7 +178,7 @@ class LiveRun:
         if self._writer is not None:
             self._writer.write_next()
             if end:
-                self._writer.end(end)
+                self._writer.end_run(end)
         return self._entries.pop()
 
     def close(self) -> None:

@@ -202,11 +202,11 @@ def _installed_folders(checkout: Path | None) -> list[str]:
         return any(folder.is_relative_to(prefix) for prefix in sourced) or folder in _trusted_folders()
 
     # An entry that is not absolute depends on the current folder, or marks an editable installation.
-    return [entry for entry in sys.path if os.path.isabs(entry) and is_installed_in(_resolved(entry))]  # noqa: PTH117
+    return [entry for entry in sys.path if os.path.isabs(entry) and is_installed_in(_resolve(entry))]  # noqa: PTH117
 
 
 @functools.cache
-def _resolved(folder: str) -> Path:
+def _resolve(folder: str) -> Path:
     """Return a folder without links, which takes a moment for each part of its path."""
     return Path(folder).resolve()
 
@@ -223,7 +223,7 @@ def _trusted_folders() -> Iterator[Path]:
     """Yield the folders of the interpreter's packages, and of this package."""
     yield _OWN_FOLDER
     packages = *site.getsitepackages(), site.getusersitepackages()
-    yield from map(_resolved, (*packages, os.path.dirname(os.__file__)))  # noqa: PTH120
+    yield from map(_resolve, (*packages, os.path.dirname(os.__file__)))  # noqa: PTH120
 
 
 def _parts(variable: str) -> list[str]:

@@ -122,6 +122,6 @@ def test_an_answer_that_was_altered_is_found_where_it_stands():
             assert (misfit.tick, misfit.event) == (altered[place].tick, f"{altered[place].leaf} of nobody"), (
                 seed
             )
-            assert "this was of nobody" in misfit.why, f"{seed}: {misfit}"
+            assert "returned of nobody" in misfit.why, f"{seed}: {misfit}"
             count += 1
     assert count > rounds(30)

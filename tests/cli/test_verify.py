@@ -74,7 +74,7 @@ def test_leaves_that_do_not_agree_on_a_fact_are_nothing_to_prove_anything_with(r
     status, out, err = run(tree, *nodes)
     assert (status, out) == (2, "")
     assert err == (
-        "sar-compile: the fact 'f' is 0 at the start for 'X', and 1 for 'W'. Write the value: facts: {f: 0}\n"
+        "sar-compile: the fact 'f' is 0 at the start for 'X', but 1 for 'W'. Write the value: facts: {f: 0}\n"
     )
     assert run(tree, *nodes, "--set", "f=1")[2] == ""
 

@@ -24,7 +24,16 @@ CODES = list(KINDS)
 _SECTIONS = ["Bad", "Finding", "Good"]
 _PLACE = re.compile(r"(?<![\w.])\S+:\d+:\d+: (error|warning|info)\[([a-z-]+)\]: ")
 # Functions that take the code of a finding, and its message.
-_MAKERS = {"Diagnostic", "Refusal", "add", "finding", "report", "text_of_output", "_refuse", "_report"}
+_MAKERS = {
+    "Diagnostic",
+    "SchemaViolation",
+    "add",
+    "finding",
+    "report",
+    "text_of_output",
+    "_refuse",
+    "_report",
+}
 # One command that can be run in this process: modules of leaves would stay imported.
 ALONE = re.compile(r"sar-compile (?!.*--nodes)[^\n|>;&$]*\n")
 # The title of a page and the severity below it.

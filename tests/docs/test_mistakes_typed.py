@@ -176,7 +176,9 @@ def test_every_hindrance_to_installing_that_is_explained_is_met():
     extras = re.findall(r"^(\w+) = \[", declared.partition("\n[")[0], re.MULTILINE)
     assert {*extras} - {"ros", "interfaces", "sim", "dev"} == {*EXTRAS}
     explained_extras = (
-        Path("docs/start/install.md").read_text(encoding="utf-8").partition("\nThe extras: ")[2]
+        Path("docs/start/install.md")
+        .read_text(encoding="utf-8")
+        .partition("\nChoose the extras that you need:\n\n")[2]
     )
     assert {*extras} - {"dev"} <= {*re.findall(r"`(\w+)` ", explained_extras.partition("\n\n")[0])}
 

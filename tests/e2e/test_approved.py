@@ -32,7 +32,7 @@ def test_a_tree_runs_only_as_it_was_approved(start, tree, state, tmp_path):
     status, said = fly("--tree", "Other")
     assert (status, f"the tree 'Other' of {tree} is not approved (Main is)" in said) == (2, True)
     status, said = fly("--ros-args", "-p", "tick_rate_hz:=9.0", "-p", "words:=[a, b]")
-    assert (status, "tick_rate_hz is 9.0 and was not given" in said) == (2, True)
+    assert (status, "tick_rate_hz is 9.0, but was not given" in said) == (2, True)
     (tmp_path / "q.yaml").write_text(
         "/**: {ros__parameters: {tick_rate_hz: 9.0, words: [a, b]}}\n", encoding="utf-8"
     )

@@ -122,7 +122,7 @@ def test_a_client_starts_trees_by_their_names_one_after_the_other(client, serve)
     server = serve(SHORT, FAILING)
     assert client.trees() == ["Failing", "Short"]
     assert client.run("Failing") == (ABORTED, FAILURE, "The root of the tree ended with FAILURE.")
-    server.wait_for("Run of 'Failing' starts.")
+    server.wait_for("Starting a run of 'Failing'.")
     server.wait_for("Run of 'Failing' ended with FAILURE: The root of the tree ended with FAILURE.")
     # Nobody hears what is published before he is known of, which he is by now, or what comes behind the end that he has asked for.
     client.told.clear()
@@ -215,7 +215,7 @@ def test_a_lifecycle_manager_decides_when_goals_are_taken(client, serve):
     client.hear("Wait RUNNING")
     # Nobody can hold this tree.
     assert change(client, "deactivate")
-    server.wait_for("The mission is stopped because it cannot be paused: it does not have this command")
+    server.wait_for("The mission cannot be paused, and is stopped: it does not have this command")
     assert client.end(goal)[:2] == (ABORTED, IDLE)
     assert change(client, "cleanup")
     assert client.trees() == []

@@ -80,7 +80,7 @@ def test_a_mission_that_has_died_is_resumed_and_it_is_told(misbehave, how):
     run = misbehave(2, how, "--supervise")
     assert run.end() == 0, run.output
     for number in (1, 2):
-        assert f"sar-run: the mission has crashed (by {how}): it is resumed ({number} of 3)" in run.output
+        assert f"sar-run: the mission has crashed (by {how}) and is resumed ({number} of 3)" in run.output
     assert f"The supervisor restarted the mission 2 times: by {how}; by {how}." in run.output
     assert shown().count(f"by its supervisor (the previous process has died: by {how})") == 2
 
@@ -89,13 +89,13 @@ def test_a_mission_that_has_died_is_resumed_and_it_is_told(misbehave, how):
 def test_a_mission_that_stands_still_is_killed_and_resumed(misbehave):
     run = misbehave(1, "block", "--supervise")
     assert run.end() == 0, run.output
-    assert "the mission has crashed (no heartbeat for 10 s): it is resumed (1 of 3)" in run.output
+    assert "the mission has crashed (no heartbeat for 10 s) and is resumed (1 of 3)" in run.output
 
 
 def test_a_process_that_is_stopped_is_killed_and_its_mission_resumed(misbehave):
     run = misbehave(1, "SIGSTOP", "--supervise", "1")
     assert run.end() == 0, run.output
-    assert "(no heartbeat for 10 s): it is resumed (1 of 1)" in run.output
+    assert "(no heartbeat for 10 s) and is resumed (1 of 1)" in run.output
 
 
 def test_one_that_dies_again_and_again_is_given_up_with_the_status_of_its_last_death(misbehave):
@@ -111,7 +111,7 @@ def test_what_the_mission_needs_and_does_not_find_is_looked_for_again(start, tmp
     more = ("--supervise", 1, "--journal", place, "--ros-args", "-p", "startup_timeout_sec:=1.0")
     run = start("sar-run", *more)
     assert run.end() == 3, run.output
-    assert "(a requirement was missing: status 3): it is restarted (1 of 1)" in run.output
+    assert "(a requirement was missing: status 3) and is restarted (1 of 1)" in run.output
     assert run.output.count("not ready after") == 2
 
 

@@ -252,7 +252,7 @@ def test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_proc
     navigation.thaw()
     assert run.end() == 0, run.output
     assert (
-        "crashed (it no longer received messages from Nav2, although the ROS graph shows Nav2): it is resumed (1 of 3)"
+        "crashed (it no longer received messages from Nav2, although the ROS graph shows Nav2) and is resumed (1 of 3)"
         in run.output
     )
     assert not any(blame in run.output for blame in BLAMES), run.output

@@ -179,7 +179,9 @@ def test_a_goal_that_could_not_be_sent_is_refused_with_its_number(place, data):
     journal.note(GOAL_SENT, **data)
     journal.close()
     again = open_journal(place, resume=True)
-    with pytest.raises(JournalError, match=r"fact 1 of the journal, goal_sent .* is not a goal of an action"):
+    with pytest.raises(
+        JournalError, match=r"event 1 of the journal, goal_sent .* is not a goal of an action"
+    ):
         again.active_goals()
     again.close()
 

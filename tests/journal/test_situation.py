@@ -60,7 +60,7 @@ SHOWN = st.builds(
     Display,
     st.lists(LANDMARKS, max_size=5).map(apart),
     st.lists(
-        st.builds(Figure, WORDS, NUMBERS, of=st.none() | NUMBERS),
+        st.builds(Figure, WORDS, NUMBERS, of=st.none() | NUMBERS, least=st.none() | NUMBERS),
         max_size=3,
         unique_by=lambda each: each.name,
     ),
@@ -253,7 +253,7 @@ def test_facts_that_cannot_have_been_are_refused_with_their_number(tmp_path: Pat
     journal.close()
     journal = open_journal(place, resume=True)
     with pytest.raises(
-        JournalError, match=r"fact 4 of the journal, counted .* does not fit: three is the end"
+        JournalError, match=r"event 4 of the journal, counted .* does not fit: three is the end"
     ):
         journal.attach(Count())
     journal.close()

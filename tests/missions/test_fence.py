@@ -31,12 +31,12 @@ def test_the_parameter_lists_the_corners():
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        ([0.0, 1.0, 2.0, 3.0], "holds 4 numbers"),
-        ([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0], "holds 7 numbers"),
-        ([0.0, 1.0, 2.0, 3.0, 4.0, float("nan")], "holds the number nan"),
+        ([0.0, 1.0, 2.0, 3.0], "contains 4 numbers"),
+        ([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0], "contains 7 numbers"),
+        ([0.0, 1.0, 2.0, 3.0, 4.0, float("nan")], "contains the number nan"),
         ("everywhere", "must be a list of numbers, but is the string 'everywhere'"),
-        (["a"], "holds the string 'a'"),
-        ([True] * 6, "holds true"),
+        (["a"], "contains the string 'a'"),
+        ([True] * 6, "contains true"),
     ],
 )
 def test_a_parameter_that_is_no_area_is_a_mistake(value, said):

@@ -330,7 +330,7 @@ def test_a_charge_is_told_in_a_sentence() -> None:
     told: list[str] = []
     search.record.journal.listen(lambda fact: told.append(search.sentence(fact)))
     search.record.charged(0.954321)
-    assert told == ["the battery level of 95% suffices"]
+    assert told == ["the battery, at 95%, suffices"]
 
 
 UNASKED = "no leg begins unless the robot comes home again"

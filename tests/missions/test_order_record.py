@@ -199,7 +199,7 @@ def test_the_end_of_a_mission_that_somebody_has_ended_says_who(robot):
     with robot.journal.ordered_by(CommandAuthor("Ada")):
         robot.search.orders.give("abort")
     robot.journal.end(Ending.OVER, 1, "It has ended here.")
-    assert condition(robot.state).text() == "ABORTED: It has ended here. (by Ada)"
+    assert condition(robot.state).text() == "ABORTED: By Ada. It has ended here."
 
 
 def signing(ros, of):

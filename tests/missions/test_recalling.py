@@ -264,7 +264,7 @@ def test_facts_that_do_not_fit_are_refused_with_their_number(
     journal.begin({"mission": MISSION.name}, {})
     journal.note(kind, **data)
     journal.close()
-    with pytest.raises(JournalError, match=f"fact 1 of the journal, {kind}"):
+    with pytest.raises(JournalError, match=f"event 1 of the journal, {kind}"):
         live(resume=True)
 
 

@@ -67,7 +67,7 @@ def test_a_control_has_no_answers():
 @pytest.mark.parametrize(
     ("said", "message"),
     [
-        ({"answers": ["SUCCESS"]}, "answers holds the string 'SUCCESS'; write Answer"),
+        ({"answers": ["SUCCESS"]}, "answers contains the string 'SUCCESS'; write Answer"),
         ({"answers": Answer("SUCCESS")}, "write a list or tuple"),
         ({"answers": [Answer("SUCESS")]}, "the status the string 'SUCESS'; the outcomes of this leaf are"),
         ({"answers": [Answer("SKIPPED")]}, "the outcomes of this leaf are FAILURE, RUNNING, SUCCESS"),

@@ -130,10 +130,10 @@ def test_a_tag_is_any_name_of_xml(tag):
             {"kind": "leaf"},
             "<M>: kind is the string 'leaf'; write Kind.CONTROL or Kind.DECORATOR or Kind.ACTION or Kind.CONDITION",
         ),
-        ({"outcomes": {"SUCCESS"}}, "<M>: outcomes holds the string 'SUCCESS'; write Status.SUCCESS"),
+        ({"outcomes": {"SUCCESS"}}, "<M>: outcomes contains the string 'SUCCESS'; write Status.SUCCESS"),
         (
             {"outcomes": [True]},
-            "<M>: outcomes holds True; write Status.SUCCESS, Status.FAILURE or Status.RUNNING",
+            "<M>: outcomes contains True; write Status.SUCCESS, Status.FAILURE or Status.RUNNING",
         ),
         (
             {"outcomes": "SUCCESS"},
@@ -142,7 +142,7 @@ def test_a_tag_is_any_name_of_xml(tag):
         (
             {"uses": ["odometry"]},
             (
-                "<M>: uses holds the string 'odometry'; "
+                "<M>: uses contains the string 'odometry'; "
                 "write Use.action(name), Use.service(name), Use.topic(name), Use.transforms() or Use.nav2()"
             ),
         ),

@@ -181,7 +181,7 @@ class TestActionLeaf:
         stage.nav_server().script = ["feedback"]
         leaf = driver(stage)
         stage.tick_until(leaf, lambda: leaf.fed, "feedback")
-        assert leaf.feedback_message == "under way, 0:00"
+        assert leaf.feedback_message == "active for 0:00"
         leaf.feedback_message = "docking"
         leaf.tick_once()
         assert leaf.feedback_message == "docking"

@@ -398,7 +398,7 @@ class TestRosPublish:
         [
             ("String", "volatile", 'no message reaches /listener (best effort publisher and reliable subscription). Write qos="reliable"'),
             ("String", "transient_local", 'no message reaches /listener (best effort publisher and reliable subscription, volatile publisher and transient local subscription). Write qos="transient_local"'),
-            ("Int8", "volatile", "it is there as std_msgs/msg/Int8, must be std_msgs/msg/String"),
+            ("Int8", "volatile", "it exists as std_msgs/msg/Int8, but must be std_msgs/msg/String"),
         ],
     )  # fmt: skip
     def test_a_subscriber_that_hears_nothing_is_named_with_the_reason(

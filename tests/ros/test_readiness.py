@@ -255,7 +255,7 @@ class TestTypes:
         ros.node("other").create_service(SetBool, "detect_survivor", lambda _, response: response)
         ready = self.ready(ros.node(), Use.service("detect_survivor"), self.WANTED)
         comes_to_miss(
-            ros, ready, f"service detect_survivor: served as std_srvs/srv/SetBool, must be {self.WANTED}"
+            ros, ready, f"service detect_survivor: served as std_srvs/srv/SetBool, but must be {self.WANTED}"
         )
 
     def test_a_client_of_the_right_type_does_not_hide_a_server_of_another_one(
@@ -272,7 +272,7 @@ class TestTypes:
         comes_to_miss(
             ros,
             self.ready(node, Use.service("detect_survivor"), self.WANTED),
-            f"service detect_survivor: served as std_srvs/srv/SetBool, must be {self.WANTED}",
+            f"service detect_survivor: served as std_srvs/srv/SetBool, but must be {self.WANTED}",
         )
 
     def test_names_the_type_of_an_action_that_is_another_one(self, ros: Ros) -> None:
@@ -281,7 +281,7 @@ class TestTypes:
         comes_to_miss(
             ros,
             self.ready(ros.node(), Use.action("navigate_to_pose"), wanted),
-            f"action navigate_to_pose: served as nav2_msgs/action/NavigateToPose, must be {wanted}",
+            f"action navigate_to_pose: served as nav2_msgs/action/NavigateToPose, but must be {wanted}",
         )
         server.destroy()
 
@@ -293,7 +293,7 @@ class TestTypes:
         comes_to_miss(
             ros,
             self.ready(ros.node(), Use.topic("battery_state"), wanted),
-            f"topic battery_state: published as std_msgs/msg/String, must be {wanted}",
+            f"topic battery_state: published as std_msgs/msg/String, but must be {wanted}",
         )
 
     def test_is_ready_when_everything_is_of_its_type(self, ros: Ros) -> None:

@@ -172,7 +172,7 @@ def test_without_odometry_the_operator_is_asked(scene: Scene) -> None:
 def test_without_a_last_pose_the_operator_is_asked(scene: Scene) -> None:
     scene.begin(pose=None)
     scene.restart_amcl()
-    scene.until(lambda: scene.said.has("its last pose is not known"), "the question")
+    scene.until(lambda: scene.said.has("its last pose is unknown"), "the question")
     assert scene.nav2.given == []
 
 

@@ -481,4 +481,4 @@ def test_a_run_that_contradicts_what_proofs_assume_says_since_when_on_the_cards(
     assert not browser.text("#properties p")
     patrol.journal.clock.advance(5.0)
     patrol.journal.raise_alarm("Assumption failed: b", "assumption_failed", assumption="b")
-    browser.wait_for("#properties p", "From 0:05 on the run contradicts an assumption")
+    browser.wait_for("#properties p", "Since 0:05, the run contradicts an assumption")

@@ -849,7 +849,7 @@ const done = arguments[1];
 import('./static/run.js').then(({ Run }) => done(arguments[0].map((changes) => {
   const run = new Run();
   changes.forEach((change) => run.take(JSON.parse(change)));
-  const { landmarks, ...parts } = run;
+  const { landmarks, version, ...parts } = run;
   const current = run.nodes.map(({ id }) => run.isCurrent(id));
   return JSON.stringify({ ...parts, landmarks: Object.fromEntries(landmarks), current });
 })));

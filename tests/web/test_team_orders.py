@@ -87,7 +87,7 @@ def test_of_a_mission_that_is_not_known_here_nothing_can_be_ordered(team, beginn
     orders, _, _ = team
     assert orders.know(0, beginning) == []
     assert orders.available(0) == []
-    with pytest.raises(CommandError, match="not installed here"):
+    with pytest.raises(CommandError, match="its mission is not installed"):
         orders.give("pause", {}, CommandSender("", 0))
 
 

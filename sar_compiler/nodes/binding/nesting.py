@@ -225,5 +225,5 @@ def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:
     first = ids[0] if ids else "..."
     from shlex import quote
 
-    hint = f'choose one by --tree {quote(first)}, or write main_tree_to_execute="{first}"'
+    hint = f'choose one with --tree {quote(first)}, or write main_tree_to_execute="{first}"'
     return root.finding("no-main-tree", message, hint=hint)

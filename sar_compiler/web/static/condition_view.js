@@ -18,7 +18,7 @@ export function conditionOf(stream, run) {
   const { word, level, since } = run.condition;
   // The details of a wait name nodes, and are for engineers.
   const reason = word === "waiting" ? run.condition.reason.split(": ")[0] : run.condition.reason;
-  if (silent && !run.run.ended) return { word: "lost", level: "error", reason: `No word for ${clock(silent)}. The robot may still be driving.`, lasts: null };
+  if (silent && !run.run.ended) return { word: "lost", level: "error", reason: `No contact for ${clock(silent)}. The robot may still be driving.`, lasts: null };
   return { word, level: worst([level, ...run.tasks.map((task) => task.level)]), reason, lasts: COUNTED.includes(word) ? run.time - since : null };
 }
 

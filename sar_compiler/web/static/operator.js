@@ -81,7 +81,8 @@ function worstOf(stream) {
 function showIcon(level) {
   if (at("icon").dataset.level === level) return;
   at("icon").dataset.level = level;
-  const colour = { good: "#1a7f37", warning: "#bf8700", error: "#cf222e" }[level] ?? "#6e7781";
+  const name = { good: "success", warning: "warning", error: "error" }[level] ?? "none";
+  const colour = getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
   at("icon").href = `data:image/svg+xml,${encodeURIComponent(`<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><circle cx="8" cy="8" r="7" fill="${colour}"/></svg>`)}`;
 }
 

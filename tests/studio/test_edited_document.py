@@ -1,0 +1,61 @@
+"""The file that the graphical editor reads and writes."""
+
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.opener import UnreadableFileError
+from sar_compiler.web.edit_page import EditedDocument
+from tests.faults.test_hostile_files import NO_FILES
+from tests.trees import document
+
+TREE = document("<AlwaysSuccess/>")
+
+
+@pytest.fixture
+def path(tmp_path):
+    """A tree that the editor has loaded."""
+    path = tmp_path / "tree.xml"
+    path.write_text(TREE)
+    return path
+
+
+@pytest.mark.parametrize("kind", NO_FILES)
+def test_what_has_taken_the_place_of_the_file_is_not_read(path, kind):
+    make, message = NO_FILES[kind]
+    edited = EditedDocument(path)
+    version = str(edited.load()["version"])
+    path.unlink()
+    make(str(path))
+    for read in (
+        edited.load,
+        lambda: edited.is_changed(version),
+        lambda: edited.save_text("<root/>", version),
+    ):
+        with pytest.raises(UnreadableFileError, match=message):
+            read()
+
+
+def test_a_file_that_has_changed_is_not_overwritten_without_a_word(path):
+    edited = EditedDocument(path)
+    version = str(edited.load()["version"])
+    path.write_text(f"{TREE}\n")
+    assert edited.save_text("<root/>", version) == {"has_changed": True}
+    assert path.read_text() == f"{TREE}\n"
+    edited.save_text("<root/>", version, overwrite=True)
+    assert path.read_text() == "<root/>"
+
+
+def test_lines_that_end_with_crlf_do_so_again(path):
+    path.write_bytes(TREE.replace("\n", "\r\n").encode())
+    edited = EditedDocument(path)
+    loaded = edited.load()
+    assert "\r" not in str(loaded["text"])
+    edited.save_text(str(loaded["text"]), str(loaded["version"]))
+    assert path.read_bytes() == TREE.replace("\n", "\r\n").encode()
+
+
+def test_a_name_beside_the_file_is_not_left_behind(path):
+    edited = EditedDocument(path)
+    edited.save_text(TREE, str(edited.load()["version"]))
+    assert list(Path(path.parent).iterdir()) == [path]
