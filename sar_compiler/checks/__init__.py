@@ -132,9 +132,9 @@ def _schema_findings(context: CheckContext, found: Sequence[Diagnostic]) -> list
     def check_schema(tree_file: TreeFile) -> Iterable[Diagnostic]:
         if is_surely_accepted(tree_file, registry, described):
             return ()
-        from sar_compiler.checks import schema_validation
+        from sar_compiler.checks.schema_validation import check_schema as validate
 
-        return schema_validation.check_schema(tree_file, registry, described, findings)
+        return validate(tree_file, registry, described, findings)
 
     for tree_file in forest.files:
         schema = functools.partial(check_schema, tree_file)

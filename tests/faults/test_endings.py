@@ -450,6 +450,7 @@ def of_editor(folder, *commands):
     return b"".join(b"Content-Length: %d\r\n\r\n%s" % (len(each), each) for each in bodies)
 
 
+IS_EDITOR_BUILT = Path("sar_compiler/studio/static/codemirror.js").exists()
 # Of each subcommand that imports a user's leaves, the arguments with which it does.
 IMPORTING = {
     "validate": ["{tree}"],
@@ -496,6 +497,12 @@ LONG: dict[str, dict[str, Phase]] = {
         "sweep, playing": Phase(
             ["sweep", "{many}", "--unusual", "0.1", "--ticks", "1000000000", "--jobs", "2"], children_work(2)
         ),
+        # Where its text editor is not built, it ends at once.
+        **(
+            {"edit, serving": Phase(["edit", "{tree}", "--web-port", "0"], "The editor:")}
+            if IS_EDITOR_BUILT
+            else {}
+        ),
         "lsp, serving": Phase(["lsp"], "Content-Length", of_editor),
         "lsp, verifying": Phase(["lsp"], children_work(1), lambda folder: of_editor(folder, "sar.verify")),
         "mcp, serving": Phase(["mcp"], '"id":1', of_agent),
@@ -526,7 +533,7 @@ LONG: dict[str, dict[str, Phase]] = {
 }
 # Those that read what they are given, print, and end.
 AT_ONCE = {
-    "sar-compile": {"format", "explain", "completion"},
+    "sar-compile": {"format", "explain", "completion", *(() if IS_EDITOR_BUILT else ("edit",))},
     "sar-journal": {"show", "report", "check", "stats"},
 }
 INSTALLED = {
