@@ -71,6 +71,9 @@ def kernel() -> "list[Extension]":
         # Python's -Wall has gcc read all the text again for its indentation, whatever -w says: 25 s.
         if os.name != "nt":
             module.extra_compile_args += ["-fvisibility=hidden", "-Wno-misleading-indentation"]
+        # A third of a wheel is the kernel, and a tenth of that are names for debuggers.
+        if sys.platform == "linux":
+            module.extra_link_args.append("-Wl,--strip-all")
     RECORD.write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")
     return modules
 
