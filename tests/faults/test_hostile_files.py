@@ -314,7 +314,7 @@ ELSEWHERE = {
     "validation/check_cache.py:CheckCache._load": "tests/cli/test_kept_results.py: damaged results",
     "validation/check_cache.py:add_modules": "tests/cli/test_kept_results.py: modules that are imported already",
     "checks/leaf_classes.py:_module": "tests/checks/test_leaf_classes.py: a module that is exchanged after its import",
-    "studio/tree_studio.py:Studio._load.read": "tests/studio/test_tree_studio.py: files that the edited one includes",
+    "studio/tree_studio.py:Studio._load.read": "tests/studio/test_edited_document.py: included files",
     "web/edit_page.py:EditedDocument.is_changed": "tests/studio/test_edited_document.py",
     "web/edit_page.py:EditedDocument.load": "tests/studio/test_edited_document.py",
     "web/edit_page.py:EditedDocument.save_text": "tests/studio/test_edited_document.py",

@@ -1,10 +1,12 @@
 """The file that the graphical editor reads and writes."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from sar_compiler.opener import UnreadableFileError
+from sar_compiler.studio.tree_studio import Studio
 from sar_compiler.web.edit_page import EditedDocument
 from tests.faults.test_hostile_files import NO_FILES
 from tests.trees import document
@@ -34,6 +36,17 @@ def test_what_has_taken_the_place_of_the_file_is_not_read(path, kind):
     ):
         with pytest.raises(UnreadableFileError, match=message):
             read()
+
+
+@pytest.mark.parametrize("kind", NO_FILES)
+def test_an_included_file_that_cannot_be_read_is_a_finding(path, kind):
+    make, message = NO_FILES[kind]
+    make(str(path.with_name("part.xml")))
+    text = TREE.replace("<BehaviorTree", '<include path="part.xml"/><BehaviorTree', 1)
+    answer: Any = Studio(path).answer("look", {"text": text})
+    [found] = answer["findings"]
+    # A link to a device leads out of the folder, which is refused first.
+    assert found["code"] == "include-outside" if kind == "a device" else message in found["message"]
 
 
 def test_a_file_that_has_changed_is_not_overwritten_without_a_word(path):
