@@ -1,6 +1,6 @@
 """The graphical editor: a page with the tree drawn beside its text, and the answers to its questions.
 
-The page is in `static`. It asks `tree_studio` by a server on this machine (`web.edit_page`).
+The page is in `static`. It asks `tree_studio` over HTTP (`web.edit_page`).
 """
 
 PUBLIC_MODULES = ("tree_studio",)

@@ -1,18 +1,26 @@
-"""The questions of the editor's page about a tree file; values and results are JSON values.
+"""The questions of the editor's page about the tree files of a project; values and results are JSON values.
 
-Each question comes with the present text, so nothing here is a second document. Offsets in results count UTF-16 units, as
-JavaScript does.
+Each question comes with the present text, so nothing here is a second document. Offsets count UTF-16 units, as JavaScript
+does. The page asks over HTTP (`web.edit_page`), or in the browser itself, where Python runs in a worker.
 """
 
 import bisect
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import time
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
+from sar_compiler.analysis.simulate.scenario_run import ScenarioRun
 from sar_compiler.analysis.simulated import simulate_tree
-from sar_compiler.analysis.tree_analysis import verify_tree
+from sar_compiler.analysis.trace_view import leaf_labels
+from sar_compiler.analysis.tree_analysis import predict_tree, verify_tree
+from sar_compiler.budget import MAX_MEMORY_MB, Budget, Progress, memory_now_mb
 from sar_compiler.checks.fixing import each_fix
+from sar_compiler.documents.yaml_files import as_yaml
 from sar_compiler.editing.names import name_at, renamed
 from sar_compiler.editing.operations import edits_of
 from sar_compiler.editing.text_edits import EditError, TextEdit
@@ -24,24 +32,34 @@ from sar_compiler.opener import TREE, read_file
 from sar_compiler.project import CommandLineSettings, ProjectTree, Workspace
 from sar_compiler.runtime.events import ANSWERED, HALTED, TickRecord
 from sar_compiler.runtime.walking import pre_order
+from sar_compiler.studio.edited_document import EditedDocument
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.discovery import parse_tree
 from sar_compiler.tree.model import Element, TreeFile
+from sar_compiler.tree.plain import value_as_script
 from sar_compiler.views.drawing import svg
+from sar_compiler.writing import write_bytes
 
-MOST_STATES = 20_000
-"""The most states of a proof on the page."""
+MOST_STATES = 1_000_000
+"""The most states of an analysis."""
+SIDE_BY_SIDE = frozenset({"verify", "predict", "progress", "stop"})
+"""The questions that are answered while others are."""
 _MOST_TICKS = 1000
+_ENDED = ("SUCCESS", "FAILURE")
 
 
 class Studio:
-    """Answers the page about one file.
+    """Answers the page about the files of a project.
 
     Args:
-        path: The file.
+        path: The file that is opened first.
         additions: The user's additions to its project's configuration.
-        max_states: The most states of a proof.
+        max_states: The most states of an analysis.
+        on_progress: Called now and then with the number of states that an analysis has found.
+
+    Attributes:
+        document: The file.
     """
 
     def __init__(
@@ -49,43 +67,62 @@ class Studio:
         path: Path,
         additions: CommandLineSettings = CommandLineSettings(),  # noqa: B008 - immutable
         max_states: int = MOST_STATES,
+        on_progress: Callable[[int], object] = lambda _states: None,
     ) -> None:
-        self.path = path
-        self._max_states = max_states
-        self._additions = additions
+        self.document = EditedDocument(path)
+        self._path = path
+        self._options = (additions, max_states, on_progress)
         self._text = ""
         self._tree: ProjectTree | None = None
-        self.questions: Mapping[str, Callable[..., object]] = {
+        self._others: dict[str, Studio] = {}
+        self._stamps: dict[Path, tuple[int, int]] = {}
+        self._budget = Budget()
+        self._states = 0
+        self._scenario: Mapping[str, object] = {}
+        self._questions: Mapping[str, Callable[..., object]] = {
+            "open": self.document.load,
+            "save": self.document.save_text,
+            "compare": self.compare,
             "look": self.examine,
             "edit": self.edit,
             "rename": self.rename,
             "palette": self.palette,
+            "export": self.export,
             "verify": self.verify,
+            "predict": self.predict,
             "play": self.play_ticks,
+            "record": self.record_scenario,
+            "progress": lambda: {"states": self._states},
+            "stop": lambda: self._budget.spend("stopped"),
         }
 
     def answer(self, question: str, values: Mapping[str, Any]) -> object:
         """Return the answer to a question of the page; `error` in it says why there is none.
 
         Args:
-            question: Its name in `questions`.
-            values: Its arguments; `text` is the present text of the file.
+            question: Its name.
+            values: Its arguments; `text` is the present text of the file, and `file` its name if it is not the first one.
         """
-        function = self.questions.get(question)
+        if values.get("file"):
+            if other := self._others.get(values["file"]):
+                return other.answer(question, {**values, "file": ""})
+            return {"error": f"the project has no file '{values['file']}'"}
+        function = self._questions.get(question)
         if function is None:
             return {"error": f"there is no question '{question}'"}
         try:
-            return function(**values)
+            return function(**{name: value for name, value in values.items() if name != "file"})
         except SarError as error:
             findings = error.findings if isinstance(error, TreeError) else ()
             return {"error": findings[0].message if findings else str(error)}
 
-    def examine(self, text: str, tree: str | None = None) -> object:
+    def examine(self, text: str, tree: str | None = None, folded: Collection[int] = ()) -> object:
         """Return the findings about the file, its elements, and the drawing of a tree, if it can be parsed.
 
         Args:
             text: The text.
             tree: The ID of the tree to draw; by default the one that the file executes.
+            folded: The offsets of the elements that are drawn without their children.
         """
         loaded, offset = self._load(text), _utf16_offsets(text)
         findings = loaded.check()
@@ -97,18 +134,42 @@ class Studio:
         shown = tree if tree in ids else None
         elements = [*parsed.root.iterate()]
         numbers = {each.place: number for number, each in enumerate(elements)}
-        told |= {"trees": ids, "keys": _keys(loaded), "elements": _elements(elements, numbers, offset)}
+        told |= {"trees": ids, "keys": _keys(loaded, numbers), "files": self._files(loaded)}
+        told["elements"] = _elements(elements, numbers, offset)
         try:
             sketch = loaded.sketch(shown)
         except TreeError:
             return told
-        bound = [sketch.origins[each.id].bound.element for each in pre_order(sketch.root)]
-        nodes = [numbers.get(each.place) if each.source is loaded.source else None for each in bound]
-        return {**told, "svg": svg(sketch, is_styled=False), "nodes": nodes, "tree": shown or sketch.name}
+        own, starts = loaded.source, {*folded}
+        folds = {number for number, each in enumerate(elements) if offset(each.offset) in starts}
+        nodes: list[int | None] = []
+        hidden: set[UUID] = set()
+        for each in pre_order(sketch.root):
+            bound = sketch.origins[each.id].bound
+            nodes.append(numbers.get(bound.element.place) if bound.element.source is own else None)
+            is_wrapper = any(sketch.origins[child.id].bound is bound for child in each.children)
+            if nodes[-1] in folds and not is_wrapper:
+                hidden |= {below.id for below in islice(pre_order(each), 1, None)}
+        places = [place for place, each in enumerate(pre_order(sketch.root)) if each.id not in hidden]
+        drawn = {"svg": svg(sketch, hidden=hidden, is_styled=False), "tree": shown or sketch.name}
+        return {**told, **drawn, "nodes": [nodes[place] for place in places], "places": places}
+
+    def export(self, text: str, tree: str | None = None) -> object:
+        """Return the drawing of a tree as a file."""
+        sketch = self._load(text).sketch(tree)
+        return {"name": f"{sketch.name}.svg", "text": svg(sketch)}
+
+    def compare(self, version: str) -> object:
+        """Return whether the file has changed on the disk, and whether others of its project have, which are then read again."""
+        stamps = {path: _stamp(path) for path in self._stamps}
+        others_have_changed = stamps != self._stamps
+        if others_have_changed:
+            self._tree = None
+        return {"has_changed": self.document.is_changed(version), "others_have_changed": others_have_changed}
 
     def edit(self, text: str, operation: str, arguments: Mapping[str, Any]) -> object:
         """Return the edits of an operation of `editing.operations`."""
-        edits = edits_of(parse_tree(text, str(self.path)), operation, **arguments)
+        edits = edits_of(parse_tree(text, str(self._path)), operation, **arguments)
         return {"edits": _edits(text, edits)}
 
     def rename(self, text: str, offset: int, name: str) -> object:
@@ -138,20 +199,37 @@ class Studio:
 
     def verify(self, text: str, tree: str | None = None) -> object:
         """Return the verdicts of a proof, with a counterexample of each violated property."""
-        loaded = self._load(text)
-        proof = verify_tree(loaded, tree_id=tree, max_states=self._max_states)
+        loaded, max_states, budget = self._read(text), self._options[1], self._begin_analysis()
+        proof = verify_tree(loaded, tree_id=tree, max_states=max_states, budget=budget)
         nodes = _paths(loaded, tree)
         verdicts = [
             {
                 "question": each.question,
                 "verdict": each.outcome.value,
                 "reason": each.reason,
-                "ticks": _ticks(each.trace.ticks, nodes) if each.trace else [],
+                "run": _run(each.trace.ticks, nodes) if each.trace else None,
                 "loop": each.trace.loop if each.trace else 0,
             }
             for each in proof.verdicts
         ]
-        return {"states": proof.states, "complete": proof.complete, "verdicts": verdicts}
+        said = {"states": proof.states, "complete": proof.complete, "stopped": budget.reason}
+        return {**said, "verdicts": verdicts}
+
+    def predict(self, text: str, tree: str | None = None) -> object:
+        """Return the probability of success and of each property, as text.
+
+        Raises:
+            EditError: If the library for it is not installed.
+        """
+        try:
+            from sar_compiler.analysis.prediction_view import prediction_as_text
+        except ImportError:
+            message = "probabilities need NumPy and SciPy, which this page lacks. Install the package, and run sar-compile predict"
+            raise EditError(message) from None
+        begun, budget = time.monotonic(), self._begin_analysis()
+        found = predict_tree(self._read(text), tree_id=tree, max_states=self._options[1], budget=budget)
+        said = prediction_as_text(found, time.monotonic() - begun)
+        return {"text": said, "stopped": budget.reason}
 
     def play_ticks(
         self,
@@ -168,24 +246,69 @@ class Studio:
             ticks: The number of ticks.
             leaves: The outcomes of leaves, one after the other, by the names of the leaves; others have their usual ones.
         """
-        loaded = self._load(text)
         chosen = {name: list(each) for name, each in (leaves or {}).items()}
         script = {"leaves": chosen, **({"tree": tree} if tree else {})}
+        loaded = self._load(text)
         run = simulate_tree(loaded, script).tick(min(ticks, _MOST_TICKS)).run
-        return {"ticks": _ticks(run.ticks, _paths(loaded, tree))}
+        self._scenario = _scenario(run, tree)
+        return _run(run.ticks, _paths(loaded, tree), run.simulated.fact_values())
+
+    def record_scenario(self, name: str) -> object:
+        """Write the run that was played last as a scenario with expectations into a new file beside the tree.
+
+        Raises:
+            EditError: If the name is not that of a new file.
+            WriteError: If it cannot be written.
+        """
+        path = self._path.with_name(Path(name).name)
+        if path.suffix not in (".yaml", ".yml"):
+            message = f"'{name}' does not end with .yaml"
+            raise EditError(message)
+        if path.exists():
+            message = f"'{name}' exists already. Choose another name"
+            raise EditError(message)
+        scenario = as_yaml(self._scenario)
+        write_bytes(path, scenario.encode())
+        return {"name": path.name, "text": scenario}
+
+    def _begin_analysis(self) -> Budget:
+        """Return the budget of a new analysis, which takes the place of one that still runs."""
+        on_progress = self._options[2]
+
+        def report(progress: Progress) -> None:
+            self._states = progress.states
+            on_progress(progress.states)
+
+        self._budget.spend("stopped")
+        self._states = 0
+        self._budget = Budget(max_memory_mb=MAX_MEMORY_MB, on_progress=report, memory=memory_now_mb)
+        return self._budget
+
+    def _files(self, loaded: ProjectTree) -> list[str]:
+        """Return the names of the project's files, this one first; questions about the others are answered from now on."""
+        own, folder = loaded.source.path, real_path(self._path).parent
+        paths = [real_path(Path(each.source.path)) for each in loaded.forest.files if each.source.path != own]
+        self._stamps = {path: _stamp(path) for path in paths}
+        for path in paths:
+            name = str(path.relative_to(folder) if path.is_relative_to(folder) else path)
+            self._others.setdefault(name, Studio(path, *self._options))
+        return [self._path.name, *self._others]
 
     def _load(self, text: str) -> ProjectTree:
-        """Return the file in its present state; other files are read from the disk."""
+        """Return the file in its present state; it is read once for each text."""
         if self._tree is None or text != self._text:
-            own = real_path(self.path)
-
-            def read(path: Path) -> TreeFile:
-                is_own = real_path(path) == own
-                return parse_tree(text if is_own else read_file(path, TREE).data, str(path))
-
-            workspace = Workspace(self._additions, read, further_checks=[check_mission])
-            self._tree, self._text = workspace.load_file(self.path), text
+            self._tree, self._text = self._read(text), text
         return self._tree
+
+    def _read(self, text: str) -> ProjectTree:
+        """Read the file in its present state; other files are read from the disk."""
+        own = real_path(self._path)
+
+        def read(path: Path) -> TreeFile:
+            is_own = real_path(path) == own
+            return parse_tree(text if is_own else read_file(path, TREE).data, str(path))
+
+        return Workspace(self._options[0], read, further_checks=[check_mission]).load_file(self._path)
 
     def _findings(
         self,
@@ -259,8 +382,23 @@ def _elements(
     return listed
 
 
-def _keys(loaded: ProjectTree) -> list[str]:
-    return sorted({key for each in loaded.context.key_accesses.values() for key in each.keys})
+def _keys(loaded: ProjectTree, numbers: Mapping[tuple[int, int], int]) -> Mapping[str, list[object]]:
+    """Return the keys, each with the elements of the file that use it, and how."""
+    keys: dict[str, list[object]] = {}
+    for accesses in loaded.context.key_accesses.values():
+        for each in accesses.accesses:
+            element, users = each.bound.element, keys.setdefault(each.key, [])
+            if element.source is loaded.source and element.place in numbers:
+                users.append([numbers[element.place], each.kind.value])
+    return dict(sorted(keys.items()))
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """Return the time and the size by which a file is known to be the same; zeros for no file."""
+    with suppress(OSError):
+        status = path.stat()
+        return status.st_mtime_ns, status.st_size
+    return 0, 0
 
 
 def _spec(spec: NodeSpec) -> object:
@@ -300,21 +438,62 @@ def _paths(loaded: ProjectTree, tree: str | None) -> dict[str, list[int]]:
     return {"/".join(paths[each]): ways[each] for each in bound}
 
 
-def _ticks(ticks: Iterable[TickRecord], nodes: Mapping[str, list[int]]) -> list[object]:
-    """Return the events of each tick, with the nodes of the drawing that they concern."""
-    return [
-        {
-            "root": tick.root,
-            "events": [
-                {
-                    "leaf": event.leaf,
-                    "does": event.deed,
-                    "status": "halted" if event.what == HALTED else (event.status or "").lower(),
-                    "way": nodes.get("/".join(event.path), []),
-                }
-                for event in tick.events
-                if event.what in (ANSWERED, HALTED)
-            ],
+def _run(
+    ticks: Sequence[TickRecord], nodes: Mapping[str, list[int]], final: Mapping[str, object] | None = None
+) -> object:
+    """Return the events of each tick, with the nodes of the drawing that they concern, and the values after it.
+
+    Args:
+        ticks: The ticks.
+        nodes: The nodes from the root to each node, by its path.
+        final: The facts at the end, if they are known.
+    """
+    changes = [{**tick.facts, **tick.keys} for tick in ticks]
+    values = dict(final or {})
+    for each in reversed(changes):
+        values |= {name: before for name, (before, _) in each.items()}
+    listed = []
+    for tick, changed in zip(ticks, changes, strict=True):
+        values |= {name: after for name, (_, after) in changed.items()}
+        events = [
+            {
+                "leaf": event.leaf,
+                "does": event.deed,
+                "status": "halted" if event.what == HALTED else (event.status or "").lower(),
+                "way": nodes.get("/".join(event.path), []),
+            }
+            for event in tick.events
+            if event.what in (ANSWERED, HALTED)
+        ]
+        written = {name: value_as_script(value) for name, value in sorted(values.items())}
+        listed.append({"root": tick.root, "events": events, "values": written, "changed": [*changed]})
+    return {"ticks": listed}
+
+
+def _scenario(run: ScenarioRun, tree: str | None) -> Mapping[str, object]:
+    """Return the scenario that repeats a run up to its end, and expects what happened."""
+    last = next((tick.number for tick in run.ticks if tick.root in _ENDED), len(run.ticks))
+    ticks, labels = run.ticks[:last], leaf_labels(run.simulated.leaves)
+    facts: dict[str, object] = dict(run.simulated.fact_values())
+    for tick in reversed(run.ticks):
+        facts |= {
+            name: before if tick.number > last else after for name, (before, after) in tick.facts.items()
         }
-        for tick in ticks
-    ]
+    answered = [event for tick in ticks for event in tick.events if event.what == ANSWERED]
+    outcomes: dict[str, list[str]] = {}
+    for event in answered:
+        outcomes.setdefault(labels[event.number], []).append(event.answer)
+    ends = ticks[-1].root in _ENDED
+    expect = {
+        "ends": ends,
+        "root": ticks[-1].root,
+        "order": [f"{labels[event.number]} {event.answer}" for event in answered],
+        "facts": facts,
+    }
+    return {
+        "name": f"played: {ticks[-1].root} after {len(ticks)} ticks",
+        **({"tree": tree} if tree else {}),
+        "ticks": len(ticks),
+        "leaves": outcomes,
+        "expect": expect,
+    }

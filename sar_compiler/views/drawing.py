@@ -8,12 +8,13 @@ import itertools
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from importlib.resources import files
 from typing import NamedTuple
 from unicodedata import combining, east_asian_width
+from uuid import UUID
 from xml.sax.saxutils import escape
 
 from py_trees.behaviour import Behaviour
@@ -82,15 +83,18 @@ class DrawnNode(NamedTuple):
         return f"{self.sign} {self.name}".lstrip()
 
 
-def drawn_nodes(tree: Drawable, *, folded: bool = False) -> list[DrawnNode]:
+def drawn_nodes(
+    tree: Drawable, *, folded: bool = False, hidden: Collection[UUID] = frozenset()
+) -> list[DrawnNode]:
     """Return the nodes of a tree for a drawing, in pre-order.
 
     Args:
         tree: The tree.
         folded: Whether a subtree is one node, without its content.
+        hidden: The IDs of nodes that are not drawn, with all of their descendants.
     """
-    inside = {id(each) for each in _inside_subtrees(tree)} if folded else set()
-    behaviours = [each for each in pre_order(tree.root) if id(each) not in inside]
+    inside = {each.id for each in _inside_subtrees(tree)} if folded else hidden
+    behaviours = [each for each in pre_order(tree.root) if each.id not in inside]
     place = {each.id: number for number, each in enumerate(behaviours)}
     below = [tuple(place[child.id] for child in each.children if child.id in place) for each in behaviours]
     parents, ends = [-1] * len(below), [*range(1, len(below) + 1)]
@@ -351,15 +355,18 @@ class Block:
         return self.top + self.high
 
 
-def svg(tree: Drawable, *, folded: bool = False, is_styled: bool = True) -> str:
+def svg(
+    tree: Drawable, *, folded: bool = False, hidden: Collection[UUID] = frozenset(), is_styled: bool = True
+) -> str:
     """Return a tree as a picture.
 
     Args:
         tree: The tree.
         folded: Whether a subtree is one node, without its content.
+        hidden: As for `drawn_nodes`.
         is_styled: Whether the picture contains its style; a page that has it as a file needs none.
     """
-    nodes = drawn_nodes(tree, folded=folded)
+    nodes = drawn_nodes(tree, folded=folded, hidden=hidden)
     blocks = _place_blocks(nodes)
     width, height = (math.ceil(size + 2 * _MARGIN) for size in (blocks[0].width, blocks[0].height))
     size = f'width="{width}" height="{height}"'

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from sar_compiler.opener import UnreadableFileError
+from sar_compiler.studio.edited_document import EditedDocument
 from sar_compiler.studio.tree_studio import Studio
-from sar_compiler.web.edit_page import EditedDocument
 from tests.faults.test_hostile_files import NO_FILES
 from tests.trees import document
 

@@ -1,19 +1,25 @@
 """The page of `sar-compile edit` in a browser: what is done on it is in the text, and in the file when it is saved."""
 
+import random
 import shutil
 from contextlib import closing
 from functools import partial
+from html import escape
 from pathlib import Path
 
 import pytest
 
 from sar_compiler.studio.tree_studio import Studio
 from sar_compiler.tree.discovery import read_tree_file
-from sar_compiler.web.edit_page import EditedDocument, edit_app
+from sar_compiler.web.edit_page import edit_app
 from sar_compiler.web.page_server import AppServer
+from tests.chance import rounds
+from tests.trees import document
 from tests.web.browsers import open_browser
+from tests.web.test_accessibility import axe, require_none
 
 pytestmark = pytest.mark.costly
+__all__ = ["axe"]  # a fixture
 
 SHIPPED = Path("trees")
 _NODE = "return [...document.querySelectorAll('g.node')].find((each) => each.querySelector('text').textContent.endsWith(arguments[0]))"
@@ -31,8 +37,7 @@ def browser():
 def page(request, browser, tmp_path):
     """The editor of a copy of a shipped tree, open in the browser."""
     path = Path(shutil.copy(SHIPPED / request.param, tmp_path))
-    document = EditedDocument(path)
-    with closing(AppServer(partial(edit_app, document, Studio(path)), 0)) as server:
+    with closing(AppServer(partial(edit_app, Studio(path)), 0)) as server:
         server.start()
         browser.forget()
         browser.open(server.url)
@@ -186,3 +191,129 @@ def test_a_file_that_another_program_has_changed_is_not_overwritten_without_a_qu
     page.browser.js("document.querySelector('#choices button').click()")
     page.browser.wait_for("#state", "Saved")
     assert b"AlwaysSuccess" in page.path.read_bytes()
+
+
+def test_a_proof_shows_its_progress_and_is_stopped(page):
+    leaves = "<NavigateToZone/><DetectSurvivor/>" * 60
+    page.browser.js(REPLACE_ALL, document(f"<Sequence>{leaves}</Sequence>"))
+    if page.path.suffix == ".yaml":
+        return
+    page.browser.wait_for("#state", "No findings")
+    page.browser.click("#verify")
+    page.browser.wait_for("#state", "Exploring all runs")
+    page.browser.wait_for("#state", " states, ")
+    page.browser.click("#stop")
+    page.browser.wait_for("#state", "and there are more (stopped)")
+    page.browser.wait_for("#verdicts", "not decided")
+
+
+def test_a_run_is_played_with_its_facts_and_saved_as_a_scenario(page):
+    page.browser.click("#play")
+    page.browser.wait_for("#state", "6 ticks")
+    page.browser.wait_for("#values", "zones_left")
+    page.browser.click("#record")
+    page.browser.js("document.querySelector('#choices button').click()")
+    page.browser.wait_for("#state", "Saved as")
+    assert [each.name for each in page.path.parent.glob("*.scenario.yaml")]
+
+
+def test_a_prediction_is_shown(page):
+    page.browser.click("#predict")
+    page.browser.wait_for("#prediction", "success:")
+
+
+def test_a_folded_node_hides_its_children_through_edits_and_a_hidden_leaf_marks_the_fold(page):
+    page.choose("Patrol")
+    count = len(page.browser.js("return document.querySelector('tree-drawing').nodes"))
+    page.press(" ")
+    page.browser.wait(
+        lambda: len(page.browser.js("return document.querySelector('tree-drawing').nodes")) < count, "a fold"
+    )
+    assert page.node("Patrol").get_attribute("aria-expanded") == "false"
+    page.browser.js("window.studio.replace('MissionOrReturnToBase', 'Other')")
+    page.browser.wait(lambda: page.node("Other"), "the edited name")
+    assert page.node("Patrol").get_attribute("aria-expanded") == "false"
+    page.browser.click("#unfold")
+    page.browser.wait(lambda: page.node("AdvanceZone"), "a leaf")
+
+
+def test_a_node_is_found_and_a_key_shows_who_writes_and_reads_it(page):
+    page.browser.type("#find", "advance", "\ue007")
+    page.browser.wait_for("#chosen", "AdvanceZone")
+    if page.path.suffix == ".yaml":
+        return
+    text = document('<Sequence><Script code="a := 1"/><AlwaysSuccess _skipIf="a == 2"/></Sequence>')
+    page.browser.js(REPLACE_ALL, text)
+    page.browser.wait(
+        lambda: page.browser.js("return document.querySelector('#key').options.length") == 2, "a key"
+    )
+    page.browser.js("const key = document.querySelector('#key'); key.value = 'a'; key.onchange()")
+    assert len(page.browser.js("return document.querySelectorAll('g.node.writes')")) == 1
+    assert len(page.browser.js("return document.querySelectorAll('g.node.reads')")) >= 2
+
+
+def test_axe_finds_nothing_wrong_with_the_page(page, axe):
+    page.choose("NavigateToZone")
+    page.browser.click("#verify")
+    page.browser.wait_for("#verdicts", "proved")
+    page.browser.js("document.querySelector('#verdicts button').click()")
+    page.browser.js("window.studio.replace('AdvanceZone', 'AdvnceZone')")
+    page.browser.wait_for("#findings", "AdvnceZone")
+    require_none(page.browser, axe, "the editor")
+
+
+HOSTILE = [
+    "<script>hacked()</script>", "<img src=x onerror=hacked()>", '"><svg onload=hacked()>', "javascript:hacked()", "{<b onclick=hacked()>}",
+    "</text></svg><script>hacked()</script>", "&lt;script&gt;", "'-hacked()-'", "<a href='javascript:hacked()'>", "]]><script>hacked()</script>",
+]  # fmt: skip
+REPLACE_ALL = "window.studio.replace(window.studio.text(), arguments[0])"
+ALIVE = """
+const found = [...document.querySelectorAll('*')].filter((each) => [...each.attributes].some(({ name, value }) => /^on/i.test(name) || /javascript:/i.test(/^(href|src|xlink:href|action)$/.test(name) ? value : '')));
+const drawn = [...document.querySelectorAll('tree-drawing *')].filter((each) => !/^(svg|g|path|rect|text|title)$/.test(each.localName));
+return [...found, ...drawn, ...document.querySelectorAll('script:not([src="studio.js"]), iframe, object, embed, img, a')].map((each) => each.outerHTML);
+"""
+
+
+def hostile_tree(rng):
+    """A tree with markup and scripts in names, values, keys and comments."""
+
+    def attribute():
+        name = rng.choice(["name", "ID", "onload", "code", "_skipIf", "href", "xlink", "style", "value"])
+        return f'{name}="{escape(rng.choice(HOSTILE))}"'
+
+    def node(depth):
+        tag = rng.choice(
+            [
+                "Sequence",
+                "Fallback",
+                "Script",
+                "script",
+                "img",
+                "svg",
+                "SubTree",
+                "foreignObject",
+                "a",
+                "AlwaysSuccess",
+            ]
+        )
+        pairs = {each.partition("=")[0]: each for each in (attribute() for _ in range(rng.randrange(4)))}
+        inside = "".join(node(depth + 1) for _ in range(rng.randrange(3) if depth < 4 else 0))
+        return f"<{tag} {' '.join(pairs.values())}><!-- {rng.choice(HOSTILE).replace('--', '')} -->{inside}</{tag}>"
+
+    name = escape(rng.choice(HOSTILE))
+    return f'<root BTCPP_format="4"><BehaviorTree ID="{name}"><Sequence>{node(0)}{node(0)}</Sequence></BehaviorTree></root>'
+
+
+@pytest.mark.parametrize("page", ["search_and_rescue.xml"], indirect=True)
+def test_nothing_in_a_hostile_tree_is_alive_on_the_page(page):
+    rng = random.Random(3)  # noqa: S311 - a test
+    page.browser.js("window.hacked = () => { window.isHacked = true }")
+    for _ in range(rounds(20)):
+        page.browser.js(REPLACE_ALL, hostile_tree(rng))
+        page.browser.wait(lambda: page.browser.js("return window.studio.isSettled()"), "a look")
+        for choose in ("nodes.at(-1)", "nodes[1]"):
+            page.browser.js(
+                f"const node = document.querySelector('tree-drawing').{choose}; node?.dispatchEvent(new PointerEvent('pointerdown', {{bubbles: true, button: 0}}))"
+            )
+        assert page.browser.js(ALIVE) == []
+    assert page.browser.js("return window.isHacked") is None

@@ -4,6 +4,7 @@ import http.client
 import json
 import shutil
 import subprocess
+import sys
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -11,9 +12,12 @@ from typing import Any
 
 import pytest
 
+from sar_compiler.studio.edited_document import EditedDocument
 from sar_compiler.studio.tree_studio import Studio
-from sar_compiler.web.edit_page import EditedDocument, edit_app
+from sar_compiler.testing import assert_scenario_holds
+from sar_compiler.web.edit_page import edit_app
 from sar_compiler.web.page_server import AppServer
+from tests.trees import document
 
 SHIPPED = Path("trees/search_and_rescue.xml")
 TEXT = SHIPPED.read_text(encoding="utf-8")
@@ -53,11 +57,140 @@ def test_each_node_of_the_drawing_has_the_number_of_its_element():
 
 def test_each_event_of_a_run_leads_to_its_leaf_in_the_drawing_whatever_is_put_around_it():
     names = names_in(ask("look")["svg"])
-    runs = [each["ticks"] for each in ask("verify")["verdicts"] if each["ticks"]]
-    events = [event for ticks in (*runs, ask("play")["ticks"]) for tick in ticks for event in tick["events"]]
+    runs = [each["run"] for each in ask("verify")["verdicts"] if each["run"]]
+    events = [event for run in (*runs, ask("play")) for tick in run["ticks"] for event in tick["events"]]
     assert {event["leaf"] for event in events} >= {"NavigateToZone", "NavigateToBase"}
     assert [event for event in events if names[event["way"][-1]] != event["leaf"]] == []
     assert {"success", "failure", "running", "halted"} == {event["status"] for event in events}
+
+
+def test_a_run_that_goes_on_for_ever_says_which_ticks_come_again():
+    [endless] = [each for each in ask("verify")["verdicts"] if each["question"] == "every run ends"]
+    assert (endless["verdict"], endless["loop"], len(endless["run"]["ticks"])) == ("does not hold", 2, 3)
+
+
+def test_in_a_browser_for_which_there_is_no_lxml_the_rules_speak_without_the_schema(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sar_compiler.checks.schema_validation", None)
+    monkeypatch.setattr(sys, "platform", "emscripten")
+    assert ask("look")["findings"] == []
+
+
+def test_elsewhere_a_schema_that_cannot_be_asked_is_no_clean_file(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sar_compiler.checks.schema_validation", None)
+    with pytest.raises(ImportError):
+        ask("look", TEXT.replace("<root ", '<root _note="a&#10;b" '))
+
+
+def test_a_folded_element_is_drawn_without_its_children_and_the_others_keep_their_numbers():
+    whole = ask("look")
+    patrol = next(each for each in whole["elements"] if each["attributes"].get("name") == "Patrol")
+    looked = ask("look", folded=[patrol["from"]])
+    assert names_in(looked["svg"]) == [
+        "MissionOrReturnToBase",
+        "Patrol",
+        "NavigateToBaseOneShot",
+        "NavigateToBase",
+    ]
+    assert [whole["nodes"][place] for place in looked["places"]] == looked["nodes"]
+
+
+def test_a_folded_element_with_a_condition_is_itself_drawn():
+    text = document('<Sequence _skipIf="false"><AlwaysSuccess/></Sequence>')
+    folded = ask("look", text)["elements"][2]["from"]
+    assert names_in(ask("look", text, folded=[folded])["svg"])[-1] == "Sequence"
+
+
+def test_a_key_is_listed_with_the_elements_that_write_and_read_it():
+    text = document('<Script code="a := 1"/><Fallback _skipIf="a == 2"><AlwaysSuccess/></Fallback>')
+    looked = ask("look", text)
+    users = [(looked["elements"][number]["tag"], kind) for number, kind in looked["keys"]["a"]]
+    assert users == [("Script", "write"), ("Fallback", "read")]
+
+
+def test_the_drawing_is_exported_with_its_style():
+    exported = ask("export")
+    assert exported["name"] == "SearchAndRescue.svg"
+    assert "<style>" in exported["text"]
+
+
+def test_facts_and_keys_are_shown_after_each_tick_with_the_changed_ones():
+    [first, *_, last] = ask("play", ticks=3)["ticks"]
+    assert (first["values"]["zones_left"], last["values"]["zones_left"]) == ("2", "0")
+    assert "zones_left" in first["changed"]
+
+
+def test_a_played_run_is_saved_as_a_scenario_that_holds(tmp_path):
+    path = Path(shutil.copy(SHIPPED, tmp_path))
+    studio = Studio(path)
+    studio.answer("play", {"text": TEXT, "ticks": 4, "leaves": {"NavigateToZone": ["driving", "aborted"]}})
+    saved: Any = studio.answer("record", {"name": "../aborted.yaml"})
+    assert saved["name"] == "aborted.yaml"
+    assert "NavigateToZone aborted" in saved["text"]
+    assert_scenario_holds(path, tmp_path / "aborted.yaml")
+    assert "exists already" in str(studio.answer("record", {"name": "aborted.yaml"}))
+    assert "does not end with .yaml" in str(studio.answer("record", {"name": "other.xml"}))
+
+
+def test_a_proof_says_how_many_states_it_has_found_and_is_stopped():
+    seen: list[int] = []
+    text = document(f"<Sequence>{'<NavigateToZone/><DetectSurvivor/>' * 40}</Sequence>")
+
+    def stop(states):
+        seen.append(states)
+        studio.answer("stop", {})
+
+    studio = Studio(SHIPPED, on_progress=stop)
+    proof: Any = studio.answer("verify", {"text": text})
+    assert (proof["stopped"], proof["complete"]) == ("stopped", False)
+    assert studio.answer("progress", {}) == {"states": seen[-1]}
+    assert {each["verdict"] for each in proof["verdicts"]} == {"not decided"}
+
+
+def test_a_prediction_names_the_probability_of_success():
+    assert "success:" in ask("predict")["text"]
+
+
+def test_where_there_is_no_numpy_a_prediction_says_what_to_do(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sar_compiler.analysis.prediction_view", None)
+    assert "run sar-compile predict" in ask("predict")["error"]
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A file with an included one in a folder, and its studio."""
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/leave.xml").write_text(document("<AlwaysSuccess/>", main="Leave"))
+    main = tmp_path / "main.xml"
+    text = document('<SubTree ID="Leave"/>').replace(
+        "<BehaviorTree", '<include path="parts/leave.xml"/><BehaviorTree', 1
+    )
+    main.write_text(text)
+    return Studio(main), text
+
+
+def test_the_files_of_a_project_are_opened_by_the_names_that_were_listed(project):
+    studio, text = project
+    looked: Any = studio.answer("look", {"text": text})
+    assert looked["files"] == ["main.xml", "parts/leave.xml"]
+    opened: Any = studio.answer("open", {"file": "parts/leave.xml"})
+    assert (opened["name"], "Leave" in opened["text"]) == ("leave.xml", True)
+    assert studio.answer("open", {"file": "../secret.xml"}) == {
+        "error": "the project has no file '../secret.xml'"
+    }
+
+
+def test_an_included_file_that_changes_is_read_again(project, tmp_path):
+    studio, text = project
+    version = studio.document.load()["version"]
+    assert studio.answer("look", {"text": text})["findings"] == []
+    assert studio.answer("compare", {"version": version}) == {
+        "has_changed": False,
+        "others_have_changed": False,
+    }
+    part = tmp_path / "parts/leave.xml"
+    part.write_text(part.read_text().replace("AlwaysSuccess", "AlwaysSucess"))
+    assert studio.answer("compare", {"version": version})["others_have_changed"]
+    assert [each["file"] for each in studio.answer("look", {"text": text})["findings"]] == [str(part)]
 
 
 def test_a_leaf_has_the_outcomes_that_are_chosen_for_it():
@@ -84,28 +217,28 @@ def test_a_question_without_an_answer_says_why(question, values, error):
 
 
 @pytest.fixture
-def document(tmp_path):
+def edited(tmp_path):
     return EditedDocument(Path(shutil.copy(SHIPPED, tmp_path)))
 
 
 @pytest.mark.parametrize(
     "data", [TEXT.replace("\n", "\r\n").encode("utf-8-sig"), TEXT.replace("\n", "\r\n", 3).encode()]
 )
-def test_a_file_that_is_saved_unchanged_has_the_same_bytes(document, data):
-    document.path.write_bytes(data)
-    opened = document.load()
-    document.save_text(opened["text"], opened["version"])
-    assert document.path.read_bytes() == data
+def test_a_file_that_is_saved_unchanged_has_the_same_bytes(edited, data):
+    edited.path.write_bytes(data)
+    opened = edited.load()
+    edited.save_text(opened["text"], opened["version"])
+    assert edited.path.read_bytes() == data
 
 
-def test_a_file_that_has_changed_meanwhile_is_overwritten_only_if_that_is_wanted(document):
-    opened = document.load()
-    document.path.write_bytes(b"<root/>")
-    assert document.is_changed(opened["version"])["has_changed"]
-    assert document.save_text(TEXT, opened["version"]) == {"has_changed": True}
-    assert document.path.read_bytes() == b"<root/>"
-    document.save_text(TEXT, opened["version"], overwrite=True)
-    assert document.path.read_text() == TEXT
+def test_a_file_that_has_changed_meanwhile_is_overwritten_only_if_that_is_wanted(edited):
+    opened = edited.load()
+    edited.path.write_bytes(b"<root/>")
+    assert edited.is_changed(opened["version"])
+    assert edited.save_text(TEXT, opened["version"]) == {"has_changed": True}
+    assert edited.path.read_bytes() == b"<root/>"
+    edited.save_text(TEXT, opened["version"], overwrite=True)
+    assert edited.path.read_text() == TEXT
 
 
 @pytest.mark.parametrize(
@@ -117,8 +250,8 @@ def test_a_file_that_has_changed_meanwhile_is_overwritten_only_if_that_is_wanted
         ({"Origin": "http://example.org"}, 403),
     ],
 )
-def test_only_the_page_with_its_token_reads_the_file(document, headers, status):
-    with closing(AppServer(partial(edit_app, document, Studio(document.path)), 0)) as server:
+def test_only_the_page_with_its_token_reads_the_file(edited, headers, status):
+    with closing(AppServer(partial(edit_app, Studio(edited.path)), 0)) as server:
         server.start()
         connection = http.client.HTTPConnection("127.0.0.1", server.port)
         known = {"Authorization": f"Bearer {server.token}", "Content-Type": "application/json"}

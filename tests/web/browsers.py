@@ -1,5 +1,6 @@
 """Debian's chromium, driven by selenium; a test that needs it is skipped where there is none, with the reason."""
 
+import functools
 import os
 import shutil
 import time
@@ -64,12 +65,13 @@ class Browser:
         """Have a screen that is touched, or a mouse."""
         self.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": is_touched})
 
-    def open(self, url):
+    def open(self, url, within_sec=SILENCE_SEC):
         """Open a page, and wait until it shows what the server had to say."""
         # Where only what follows the # is another, this would be the same page.
         self.driver.get("about:blank")
         self.driver.get(url)
-        self.wait(lambda: self.js("return document.body.classList.contains('ready')"), "a page that is told")
+        is_told = functools.partial(self.js, "return document.body.classList.contains('ready')")
+        self.wait(is_told, "a page that is told", within_sec)
         return self
 
     def js(self, script, *arguments):

@@ -1,14 +1,16 @@
-// Where the page asks its questions: the server of `sar-compile edit`, whose access token is in the address.
-export class Server {
-  constructor(token) {
-    this.token = token;
-  }
+// Where the page asks its questions: the server of `sar-compile edit`, whose access token is in the address. On the site another
+// module has its place, which asks Python in the browser.
+const PROGRESS_MS = 500;
+const token = location.hash.slice(1);
 
-  async ask(question, values = {}) {
-    const headers = { "Content-Type": "application/json", Authorization: `Bearer ${this.token}` };
-    const answer = await fetch(`ask/${question}`, { method: "POST", headers, body: JSON.stringify(values) }).catch(() => null);
-    if (!answer) return { error: "The program that serves this page has ended. Copy your text, and start it again" };
-    if (answer.status === 403) return { error: "Open the complete address that sar-compile edit has printed" };
-    return answer.ok ? answer.json() : { error: `The server refused the question (${answer.status})` };
-  }
+async function ask(question, values, onProgress) {
+  const clock = onProgress && setInterval(async () => onProgress((await ask("progress", { file: values.file })).states), PROGRESS_MS);
+  const headers = { "Content-Type": "application/json", Authorization: `Bearer ${token}` };
+  const answer = await fetch(`ask/${question}`, { method: "POST", headers, body: JSON.stringify(values) }).catch(() => null);
+  clearInterval(clock);
+  if (!answer) return { error: "The program that serves this page has ended. Copy your text, and start it again" };
+  if (answer.status === 403) return { error: "Open the complete address that sar-compile edit has printed" };
+  return answer.ok ? answer.json() : { error: `The server refused the question (${answer.status})` };
 }
+
+export const backend = { ask, start: async () => {}, stop: (file) => ask("stop", { file }), site: null };

@@ -20,6 +20,7 @@ class TreeDrawing extends HTMLElement {
   #zoom = 1;
   #chosen = null;
   #drag = null;
+  #pan = null;
 
   connectedCallback() {
     this.addEventListener("pointerdown", (event) => this.#begin(event));
@@ -27,13 +28,16 @@ class TreeDrawing extends HTMLElement {
     document.addEventListener("pointermove", (event) => this.#move(event));
     document.addEventListener("pointerup", (event) => this.#drop(event));
     document.addEventListener("pointercancel", () => this.#end());
+    this.parentElement.addEventListener("pointerdown", (event) => this.#grab(event));
     this.addEventListener("wheel", (event) => event.ctrlKey && (event.preventDefault(), this.zoom(event.deltaY < 0 ? 1.15 : 1 / 1.15)), { passive: false });
   }
 
-  // Shows a drawing: its text, the element of each of its nodes, all elements, and the severity of each element with findings.
-  show({ svg, nodes, elements }, canHold, severities) {
+  // Shows a drawing: its text, for each of its nodes the element and the number in the whole tree, all elements, whether an element is
+  // folded, and the severity of each element with findings.
+  show({ svg, nodes, places, elements }, canHold, isFolded, severities) {
     this.elements = elements;
     this.numbers = nodes;
+    this.places = places;
     this.canHold = canHold;
     const drawn = copied(new DOMParser().parseFromString(svg, "image/svg+xml").documentElement);
     drawn.setAttribute("role", "tree");
@@ -46,11 +50,13 @@ class TreeDrawing extends HTMLElement {
       node.setAttribute("aria-label", [...node.querySelectorAll("text")].map((each) => each.textContent).join(", "));
       node.setAttribute("aria-level", Math.max(1, depth(number) - 1));
       node.tabIndex = place ? -1 : 0;
+      if (elements[number]?.children.length) node.setAttribute("aria-expanded", !isFolded(number));
       if (severities.has(number)) node.classList.add(severities.get(number));
     });
     const hadFocus = this.contains(document.activeElement);
     this.replaceChildren(drawn);
     this.zoom(1);
+    this.flow(this.users);
     this.choose(this.#chosen);
     if (hadFocus) this.nodes.find((node) => node.tabIndex === 0)?.focus({ preventScroll: true });
   }
@@ -80,10 +86,29 @@ class TreeDrawing extends HTMLElement {
   // Colours the nodes of one event of a run.
   walk(event) {
     this.nodes?.forEach((node) => node.classList.remove("way", "success", "failure", "running", "halted"));
-    event?.way.forEach((place) => this.nodes[place]?.classList.add("way"));
-    const leaf = this.nodes?.[event?.way.at(-1)];
+    const way = event?.way.map((place) => this.places.indexOf(place)).filter((each) => each >= 0) ?? [];
+    way.forEach((each) => this.nodes[each].classList.add("way"));
+    const leaf = this.nodes?.[way.at(-1)];
     if (leaf && event.status) leaf.classList.add(event.status);
-    return leaf ? this.numbers[event.way.at(-1)] : null;
+    return leaf ? this.numbers[way.at(-1)] : null;
+  }
+
+  // Marks the elements that write or read a key: pairs of an element and its kind of access.
+  flow(users = []) {
+    this.users = users;
+    this.nodes?.forEach((node, place) => {
+      const kinds = users.filter(([number]) => number === this.numbers[place]).map(([, kind]) => kind);
+      node.classList.toggle("writes", kinds.some((kind) => /write|change|both/.test(kind)));
+      node.classList.toggle("reads", kinds.length > 0);
+    });
+  }
+
+  // Returns the next element after the selected one whose texts contain the words, and which is drawn.
+  find(words) {
+    const place = this.numbers.indexOf(this.#chosen) + 1;
+    const after = [...this.nodes.slice(place), ...this.nodes.slice(0, place)];
+    const found = after.find((node) => this.#number(node) !== null && node.textContent.toLowerCase().includes(words.toLowerCase()));
+    return found ? this.#number(found) : null;
   }
 
   // Begins to drag something that is not in the drawing.
@@ -107,7 +132,15 @@ class TreeDrawing extends HTMLElement {
     if (element !== null && event.pointerType !== "touch") this.drag({ element }, event);
   }
 
+  // A mouse moves the sheet by its ground; a finger scrolls anyway.
+  #grab(event) {
+    if (event.button || event.pointerType !== "mouse" || event.target.closest("g.node, button, input, select")) return;
+    const { scrollLeft, scrollTop } = this.parentElement;
+    this.#pan = { x: event.clientX + scrollLeft, y: event.clientY + scrollTop };
+  }
+
   #move(event) {
+    if (this.#pan) this.parentElement.scrollTo(this.#pan.x - event.clientX, this.#pan.y - event.clientY);
     const drag = this.#drag;
     if (!drag || (!drag.isOn && Math.hypot(event.clientX - drag.x, event.clientY - drag.y) < START_PX)) return;
     drag.isOn = true;
@@ -152,7 +185,7 @@ class TreeDrawing extends HTMLElement {
   }
 
   #end() {
-    this.#drag = null;
+    this.#drag = this.#pan = null;
     this.classList.remove("dragging");
     this.#unmark();
   }

@@ -23,26 +23,26 @@ const theme = EditorView.theme({
 });
 
 export class TextEditor {
-  constructor(place, form, { onChange, onSelect }) {
+  constructor(place, { onChange, onSelect }) {
     const root = place.attachShadow({ mode: "open" });
     this.view = new EditorView({ parent: root, root });
     this.extensions = [
       lineNumbers(), foldGutter(), lintGutter(), history(), drawSelection(), bracketMatching(), highlightActiveLine(),
-      highlightSelectionMatches(), syntaxHighlighting(colours), theme, form === "yaml" ? yaml() : xml(),
+      highlightSelectionMatches(), syntaxHighlighting(colours), theme,
       // A line end of the file is a line end here, and other characters stay as they are.
       EditorState.lineSeparator.of("\n"),
-      EditorView.contentAttributes.of({ "aria-label": "The tree file" }),
+      EditorView.contentAttributes.of({ "aria-label": "The tree file", tabindex: "0" }),
       keymap.of([...defaultKeymap, ...historyKeymap, ...foldKeymap, ...searchKeymap, ...lintKeymap]),
       EditorView.updateListener.of((update) => {
-        if (update.docChanged) onChange();
+        if (update.docChanged) onChange(update.changes);
         else if (update.selectionSet && this.view.hasFocus) onSelect(update.state.selection.main.head);
       }),
     ];
   }
 
   // A new file has no history.
-  open(text) {
-    this.view.setState(EditorState.create({ doc: text, extensions: this.extensions }));
+  open(text, form) {
+    this.view.setState(EditorState.create({ doc: text, extensions: [...this.extensions, form === "yaml" ? yaml() : xml()] }));
   }
 
   get text() {

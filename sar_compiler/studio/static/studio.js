@@ -1,13 +1,13 @@
 // The page: the text is the only document. Operations are edits of it, and everything else is shown from it.
-import { Server } from "./backend.js";
+import { backend } from "./backend.js";
 import "./drawing.js";
 import { TextEditor } from "./editor.js";
 import { keyPlace } from "./places.js";
 
 const at = (id) => document.getElementById(id);
 const drawing = document.querySelector("tree-drawing");
-const engine = new Server(location.hash.slice(1));
-const looked = { elements: [], findings: [], keys: [] };
+const looked = { elements: [], findings: [], keys: {} };
+const COMPARE_MS = 2000;
 let editor;
 let specs = new Map();
 let version = "";
@@ -16,7 +16,11 @@ let chosen = null;
 let cursor = null;
 let shownTree = null;
 let walk = { events: [], at: -1 };
+let isPlayed = false;
 const script = {};
+// The file that is shown; empty for the first one. The offsets of the elements whose children are folded.
+let file = "";
+let folded = [];
 
 const make = (tag, properties = {}, ...children) => {
   const made = Object.assign(document.createElement(tag), properties);
@@ -28,6 +32,7 @@ const say = (text, isError = false) => {
   at("state").textContent = text;
   at("state").classList.toggle("error", isError);
 };
+const ask = (question, values = {}, onProgress = undefined) => backend.ask(question, { file, ...values }, onProgress);
 const nameOf = ({ tag, attributes }) => attributes.name ?? attributes.ID ?? tag;
 const canHold = (number) => {
   const spec = specs.get(looked.elements[number]?.tag);
@@ -55,7 +60,8 @@ let waiting;
 let isLooking = false;
 const isDirty = () => editor.text !== saved;
 
-function changed() {
+function changed(changes) {
+  if (changes) folded = folded.map((offset) => changes.mapPos(offset, 1));
   at("save").disabled = !isDirty();
   clearTimeout(waiting);
   waiting = setTimeout(look, 60);
@@ -69,25 +75,38 @@ async function look() {
   if (isLooking) return changed();
   isLooking = true;
   const text = editor.text;
-  const told = await engine.ask("look", { text, tree: shownTree });
+  const told = await ask("look", { text, tree: shownTree, folded });
   isLooking = false;
   if (text !== editor.text) return changed();
   if (told.error) return say(told.error, true);
+  const isSame = looked.text === text && looked.tree === told.tree;
   Object.assign(looked, told, { text });
   const isSound = Boolean(told.svg);
   at("picture").classList.toggle("stale", !isSound);
   at("stale").hidden = isSound;
   editor.show(told.findings, (fix) => editor.apply([fix]));
   showFindings();
-  at("play").disabled = at("verify").disabled = !isSound || told.findings.some((each) => each.severity === "error");
+  for (const each of ["play", "verify", "predict"]) at(each).disabled = !isSound || told.findings.some(({ severity }) => severity === "error");
   if (isSound) {
-    drawing.show(told, canHold, severities());
+    drawing.show(told, canHold, isFolded, severities());
     at("tree").replaceChildren(...told.trees.map((each) => make("option", { textContent: each, selected: each === told.tree })));
-    at("keys").replaceChildren(...told.keys.map((each) => make("option", { value: `{${each}}` })));
+    at("keys").replaceChildren(...Object.keys(told.keys).map((each) => make("option", { value: `{${each}}` })));
+    const shownKey = at("key").value;
+    at("key").replaceChildren(...["", ...Object.keys(told.keys)].map((each) => make("option", { value: each, textContent: each || "none", selected: each === shownKey })));
+    drawing.flow(told.keys[at("key").value]);
+    at("unfold").disabled = !folded.length;
+    if (!file) {
+      at("file").replaceChildren(...told.files.map((each, place) => make("option", { value: place ? each : "", textContent: each })));
+      at("file").parentElement.hidden = told.files.length < 2;
+    }
     if (cursor !== null) choose(elementAt(cursor), true);
     else if (chosen !== null) choose(chosen < told.elements.length ? chosen : null);
     cursor = null;
-    begin([]);
+    if (isSame) drawing.walk(walk.events[walk.at]);
+    else {
+      isPlayed = false;
+      begin([]);
+    }
   }
   const count = told.findings.length;
   say(count ? `${count} ${count === 1 ? "finding" : "findings"}` : "No findings");
@@ -95,6 +114,14 @@ async function look() {
   settling.forEach((resolve) => resolve());
   settling = [];
   return undefined;
+}
+
+const isFolded = (number) => folded.includes(looked.elements[number].from);
+function fold(number) {
+  const { from, children } = looked.elements[number];
+  if (!children.length) return;
+  folded = isFolded(number) ? folded.filter((each) => each !== from) : [...folded, from];
+  look();
 }
 
 const elementAt = (offset) => {
@@ -132,7 +159,7 @@ function showFindings() {
 async function operate(operation, values, followed = true) {
   const text = editor.text;
   if (text !== looked.text) return say("The drawing is behind the text. Try again", true);
-  const told = await engine.ask("edit", { text, operation, arguments: values });
+  const told = await ask("edit", { text, operation, arguments: values });
   if (told.error) return say(told.error, true);
   if (text !== editor.text) return say("The text has changed meanwhile. Try again", true);
   apply(told.edits, followed);
@@ -168,7 +195,7 @@ async function rename(element) {
   if (!name) return;
   if (key === "name") return operate("set_attribute", { element, name: "name", value: name }, false);
   const text = editor.text;
-  const told = await engine.ask("rename", { text, offset: text.indexOf(attributes.ID, text.indexOf("ID", from)), name });
+  const told = await ask("rename", { text, offset: text.indexOf(attributes.ID, text.indexOf("ID", from)), name });
   if (told.error) say(told.error, true);
   else apply(told.edits, false);
 }
@@ -202,7 +229,8 @@ function actions(element) {
     simple("Duplicate", "duplicate"),
     ...(element.children.length && !isTree ? [simple("Unwrap", "unwrap")] : []),
     ...(isTree ? [] : [button("Extract…", () => newTree(self))]),
-    ...(element.tag === "SubTree" ? [simple("Inline", "inline")] : []),
+    ...(looked.trees.includes(element.attributes.ID) && !isTree ? [button("Show the tree", () => showTree(element.attributes.ID)), simple("Inline", "inline")] : []),
+    ...(element.children.length ? [button(isFolded(self) ? "Unfold" : "Fold", () => fold(self))] : []),
     button("Rename…", () => rename(self)),
     simple("Delete", "delete"),
   ];
@@ -240,10 +268,15 @@ function showPalette() {
   );
 }
 
+function showTree(tree) {
+  shownTree = tree;
+  look();
+}
+
 // Runs.
 function begin(ticks, loop = 0) {
   const events = ticks.flatMap((tick, number) =>
-    tick.events.map((event, place) => ({ ...event, tick: number + 1, root: tick.root, isLast: place === tick.events.length - 1, isLoop: number >= ticks.length - loop })),
+    tick.events.map((event, place) => ({ ...event, ...tick, tick: number + 1, isLast: place === tick.events.length - 1, isLoop: number >= ticks.length - loop })),
   );
   walk = { events, at: events.length ? 0 : -1 };
   showStep();
@@ -255,6 +288,11 @@ function showStep() {
   const last = event?.isLast && event.root ? `; root ${event.root}` : "";
   at("step").textContent = event ? `tick ${event.tick}${event.isLoop ? ", again and again" : ""}: ${event.leaf} ${event.does}${last}` : "";
   if (event && number !== null) pick(number);
+  const values = Object.entries(event?.values ?? {});
+  at("values").replaceChildren(
+    ...values.map(([name, value]) => make("tr", { className: event.changed.includes(name) ? "changed" : "" }, make("td", { textContent: name }), make("td", { textContent: value }))),
+  );
+  at("record").disabled = !isPlayed;
   at("back").disabled = walk.at <= 0;
   at("next").disabled = walk.at >= walk.events.length - 1;
 }
@@ -270,60 +308,104 @@ function outcomes(leaf) {
 }
 
 async function run(what, values) {
-  say(what === "verify" ? "Exploring all runs…" : "Running…");
   const started = performance.now();
-  const clock = setInterval(() => say(`Exploring all runs, ${Math.round((performance.now() - started) / 1000)} s`), 1000);
-  const told = await engine.ask(what, { text: editor.text, tree: shownTree, ...values });
+  let states = 0;
+  const tell = () => say(`${what === "play" ? "Running" : "Exploring all runs"}: ${states ? `${states} states, ` : ""}${Math.round((performance.now() - started) / 1000)} s`);
+  const clock = setInterval(tell, 500);
+  tell();
+  at("stop").hidden = what === "play";
+  const told = await ask(what, { text: editor.text, tree: shownTree, ...values }, what === "play" ? undefined : (count) => (states = count));
   clearInterval(clock);
+  at("stop").hidden = true;
   if (told.error) say(told.error, true);
+  isPlayed = what === "play" && !told.error;
+  at("verdicts").replaceChildren();
+  at("prediction").hidden = true;
   return told.error ? null : told;
 }
 
 async function verify() {
   const told = await run("verify", {});
   if (!told) return;
-  say(`${told.states} states${told.complete ? "" : ", and there are more"}`);
+  say(`${told.states} states${told.complete ? "" : ", and there are more"}${told.stopped && " (stopped)"}`);
   at("verdicts").replaceChildren(
     ...told.verdicts.map((each) => {
       const made = make("li", { className: each.verdict === "proved" ? "yes" : "no" }, `${each.question}: ${each.verdict} `);
-      if (each.ticks.length) made.append(button("Walk", () => begin(each.ticks, each.loop)));
+      if (each.run) made.append(button("Walk", () => begin(each.run.ticks, each.loop)));
       return made;
     }),
   );
   begin([]);
 }
 
+async function predict() {
+  const told = await run("predict", {});
+  if (!told) return;
+  say(told.stopped ? "Predicted from a part of the runs (stopped)" : "Predicted");
+  at("prediction").textContent = told.text;
+  at("prediction").hidden = false;
+  begin([]);
+}
+
 async function play() {
   const names = new Set(looked.elements.map(nameOf));
   const leaves = Object.fromEntries(Object.entries(script).filter(([name]) => names.has(name)));
-  const told = await run("play", { leaves });
+  const told = await run("play", { ticks: Number(at("ticks").value), leaves });
   if (!told) return;
   say(`${told.ticks.length} ticks`);
   begin(told.ticks);
 }
 
+async function record() {
+  const name = await question("Name of the scenario's file", ["Save", "Cancel"], `${at("name").textContent.replace(/\.\w+$/, "")}.scenario.yaml`);
+  if (!name) return;
+  const told = await ask("record", { name });
+  if (told.error) return say(told.error, true);
+  if (backend.site) download(told);
+  say(`Saved as ${told.name}`);
+}
+
 // The file.
+function download({ name, text }) {
+  const href = URL.createObjectURL(new Blob([text]));
+  make("a", { href, download: name }).click();
+  URL.revokeObjectURL(href);
+}
+
 async function load() {
-  const told = await engine.ask("open");
+  const told = await ask("open");
   if (told.error) return say(told.error, true);
   ({ version } = told);
   document.title = at("name").textContent = told.name;
-  editor ??= new TextEditor(at("text").appendChild(make("div")), told.form, {
+  editor ??= new TextEditor(at("text").appendChild(make("div")), {
     onChange: changed,
     onSelect: (offset) => choose(elementAt(offset)),
   });
-  editor.open(told.text);
+  editor.open(told.text, told.form);
   saved = editor.text;
-  cursor = null;
-  const listed = await engine.ask("palette", { text: told.text });
+  cursor = shownTree = null;
+  folded = [];
+  const listed = await ask("palette", { text: told.text });
   specs = new Map((listed.nodes ?? []).map((each) => [each.tag, each]));
   showPalette();
   return look();
 }
 
+// Loads another file, unless the user keeps the present one.
+async function leave(prepare) {
+  const answer = isDirty() ? await question("The text is not saved", ["Save", "Discard", "Cancel"]) : "Discard";
+  if (answer === "Save") await save();
+  const isLeft = answer === "Discard" || (answer === "Save" && !isDirty());
+  if (isLeft) {
+    await prepare();
+    await load();
+  }
+  return isLeft;
+}
+
 async function save(overwrite = false) {
   const text = editor.text;
-  const told = await engine.ask("save", { text, version, overwrite });
+  const told = await ask("save", { text, version, overwrite });
   if (told.error) return say(told.error, true);
   if (told.has_changed) {
     const answer = await question("Another program has changed the file since you opened it. Overwrite it?", ["Overwrite", "Load the file", "Cancel"]);
@@ -334,12 +416,14 @@ async function save(overwrite = false) {
   version = told.version;
   saved = text;
   at("save").disabled = !isDirty();
+  if (backend.site) download({ name: at("name").textContent, text });
   say("Saved");
 }
 
 async function compare() {
-  if (!editor) return;
-  const told = await engine.ask("is_changed", { version });
+  if (!editor || document.hidden || isLooking) return;
+  const told = await ask("compare", { version });
+  if (told.others_have_changed) await look();
   if (!told.has_changed) return;
   if (!isDirty()) await load();
   else say("Another program has changed the file. Saving will ask", true);
@@ -354,6 +438,9 @@ const keys = {
   F2: rename,
   Enter: () => at("form").querySelector("input, select")?.focus(),
   i: () => at("search").focus(),
+  o: (element) => looked.trees.includes(looked.elements[element].attributes.ID) && showTree(looked.elements[element].attributes.ID),
+  " ": fold,
+  "/": () => at("find").focus(),
 };
 drawing.addEventListener("chosen", ({ detail }) => pick(detail));
 drawing.addEventListener("dropped", ({ detail: { element, spec, parent, index } }) =>
@@ -383,9 +470,23 @@ document.addEventListener("keydown", (event) => {
     save();
   }
 });
-at("tree").onchange = () => {
-  shownTree = at("tree").value;
-  look();
+at("tree").onchange = () => showTree(at("tree").value);
+at("file").onchange = async () => {
+  const next = at("file").value;
+  if (!(await leave(() => (file = next)))) at("file").value = file;
+};
+at("find").onkeydown = (event) => {
+  if (event.key !== "Enter" || !at("find").value) return;
+  const found = drawing.find(at("find").value);
+  if (found === null) say(`The drawing has no '${at("find").value}'`, true);
+  else pick(found);
+};
+at("key").onchange = () => drawing.flow(looked.keys[at("key").value]);
+at("unfold").onclick = () => ((folded = []), look());
+at("export").onclick = async () => {
+  const told = await ask("export", { text: editor.text, tree: shownTree });
+  if (told.error) say(told.error, true);
+  else download(told);
 };
 at("form").onsubmit = (event) => event.preventDefault();
 at("search").oninput = showPalette;
@@ -394,19 +495,51 @@ at("redo").onclick = () => editor.redo();
 at("save").onclick = () => save();
 at("play").onclick = play;
 at("verify").onclick = verify;
+at("predict").onclick = predict;
+at("stop").onclick = () => backend.stop(file);
+at("record").onclick = record;
 at("back").onclick = () => (walk.at--, showStep());
 at("next").onclick = () => (walk.at++, showStep());
 at("smaller").onclick = () => drawing.zoom(1 / 1.25);
 at("larger").onclick = () => drawing.zoom(1.25);
 window.addEventListener("focus", compare);
+if (!backend.site) setInterval(compare, COMPARE_MS);
 window.addEventListener("beforeunload", (event) => editor && isDirty() && event.preventDefault());
-// For tests and extensions of browsers: the text, and the replacement of a part of it.
+// For tests and extensions of browsers: the text, the replacement of a part of it, and what is shown.
 window.studio = {
   text: () => editor.text,
+  chosen: () => chosen,
+  isSettled: () => looked.text === editor.text,
+  canHold,
   replace: (part, insert) => {
     const from = editor.text.indexOf(part);
     editor.apply([{ from, to: from + part.length, insert }]);
   },
   saved: () => (saved = editor.text),
 };
+
+async function openSite({ examples, put, link }) {
+  at("site").hidden = false;
+  at("example").replaceChildren(...["", ...examples].map((each) => make("option", { value: each, textContent: each || "choose" })));
+  at("example").onchange = () => at("example").value && leave(() => put(at("example").value));
+  at("pick").onclick = () => at("picked").click();
+  at("picked").onchange = async () => {
+    const [picked] = at("picked").files;
+    const text = await picked?.text();
+    if (picked) await leave(() => put(picked.name, text));
+  };
+  window.addEventListener("hashchange", () => location.reload());
+  at("link").onclick = async () => {
+    history.replaceState(null, "", await link(at("name").textContent, editor.text));
+    await navigator.clipboard.writeText(location.href).catch(() => {});
+    say("The address of this page contains the tree, and is copied");
+  };
+}
+
+if (backend.site) openSite(backend.site);
+await backend.start((share) => {
+  at("loading").hidden = share >= 1;
+  at("loading").value = share;
+  say("Python is being loaded, once");
+}, say);
 load();

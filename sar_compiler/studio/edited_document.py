@@ -1,0 +1,89 @@
+"""The file behind the graphical editor: its text, its version on the disk, and how it is saved."""
+
+import hashlib
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from sar_compiler.opener import TREE, read_file
+from sar_compiler.tree.content import encode_text
+from sar_compiler.tree.diagnostic import Source, TreeError
+from sar_compiler.tree.discovery import parse_tree
+from sar_compiler.writing import write_bytes
+
+_CRLF = re.compile(r"\r\n")
+
+
+class EditedDocument:
+    """The file of the page, as it was last read or written.
+
+    Args:
+        path: The file.
+
+    Attributes:
+        path: The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._source: Source | None = None
+        self._has_crlf = False
+
+    def load(self) -> Mapping[str, object]:
+        """Return the text of the file with its version.
+
+        A file whose lines all end with CRLF is edited with LF, and written with CRLF again.
+
+        Raises:
+            UnreadableFileError: If it cannot be read.
+            TreeError: If it is not text.
+        """
+        data = read_file(self.path, TREE).data
+        self._source = source = _source_of(data, self.path)
+        self._has_crlf = "\r\n" in source.text and not re.search(r"(?<!\r)\n|\r(?!\n)", source.text)
+        text = _CRLF.sub("\n", source.text) if self._has_crlf else source.text
+        return {"text": text, "version": _version(data), "name": self.path.name, "form": source.form.value}
+
+    def save_text(self, text: str, version: str, *, overwrite: bool = False) -> Mapping[str, object]:
+        """Write the file.
+
+        Args:
+            text: The text.
+            version: The version that the page has read or written last.
+            overwrite: Whether to write although the file has changed since.
+
+        Returns:
+            The new version; or `has_changed`, and nothing is written.
+
+        Raises:
+            UnreadableFileError: If it cannot be read.
+            WriteError: If it cannot be written.
+        """
+        if not overwrite and self.is_changed(version):
+            return {"has_changed": True}
+        source = self._source or _source_of(read_file(self.path, TREE).data, self.path)
+        data = encode_text(source, text.replace("\n", "\r\n") if self._has_crlf else text)
+        write_bytes(self.path, data)
+        return {"version": _version(data)}
+
+    def is_changed(self, version: str) -> bool:
+        """Return whether the file on the disk is another version."""
+        return _version(read_file(self.path, TREE).data) != version
+
+
+def _source_of(data: bytes, path: Path) -> Source:
+    """Return the text of a file, even of one that cannot be parsed.
+
+    Raises:
+        TreeError: If it is not text.
+    """
+    try:
+        return parse_tree(data, str(path)).source
+    except TreeError as error:
+        if error.findings[0].code in ("wrong-encoding", "file-too-large"):
+            raise
+        return error.findings[0].source
+
+
+def _version(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
