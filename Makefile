@@ -183,8 +183,8 @@ site: env
 	@$(BIN)/zensical build --strict --clean > build/site.log 2>&1 || { cat build/site.log; exit 1; }
 	@! grep -E "^(griffe|mkdocstrings)" build/site.log
 	@{ printf '__index = '; cat build/site/search.json; } > build/site/search.js
-	@command -v npm >/dev/null && $(BIN)/python docs/site/playground.py build/site/playground build/playground \
-	  || { rm -rf build/site/playground; echo "make: no playground: that needs npm (apt install npm), and what it fetches"; }
+	@command -v npm >/dev/null && $(MAKE) --no-print-directory editor && $(BIN)/python docs/site/studio.py build/site/studio build/studio \
+	  || { rm -rf build/site/studio; echo "make: the site has no editor: that needs npm (apt install npm), and what it fetches"; }
 	$(SAY) "done: build/site/index.html"
 
 clean:
@@ -253,7 +253,7 @@ $(VENV)/.interfaces: $(INTERFACES) $(VENV)/.packages
 # What setuptools leaves in build/ would be installed the next time. A kernel that could not be compiled is no failure of a build, and
 # would be missed only by who has no compiler. An index takes no wheel for whatever
 # `linux`: auditwheel looks from which glibc on it runs, and names it so. Built with what is in the environment, as the editable one.
-wheels: $(VENV)/.packages
+wheels: $(VENV)/.packages editor
 	@rm -rf dist build/wheel build/wheels build/lib build/bdist.* *.egg-info
 	$(SAY) "the package with its compiled kernel (about a minute)"
 	@$(BIN)/python -m pip wheel --quiet --no-build-isolation --no-deps --wheel-dir build/wheel .

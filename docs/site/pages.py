@@ -32,6 +32,8 @@ _PLACES = {
     ROOT / "SECURITY.md": "vulnerabilities.md",
     _API: "api/trees.md",
 }
+# On the site's first page, the link to the first one opens the second one, which `docs/site/studio.py` replaces by the editor.
+_DOOR = (DOCS / "start/try-it.md", DOCS / "studio/index.html")
 _LANGUAGES = {
     ".py": "python",
     ".xml": "xml",
@@ -148,7 +150,9 @@ def _goal(path: Path, target: str) -> Path:
 def _with_links(line: str, path: Path) -> str:
     """Return a line of a page with each of its links leading to where its goal is on the site."""
     for found in reversed([*_links(line)]):
-        target = os.path.relpath(place(_goal(path, found[2])), Path(place(path)).parent)
+        goal = _goal(path, found[2])
+        goal = _DOOR[1] if (path, goal) == (ROOT / "README.md", _DOOR[0]) else goal
+        target = os.path.relpath(place(goal), Path(place(path)).parent)
         line = f"{line[: found.start(2)]}{target}{line[found.end(2) :]}"
     return line
 

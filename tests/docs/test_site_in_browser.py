@@ -47,7 +47,7 @@ Promise.all([1, 2, 3, 4].map(async () => { while (left.length) await visit(left.
 
 
 def build(folder):
-    """Build the site in a folder, without the playground."""
+    """Build the site in a folder, without the editor."""
     folder.mkdir()
     settings = Path("mkdocs.yml").read_text(encoding="utf-8")
     for name in ("pages", "site"):
@@ -163,10 +163,10 @@ def test_every_link_and_picture_is_there_without_a_server(site, browser):
 
 
 def is_there(link, base, site, ids):
-    """Return whether the file of a link is in the site, and its anchor in the file. The playground is built by itself."""
+    """Return whether the file of a link is in the site, and its anchor in the file. The editor is built by itself."""
     path, _, anchor = link.partition("#")
     name = path.partition("?")[0].removeprefix(base)
-    return name.startswith("playground/") or (
+    return name.startswith("studio/") or (
         (site / name).is_file() and anchor in ("", *ids.get(path, [anchor]))
     )
 

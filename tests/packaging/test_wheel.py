@@ -3,9 +3,11 @@
 import importlib.metadata
 import os
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
+from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
@@ -16,6 +18,8 @@ from tests.packaging.workspace import clone
 
 # To build the wheel takes 20 seconds, and the files that it has change seldom.
 pytestmark = pytest.mark.costly
+
+EDITOR = Path("sar_compiler/studio/static/codemirror.js")
 
 
 def done(*command, **options):
@@ -30,6 +34,9 @@ def done(*command, **options):
 def install(folder):
     """Install the package, without what it depends on, into a new environment beside a clone."""
     clone(folder / "repository")
+    # What `make wheels` has built before.
+    if EDITOR.exists():
+        shutil.copy(EDITOR, folder / "repository" / EDITOR)
     # Another pip than that of the tests would take longer to unpack than the package.
     done(sys.executable, "-m", "venv", "--without-pip", folder / "environment")
     pip = (sys.executable, "-m", "pip", "--python", folder / "environment" / "bin" / "python")
@@ -62,11 +69,12 @@ def test_what_an_index_shows_of_it_has_no_link_that_leads_nowhere(installed):
     assert "![" not in text
 
 
-def test_the_page_is_in_the_package(installed):
+@pytest.mark.parametrize("part", ["studio", "web"])
+def test_the_page_is_in_the_package(installed, part):
     repository, environment = installed
-    (page,) = environment.rglob("web/static")
+    (page,) = environment.rglob(f"{part}/static")
     assert {path.name for path in page.iterdir()} == {
-        path.name for path in (repository / "sar_compiler/web/static").iterdir()
+        path.name for path in (repository / f"sar_compiler/{part}/static").iterdir()
     }
 
 

@@ -1,9 +1,10 @@
-"""The playground of the site: `python docs/site/playground.py FOLDER CACHE`, see `make site`.
+"""The graphical editor on the site: `python docs/site/studio.py FOLDER CACHE`, see `make site`.
 
-Everything comes from the site itself: the page, Pyodide from npm, and one archive of the package and what it needs. What is fetched
-stays in the cache.
+The page is that of `sar-compile edit`, with another back end (`docs/studio`): Pyodide from npm, and one archive of the package and what
+it needs. Everything comes from the site itself. What is fetched stays in the cache.
 """
 
+import json
 import re
 import shutil
 import subprocess
@@ -14,17 +15,20 @@ from pathlib import Path
 
 import yaml
 
+from sar_compiler import style
+from sar_compiler.views.drawing import drawing_style
+
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "playground"
+PAGE = ROOT / "sar_compiler" / "studio" / "static"
+BACKEND = ROOT / "docs" / "studio"
 PYODIDE = "314.0.7"
 _OF_PYODIDE = ("pyodide.mjs", "pyodide.asm.mjs", "pyodide.asm.wasm", "python_stdlib.zip", "pyodide-lock.json")
-_OF_THE_PAGE = ("index.html", "playground.js", "worker.js", "engine.mjs")
 # What checking, proving and playing read.
 _SHIPPED = ("config", "schemas", "trees")
 
 
 def assemble(folder: Path, cache: Path) -> None:
-    """Write the playground into a new folder.
+    """Write the page into a new folder.
 
     Args:
         folder: The folder.
@@ -32,8 +36,13 @@ def assemble(folder: Path, cache: Path) -> None:
     """
     shutil.rmtree(folder, ignore_errors=True)
     (folder / "pyodide").mkdir(parents=True)
-    for name in _OF_THE_PAGE:
-        shutil.copy(PAGE / name, folder / name)
+    # The page's own back end is replaced.
+    for path in (*PAGE.iterdir(), *BACKEND.glob("*.*js")):
+        shutil.copy(path, folder / path.name)
+    for name, content in (("signs.css", style.style()), ("drawing.css", drawing_style())):
+        (folder / name).write_text(content, encoding="utf-8")
+    shutil.copytree(BACKEND / "examples", folder / "examples")
+    shutil.copy(ROOT / "trees/search_and_rescue.xml", folder / "examples")
     for name in _OF_PYODIDE:
         shutil.copy(_pyodide(cache) / name, folder / "pyodide" / name)
     with zipfile.ZipFile(folder / "packages.zip", "w", zipfile.ZIP_DEFLATED) as archive:
@@ -50,7 +59,10 @@ def assemble(folder: Path, cache: Path) -> None:
         for name in ("METADATA", "entry_points.txt"):
             text = distribution("sar_compiler").read_text(name)
             archive.writestr(f"sar_compiler-0.dist-info/{name}", text or "")
-        archive.write(PAGE / "play.py", "play.py")
+        archive.write(BACKEND / "site_engine.py", "site_engine.py")
+    loaded = [folder / "packages.zip", *(folder / "pyodide").glob("*[!s]")]
+    sizes = {path.name: path.stat().st_size for path in loaded if path.suffix != ".mjs"}
+    (folder / "sizes.js").write_text(f"export const sizes = {json.dumps(sizes)};\n", encoding="utf-8")
 
 
 def _package() -> "list[Path]":
@@ -74,7 +86,7 @@ def _pyodide(cache: Path) -> Path:
 
 
 def _wheels(cache: Path) -> "list[Path]":
-    needs = PAGE / "requirements.txt"
+    needs = BACKEND / "requirements.txt"
     folder = cache / "wheels"
     names = re.findall(r"^(\w+)==(\S+)", needs.read_text(encoding="utf-8"), re.MULTILINE)
     wanted = [f"{name}-{version}-*none-any.whl" for name, version in names]

@@ -6,8 +6,8 @@ export async function start(loadPyodide, options, read) {
 import sys, sysconfig, zipfile
 sys.dont_write_bytecode = True
 zipfile.ZipFile("/tmp/packages.zip").extractall(sysconfig.get_path("purelib"))
-import play
+import site_engine
 `);
-  const play = python.globals.get("play");
-  return (what, text) => JSON.parse(play[what](text));
+  const answer = python.globals.get("site_engine").answer;
+  return (question, values, onProgress) => JSON.parse(answer(question, JSON.stringify(values ?? {}), onProgress));
 }
