@@ -40,11 +40,12 @@ COMMANDS = {
     "show run.journal": (JOURNAL, {"journal", "reports", "views"}),
     "stats run.journal": (JOURNAL, {"analysis", "journal", "reports"}),
     "why run.journal": (JOURNAL, {"journal", "reports", "views"}),
+    "import delivery_failed -o imported.journal": (JOURNAL, {"importing", "journal", "views"}),
 }
 # What a command says without a part that it takes.
 MISSING = "sar_compiler.{}"
 _PROGRAM = """
-import importlib, json, os, pkgutil, re, sys
+import glob, importlib, json, os, pkgutil, re, sys
 
 # What is not ours is imported once for all parts, and the core, which needs none of them, once for all commands.
 import jsonschema, lxml.etree, numpy, py_trees, scipy.sparse.linalg, yaml
@@ -70,6 +71,8 @@ for place in places:
                 sys.argv = [module, *command.split()]
                 console_command(module)
             _, ended = os.waitpid(child, 0)
+            for path in glob.glob("imported.*"):
+                os.remove(path)
             results[command] = (os.waitstatus_to_exitcode(ended), re.sub(r"[0-9.]+ m?s\\b", "TIME", open("output").read()))
         with open(f"{place}/results.json", "w") as file:
             json.dump(results, file)
@@ -97,7 +100,7 @@ def without(part, folder):
     ignored = shutil.ignore_patterns(part) if part else None
     shutil.copytree(OURS, place / OURS.name, ignore=ignored, dirs_exist_ok=True)
     for path in (
-        *map(Path, ("package.xml", "trees", "schemas", "config", "docs", "search_and_rescue")),
+        *map(Path, ("package.xml", "trees", "examples", "schemas", "config", "docs", "search_and_rescue")),
         *Path().glob("*.so"),
     ):
         (place / path).symlink_to(path.resolve())
