@@ -1,6 +1,5 @@
 """The tree of a recorded run: its file, and its nodes by BehaviorTree.CPP's numbers."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
@@ -11,7 +10,7 @@ from sar_compiler.compiler.sketch import Drawable
 from sar_compiler.importing.recording import UnusableRecordingError
 from sar_compiler.nodes.binding.attributes import KIND_TAGS
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.palettes import palettes_containing
+from sar_compiler.nodes.palettes import palette_attributes, palette_names, palettes_containing
 from sar_compiler.nodes.registry import language_variants
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.walking import pre_order
@@ -59,13 +58,23 @@ class ExportedTree:
 
     @property
     def palette(self) -> str:
-        """The installed palette that defines most of the tree's custom controls and decorators; empty if none."""
+        """The installed palette that defines most of the tree's custom controls and decorators with their ports; empty if none."""
         models = [
             each for child in self.file.root.children if child.tag == MODEL_TAG for each in child.children
         ]
-        parents = {each.attributes.get("ID", "") for each in models if each.tag in _PARENTS}
-        known = Counter(palette for tag in sorted(parents) for palette in palettes_containing(tag))
-        return known.most_common(1)[0][0] if known else ""
+        ports = {
+            each.attributes.get("ID", ""): {port.attributes.get("name", "") for port in each.children}
+            for each in models
+            if each.tag in _PARENTS
+        }
+
+        def rank(palette: str) -> tuple[int, int]:
+            declared = {tag: palette_attributes(palette, tag) for tag in ports}
+            known = {tag: names for tag, names in declared.items() if names is not None}
+            return len(known), -sum(len(ports[tag] - names) for tag, names in known.items())
+
+        best = max(palette_names(), key=rank, default="")
+        return best if best and rank(best)[0] else ""
 
     @property
     def has_subtrees(self) -> bool:

@@ -56,22 +56,30 @@ def load_palettes(names: Iterable[str], checkout: Path | None = None) -> list[No
 
 def palettes_containing(tag: str) -> list[str]:
     """Return the names of this package's palettes that contain a tag."""
-    return [name for name, tags in _tags().items() if tag in tags]
+    return [name for name, tags in _attributes().items() if tag in tags]
+
+
+def palette_attributes(palette: str, tag: str) -> frozenset[str] | None:
+    """Return the attributes that one of this package's palettes declares for a tag; None if it does not contain the tag."""
+    return _attributes().get(palette, {}).get(tag)
 
 
 def palette_names() -> list[str]:
     """Return the names of this package's palettes, with their versions."""
-    return [*_tags()]
+    return [*_attributes()]
 
 
 @functools.cache
-def _tags() -> Mapping[str, frozenset[str]]:
+def _attributes() -> Mapping[str, Mapping[str, frozenset[str]]]:
+    """Return the attributes of each tag in each palette."""
     found = {}
     for each in entry_points(ENTRY_POINTS):
         if each.module.startswith(_OWN_PACKAGE):
             module = import_installed(each.module)
             for version in module.VERSIONS:
-                found[f"{each.name}:{version}"] = frozenset(spec.tag for spec in module.specs(version))
+                found[f"{each.name}:{version}"] = {
+                    spec.tag: frozenset(spec.parameters) for spec in module.specs(version)
+                }
     return found
 
 
