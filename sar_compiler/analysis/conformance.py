@@ -105,12 +105,14 @@ class Conformance(NamedTuple):
         misfit: The first impossible event; None if the run was possible.
         properties: The result of each property.
         left_out: The properties that do not apply to the tree.
+        assumed: The assumptions about leaves of an imported run, in words.
     """
 
     ticks: int
     misfit: ImpossibleEvent | None
     properties: tuple[RecordedProperty, ...]
     left_out: tuple[InapplicableProperty, ...]
+    assumed: tuple[str, ...] = ()
 
     @property
     def is_fine(self) -> bool:

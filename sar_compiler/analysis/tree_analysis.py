@@ -149,6 +149,7 @@ def conform_tree(  # noqa: PLR0913 - each has its default
     facts: Mapping[str, object] | Document | None = None,
     params: str | Path | None = None,
     tree_id: str | None = None,
+    is_imported: bool = False,
 ) -> "Conformance":
     """Compare a recorded run with all possible runs of a tree.
 
@@ -162,12 +163,19 @@ def conform_tree(  # noqa: PLR0913 - each has its default
         facts: As for `LoadedTree.verify`.
         params: As for `LoadedTree.verify`.
         tree_id: As for `LoadedTree.verify`.
+        is_imported: Whether a program with BehaviorTree.CPP ran, whose leaves may be of classes with other rules for scripts.
 
     Raises:
         TreeError, UndecidableError, ParameterFileError, ParameterError: As `LoadedTree.verify`.
         OtherTreeError: If the tree has nodes other than those that ran.
     """
     from sar_compiler.analysis.conformance import conform
+    from sar_compiler.analysis.cpp_leaves import (
+        LeafClasses,
+        adopt_cpp_scripts,
+        describe_classes,
+        possible_classes,
+    )
     from sar_compiler.analysis.proofs import search_runs, set_initial_facts
 
     binding = tree.binding(tree_id)
@@ -175,15 +183,29 @@ def conform_tree(  # noqa: PLR0913 - each has its default
     begun = StartValues({**said.parameters, **start.parameters}, {**said.facts, **start.facts})
     given = facts.root.mapping if isinstance(facts, Document) else facts or {}
 
+    possible: list[LeafClasses] = []
+
     def search(
-        simulated: "SimulatedTree", file: "PropertyFile | None", tags: Collection[str]
+        classes: LeafClasses,
+        simulated: "SimulatedTree",
+        file: "PropertyFile | None",
+        tags: Collection[str],
     ) -> "Conformance":
         set_initial_facts(
             simulated, {name: value for name, value in start.facts.items() if name not in given}
         )
-        return conform(simulated, file, tags, record, names, is_over=is_over)
+        if is_imported:
+            possible[:] = possible_classes(simulated)
+            adopt_cpp_scripts(simulated, classes)
+        found = conform(simulated, file, tags, record, names, is_over=is_over)
+        return found._replace(assumed=describe_classes(classes))
 
-    return search_runs(tree, binding, properties, facts, begun, search)
+    def compare(classes: LeafClasses) -> "Conformance":
+        return search_runs(tree, binding, properties, facts, begun, functools.partial(search, classes))
+
+    first = compare({})
+    others = map(compare, [*possible] if first.misfit is not None else [])
+    return next((found for found in others if found.misfit is None), first)
 
 
 def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`

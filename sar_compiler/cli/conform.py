@@ -119,6 +119,7 @@ def _compared(
             facts=parse_facts(arguments.set),
             params=arguments.params,
             tree_id=arguments.tree or run.about.get("tree_id"),
+            is_imported="imported" in run.about,
         )
     except UnknownTreeError as error:
         if arguments.tree is not None:

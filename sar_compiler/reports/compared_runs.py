@@ -93,7 +93,8 @@ def _run_lines(compared: ComparedRun) -> Iterator[str]:
     if compared.changed:
         yield f"the tree has changed since the run: {compared.changed}"
     if found.misfit is None:
-        yield "conforms: it is a possible run of the tree"
+        assumed = f", if {' and '.join(found.assumed)}" if found.assumed else ""
+        yield f"conforms: it is a possible run of the tree{assumed}"
     else:
         yield from _misfit_lines(found.misfit)
     yield from _property_lines(found)
@@ -159,6 +160,7 @@ def _run_data(compared: ComparedRun) -> dict[str, object]:
     return {
         **data,
         "conforms": found.misfit is None,
+        "assumed": list(found.assumed),
         "ticks": found.ticks,
         "tree_changed": compared.changed,
         "misfit": found.misfit and _with_run(found.misfit._asdict()),

@@ -189,6 +189,17 @@ class UnsetBlackboard(Behaviour):
         return _SUCCESS
 
 
+class _Negation:
+    """A condition that holds if another one does not."""
+
+    def __init__(self, script: NodeScript) -> None:
+        self._script = script
+
+    def holds(self) -> bool:
+        """Return whether the other condition does not hold."""
+        return not self._script.holds()
+
+
 class Conditions(Decorator):
     """A node's pre- and post-conditions, which share the node's status.
 
@@ -215,18 +226,43 @@ class Conditions(Decorator):
             for attribute, script in scripts.items()
         }
         before = (("_failureIf", FAILURE), ("_successIf", SUCCESS), ("_skipIf", SKIPPED))
-        self._before = [(ready[each], each, outcome) for each, outcome in before if each in ready]
+        self._before: list[tuple[NodeScript | _Negation, str, int]] = [
+            (ready[each], each, outcome) for each, outcome in before if each in ready
+        ]
         self._while = ready.get("_while")
         after = ((SUCCESS, "_onSuccess"), (FAILURE, "_onFailure"), (INVALID, "_onHalted"))
         self._after = {outcome: ready.get(each) for outcome, each in after}
-        self._post = ready.get("_post")
-        self.runs_after = self._post is not None or any(self._after.values())
+        self._post: dict[int, NodeScript | None] = dict.fromkeys(
+            (SUCCESS, FAILURE, INVALID), ready.get("_post")
+        )
+        self.runs_after = any(self._post.values()) or any(self._after.values())
+
+    @property
+    def has_while(self) -> bool:
+        """Whether there is a condition for each tick."""
+        return self._while is not None
 
     def run_after(self, outcome: int) -> None:
         """Run the scripts for an end; INVALID means that the node was halted while it ran."""
-        for script in (self._after[outcome], self._post):
+        for script in (self._after[outcome], self._post[outcome]):
             if script is not None:
                 script.run()
+
+    def omit_post_after_halts(self) -> None:
+        """Run `_post` only after the node has ended by itself, as BehaviorTree.CPP does despite its documentation."""
+        self._post[INVALID] = None
+
+    def ignore(self) -> None:
+        """Ignore everything except `_onHalted`, as a ThreadedAction of BehaviorTree.CPP does."""
+        self._before, self._while = [], None
+        self._after = {**dict.fromkeys((SUCCESS, FAILURE)), INVALID: self._after[INVALID]}
+        self._post = dict.fromkeys(self._post)
+
+    def evaluate_while_at_start(self) -> None:
+        """Evaluate `_while` only before the node starts, as a CoroActionNode of BehaviorTree.CPP does."""
+        if self._while is not None:
+            self._before.append((_Negation(self._while), "_while", SKIPPED))
+            self._while = None
 
     @property
     def status(self) -> Status:
