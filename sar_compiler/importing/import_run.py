@@ -31,6 +31,8 @@ from sar_compiler.writing import write_text
 
 _LOG = FileKind("log of a run", 128 * 2**20)
 _NAV2 = "nav2:jazzy"
+_UNWRITTEN = ("unwritten-key", "read-before-write", "maybe-unwritten-key")
+"""The findings about keys that may be read before they are written."""
 
 
 class ImportedRun(NamedTuple):
@@ -212,7 +214,7 @@ def _add_autoremap(
 
 
 def _count_unwritten(place: Path, projects: Workspace) -> int:
-    return sum(each.code == "unwritten-key" for each in projects.load_file(place).check())
+    return sum(each.code in _UNWRITTEN for each in projects.load_file(place).check())
 
 
 def _write_tree(place: Path, exported: ExportedTree, palette: str) -> None:

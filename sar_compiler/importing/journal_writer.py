@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from sar_compiler.importing.recorded_tree import RunNode
-from sar_compiler.importing.recording import FAILURE, IDLE, RUNNING, SUCCESS, WORDS, Recording
+from sar_compiler.importing.recording import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, WORDS, Recording
 from sar_compiler.importing.ticks import RecordedTick, TickFinder, TickKind
 from sar_compiler.journal.journal_entries import STATUS, Ending, Row
 from sar_compiler.journal.spill_file import RunEnd
@@ -151,6 +151,7 @@ class JournalWriter:
     def _show_ancestors(self, uid: int, index: int, now: Mapping[int, int]) -> None:
         """Show that the ancestors of a node that runs do too: a recording may begin in the middle of a run."""
         is_running = 0 < uid < len(self._shown) and self._recording.statuses[index] == RUNNING
+        is_running &= index not in self._finder.skipped
         parent = self._nodes[uid - 1].parent if is_running else 0
         while parent and parent not in now and self._shown[parent] != RUNNING:
             self._row(index, parent, WORDS[RUNNING], "")
@@ -196,6 +197,8 @@ class JournalWriter:
         uid, status = self._recording.uids[index], self._recording.statuses[index]
         condition = _CONDITIONS.get(status)
         is_possible = condition in self._nodes[uid - 1].bound.element.attributes
+        # A coroutine whose condition skips it reports that, unlike other leaves.
+        is_possible |= status == SKIPPED
         if is_possible and self._logged[uid] != RUNNING:
             self._unsure.add(index)
         self._logged[uid] = status

@@ -15,6 +15,8 @@ at which the parent continues.
 
 If all children of a control were skipped, the control stays RUNNING in a log although none of its children runs. The start of a later sibling
 reveals this.
+
+A TryCatch with `catch_on_halt` ticks its last child while it is halted. These changes belong to the halt, by a time limit or by the program.
 """
 
 from array import array
@@ -25,12 +27,16 @@ from typing import NamedTuple
 from sar_compiler.importing.recorded_tree import RunNode
 from sar_compiler.importing.recording import FAILURE, IDLE, RUNNING, SUCCESS, Recording
 from sar_compiler.nodes.outcome_sets import ALLOWED, F, K, R, S, selection
+from sar_compiler.nodes.palettes import palettes_containing
+from sar_compiler.nodes.registry import language_variants
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Kind
 
 _PAUSE_USEC, _LEAST_USEC, _MOST_USEC = 1000, 100, 50_000
 """The pause between two ticks if nothing is known of it, and its limits."""
 _TRIED = 20_000
+_CHOOSING = ("IfThenElse", "WhileDoElse")
+"""The controls whose first child chooses which of the others runs."""
 _ENOUGH = 5
 _NEAR = 3
 """A pause is near the limit if it is at most so many times longer or shorter."""
@@ -47,6 +53,10 @@ class WaitRule(Enum):
     STEPS = "also after the end of a child that was IDLE at the start of the tick, before the next one"
     REACTIVE = "while a child is RUNNING and all others are IDLE"
     PARALLEL = "while a child is RUNNING, all were ticked, and no threshold is reached"
+
+
+_TOGETHER = (WaitRule.REACTIVE, WaitRule.PARALLEL)
+"""The rules of controls that tick several children in each tick."""
 
 
 class TickKind(Enum):
@@ -114,9 +124,17 @@ class TickFinder:
         for uid in range(1, count):
             may_halt[uid] |= may_halt[self._parents[uid]]
         self._may_halt = may_halt
+        # For each node, the TryCatch that ticks it when it is halted; 0 for none.
+        self._catches = [0] * (count + 1)
+        for uid, node in enumerate(nodes, 1):
+            if node.bound.spec.tag == "TryCatch" and _ticks_when_halted(node):
+                self._catches[node.children[-1] : self._ends[uid]] = [uid] * (
+                    self._ends[uid] - node.children[-1]
+                )
         self._thresholds = [(count, count), *map(_thresholds, nodes)]
         # The tags of leaves that were RUNNING when something else changed.
         self._lasting: set[str] = set()
+        self._threads = self._find_threads()
         self._begin()
 
     def _begin(self) -> None:
@@ -132,9 +150,13 @@ class TickFinder:
         self._since, self._started, self._ended = [0] * count, [0] * count, [0] * count
         # The index at which a node was halted; some controls halt themselves before they end.
         self._rested = [-1] * count
+        # The tick in which it was last reset.
+        self._reset = [0] * count
         self._outcomes = [IDLE] * count
         # The RUNNING nodes that were skipped.
         self._passed_over: set[int] = set()
+        # The TryCatch nodes that are being halted, and tick their last child for that.
+        self._catching: set[int] = set()
         self._open: set[int] = set()
         self._tick = 0
         self._next_tick()
@@ -182,7 +204,7 @@ class TickFinder:
                 first, is_over = index, False
                 self._next_tick()
             if status != IDLE:
-                rest = -1
+                rest = rest if self._catches[uid] else -1
             elif rest < 0 and not self._left:
                 rest = index
             was = self._change(index, uid, status)
@@ -207,15 +229,17 @@ class TickFinder:
         """Return whether a change is the first of a tick."""
         if ticks := self._recording.ticks:
             return ticks[index] != ticks[index - 1]
+        if self._catches[self._recording.uids[index]] in self._catching:
+            return False
         return is_over or self._is_restart(index) or (not self._left and self._is_border(index, pause))
 
     def _is_restart(self, index: int) -> bool:
-        """Return whether a node starts that has already run in this tick, and below no control that repeats its children in a tick."""
+        """Return whether a node starts that has already run or was reset in this tick, below no control that repeats its children in a tick."""
         uid, status = self._recording.uids[index], self._recording.statuses[index]
         ends_by_halt = self._rested[uid] == index - 1 and status != RUNNING
         return (
             status != IDLE == self._statuses[uid]
-            and self._started[uid] == self._tick
+            and self._tick in (self._started[uid], self._reset[uid])
             and not ends_by_halt
             and not self._is_repeated(uid)
         )
@@ -245,6 +269,10 @@ class TickFinder:
     def _is_around(self, uid: int) -> bool:
         """Return whether a node is an ancestor of the last one that the tick has passed."""
         return uid < self._done and self._ends[uid] >= self._passed
+
+    def _is_passed(self, uid: int) -> bool:
+        """Return whether the tick has passed a node with all its descendants."""
+        return self._ends[uid] <= self._passed and not self._is_around(uid)
 
     def _is_border(self, index: int, pause: int) -> bool:
         """Return whether a change is the first of a tick, if the tree is settled."""
@@ -302,7 +330,10 @@ class TickFinder:
         return (
             self._statuses[uid] == RUNNING
             and not self._running[uid]
-            and any(self._ended[each] == self._tick for each in self._children[uid])
+            and any(
+                self._ended[each] == self._tick and self._since[each] > self._since[uid]
+                for each in self._children[uid]
+            )
         )
 
     def _continues(self, uid: int) -> bool:
@@ -319,13 +350,19 @@ class TickFinder:
         """Return whether a change begins the halt of a child by a node that has returned RUNNING in this tick."""
         uids, statuses, done = self._recording.uids, self._recording.statuses, self._done
         first = uids[index]
-        while index < len(uids) and statuses[index] == IDLE:
+        while index < len(uids) and (statuses[index] == IDLE or self._is_caught(index)):
             index += 1
         if index == len(uids) or not 0 < uids[index] <= len(self._nodes):
             return False
         then = uids[index]
+        if (
+            statuses[index] in (SUCCESS, FAILURE)
+            and self._is_passed(then)
+            and then < first < self._ends[then]
+        ):
+            return True  # a node that the tick has passed cannot end in it
         if statuses[index] == FAILURE and self._limits[then] and then < first < self._ends[then]:
-            return done > then
+            return self._passed > then and self._statuses[then + 1] == RUNNING
         # The last node that has returned is ticked again.
         is_inside = done < first < self._ends[done] and done < then < self._ends[done]
         return self._statuses[done] == RUNNING and is_inside
@@ -358,14 +395,50 @@ class TickFinder:
     def _halted_with(self, index: int) -> list[int]:
         """Return the changes of a halt, of which the last one is known: nodes are halted in post-order."""
         uids, statuses, ends = self._recording.uids, self._recording.statuses, self._ends
-        limit, found = self._parents[uids[index]], [index]
+        limit, found, caught = self._parents[uids[index]], [index], 0
+        halted = {uids[index]}
         while index := index - 1:
             uid, later = uids[index], uids[index + 1]
-            is_inside = limit < uid < ends[limit] and statuses[index] == IDLE
-            if not (is_inside and self._is_in_post_order(uid, later)) or uids[index - 1] == uid:
+            if not limit < uid < ends[limit] or (uids[index - 1] == uid and statuses[index] == IDLE):
                 break
+            if self._catches[uid] in halted:
+                caught = len(found) + 1
+            elif statuses[index] != IDLE or not (caught == len(found) or self._is_in_post_order(uid, later)):
+                break
+            halted.add(uid)
             found.append(index)
+        if caught and caught == len(found):
+            # Before the catching child, a halt resets the child that runs: this one was ticked before.
+            while len(found) > 1 and self._catches[uids[found[-1]]]:
+                found.pop()
         return found[::-1]
+
+    def _is_caught(self, index: int) -> bool:
+        """Return whether a change is of a node that a TryCatch ticks when it is halted."""
+        uid = self._recording.uids[index]
+        return uid <= len(self._nodes) and bool(self._catches[uid])
+
+    def _find_threads(self) -> list[bool]:
+        """Return for each node whether it can be a leaf with its own thread, which always starts as RUNNING."""
+        recording, count = self._recording, len(self._nodes)
+        uids, times = recording.uids, recording.times
+        lasting, excluded, was = set[str](), set[str](), [IDLE] * (count + 1)
+        for index, (uid, status) in enumerate(zip(uids, recording.statuses, strict=True)):
+            if not 0 < uid <= count:
+                continue
+            if was[uid] == IDLE and status > RUNNING:
+                excluded.add(self._nodes[uid - 1].tag)
+            elif (
+                status == RUNNING
+                and index + 1 < len(uids)
+                and (uids[index + 1] != uid or times[index + 1] - times[index] >= _PAUSE_USEC)
+            ):
+                lasting.add(self._nodes[uid - 1].tag)
+            was[uid] = status
+        possible = {
+            tag for tag in lasting - excluded if not (language_variants(tag) or palettes_containing(tag))
+        }
+        return [False, *(not node.children and node.tag in possible for node in self._nodes)]
 
     def _is_in_post_order(self, uid: int, later: int) -> bool:
         return later <= uid < self._ends[later] if uid >= later else self._ends[uid] <= later
@@ -389,7 +462,10 @@ class TickFinder:
             if not 0 < uid <= count:
                 continue
             for parent in [each for each in held if self._shows_end(index, uids[held[each]])] if held else ():
-                if self._was_noticed(index, parent, statuses[held[parent]]):
+                is_same = self._is_passed_over(held[parent]) and self._is_close(held[parent], index)
+                if is_same and statuses[index] != IDLE:
+                    continue
+                if not is_same and self._was_noticed(index, parent, statuses[held[parent]]):
                     moved.setdefault(index, []).append(held[parent])
                 del held[parent]
             parent, status = self._parents[uid], statuses[index]
@@ -399,14 +475,14 @@ class TickFinder:
                 and uids[index + 1 : index + 2] != array("H", [uid])
             ):
                 self._lasting.add(self._nodes[uid - 1].tag)
-            has_ended = was[uid] == RUNNING and status in (SUCCESS, FAILURE) and not self._children[uid]
+            has_ended = was[uid] == RUNNING and status in (SUCCESS, FAILURE) and self._threads[uid]
             was[uid] = status
             is_last = index + 1 == len(uids)
             if (
                 has_ended
                 and not is_last
-                and self._must_continue(parent, was)
-                and not self._shows_end(index + 1, uid)
+                and self._must_continue(index, parent, was)
+                and (self._is_passed_over(index) or not self._shows_end(index + 1, uid))
             ):
                 held[parent] = index
                 left_out.add(index)
@@ -425,10 +501,25 @@ class TickFinder:
                 ordered.add(recording.times[index], uid, recording.statuses[index])
         recording.times, recording.uids, recording.statuses = ordered.times, ordered.uids, ordered.statuses
 
-    def _must_continue(self, parent: int, statuses: Sequence[int]) -> bool:
+    def _is_close(self, index: int, later: int) -> bool:
+        """Return whether two changes are so close that a thread has written the first one during the tick of the other."""
+        return self._recording.times[later] - self._recording.times[index] < _LEAST_USEC
+
+    def _is_passed_over(self, index: int) -> bool:
+        """Return whether a Parallel had ticked a leaf, and then a later child, before the leaf ended."""
+        uids, leaf = self._recording.uids, self._recording.uids[index]
+        parent = self._parents[leaf]
+        is_later = index > 0 and leaf < uids[index - 1] < self._ends[parent]
+        return is_later and self._rules[parent] is WaitRule.PARALLEL and self._is_close(index - 1, index)
+
+    def _must_continue(self, index: int, parent: int, statuses: Sequence[int]) -> bool:
         """Return whether a parent continues, or ends, in the tick in which it processes the end of a child."""
-        if self._rules[parent] in (WaitRule.FREE, WaitRule.PARALLEL):
-            return self._rules[parent] is WaitRule.PARALLEL
+        if self._rules[parent] is WaitRule.FREE:
+            return False
+        if self._rules[parent] is WaitRule.PARALLEL:
+            found = [statuses[each] for each in self._children[parent]]
+            has_decided = RUNNING not in found or self._is_decided(parent, found)
+            return has_decided or self._is_passed_over(index)
         # Only a control that ticks its children in order can run several at once, and then need not continue.
         is_in_order = self._nodes[parent - 1].bound.spec.semantics.order is Order.IN_ORDER
         return not (is_in_order and any(statuses[each] == RUNNING for each in self._children[parent]))
@@ -461,6 +552,10 @@ class TickFinder:
     def _change(self, index: int, uid: int, status: int) -> int:
         """Process a change of a node; return its status before."""
         parent = self._parents[uid]
+        if status == IDLE:
+            self._catching.discard(uid)
+        elif self._catches[uid] == parent and self._is_catching(index, parent):
+            self._catching.add(parent)
         if status != IDLE:
             self._visit(uid, status)
             if self._passed_over:
@@ -474,11 +569,18 @@ class TickFinder:
             self._started[uid] = self._tick
         if was == RUNNING and status == IDLE:
             self._rested[uid] = index
+        if status == IDLE:
+            self._reset[uid] = self._tick
         if status in (SUCCESS, FAILURE):
             self._ended[uid], self._outcomes[uid] = self._tick, status
         self._settle(uid)
         self._settle(parent)
         return was
+
+    def _is_catching(self, index: int, uid: int) -> bool:
+        """Return whether a TryCatch is being halted: it has reset a running child before it ticks the last one."""
+        before = self._recording.uids[index - 1]
+        return uid > 0 and self._parents[before] == uid and self._rested[before] == index - 1
 
     def _find_skipped(self, index: int, uid: int, status: int) -> None:
         """Find the controls that were skipped: they seem to run without a RUNNING child, but the tick has left them for a node."""
@@ -494,7 +596,10 @@ class TickFinder:
                 if not each <= uid < self._ends[each]
                 and self._statuses[each] == RUNNING
                 and not self._running[each]
-                and self._rules[each] not in (WaitRule.REACTIVE, WaitRule.PARALLEL)
+                and (
+                    self._rules[each] not in _TOGETHER
+                    or not any(map(self._statuses.__getitem__, self._children[each]))
+                )
             ]
             is_found = bool(left)
             for each in left:
@@ -532,19 +637,26 @@ class TickFinder:
         running, rule = self._running[uid], self._rules[uid]
         if self._statuses[uid] != RUNNING:
             return not running
-        if rule is WaitRule.FREE or (running and rule not in (WaitRule.REACTIVE, WaitRule.PARALLEL)):
+        if rule is WaitRule.FREE:
             return True
-        below = self._children[uid]
-        found = [self._statuses[each] for each in below]
-        if rule in (WaitRule.WAITS, WaitRule.LATER):
-            return not any(found) and self._is_waiting(below[0], uid)
+        found = [self._statuses[each] for each in self._children[uid]]
+        if self._nodes[uid - 1].tag in _CHOOSING and found[0] in (SUCCESS, FAILURE):
+            return found[1 if found[0] == SUCCESS else -1] == RUNNING
         if rule is WaitRule.REACTIVE:
             return running == 1 and found.count(IDLE) == len(found) - 1 and not self._has_decided(uid)
         if rule is WaitRule.PARALLEL:
             return bool(running) and self._is_below_thresholds(uid, found)
+        return bool(running) or self._is_pausing(uid, found)
+
+    def _is_pausing(self, uid: int, found: Sequence[int]) -> bool:
+        """Return whether a node without a RUNNING child may have returned RUNNING, given the statuses of its children."""
+        rule, below = self._rules[uid], self._children[uid]
+        if rule in (WaitRule.WAITS, WaitRule.LATER):
+            return not any(found) and self._is_waiting(below[0], uid)
         is_settled = False
         if rule is WaitRule.TURNS:
-            is_settled = found == [IDLE] and self._is_quick(below[0], uid)
+            is_settled = found == [IDLE] and self._since[below[0]] > self._since[uid]
+            is_settled = is_settled and self._is_quick(below[0], uid)
         elif rule is WaitRule.STEPS:
             ended = [each for each, status in zip(below, found, strict=True) if status != IDLE]
             is_settled = bool(ended) and ended[-1] != below[-1] and self._is_quick(ended[-1], uid)
@@ -573,16 +685,17 @@ class TickFinder:
 
     def _is_below_thresholds(self, uid: int, found: list[int]) -> bool:
         """Return whether a Parallel has ticked all children without reaching a threshold."""
-        successes, failures = self._thresholds[uid]
-        failed = found.count(FAILURE)
-        if found.count(SUCCESS) >= successes or failed >= failures:
-            return False
-        if successes <= len(found) < successes + failed:
-            return False
-        return all(
+        return not self._is_decided(uid, found) and all(
             status != IDLE or self._skippable[each]
             for each, status in zip(self._children[uid], found, strict=True)
         )
+
+    def _is_decided(self, uid: int, found: Sequence[int]) -> bool:
+        """Return whether the statuses of a Parallel's children reach a threshold, or no threshold can be reached."""
+        successes, failures = self._thresholds[uid]
+        failed = found.count(FAILURE)
+        is_reached = found.count(SUCCESS) >= successes or failed >= failures
+        return is_reached or successes <= len(found) < successes + failed
 
     def _is_quick(self, uid: int, parent: int) -> bool:
         """Return whether a node has started and ended in the current tick, so that its parent continues in the next one."""
@@ -640,6 +753,11 @@ def _repeats(node: RunNode) -> bool:
     means = node.bound.spec.semantics
     is_unknown = means.possible is None and bool(node.children)
     return is_unknown or means.resumes or means.rounds is not None
+
+
+def _ticks_when_halted(node: RunNode) -> bool:
+    """Return whether a TryCatch ticks its last child when it is halted."""
+    return node.bound.element.attributes.get("catch_on_halt", "false").lower() not in ("false", "0")
 
 
 def _thresholds(node: RunNode) -> tuple[int, int]:

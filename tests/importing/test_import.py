@@ -62,6 +62,28 @@ def test_a_run_of_the_cpp_library_conforms_to_the_tree_in_its_log(log, tmp_path,
     assert (status, "conforms: it is a possible run of the tree" in said) == (0, True), said
 
 
+@pytest.mark.parametrize(
+    ("log", "assumption"),
+    [
+        ("1096", ", if Thread is a ThreadedAction, which ignores its conditions and scripts"),
+        ("coroutine", ", if Coro is a CoroActionNode, which evaluates _while only at its start"),
+        ("1058", ""),
+    ],
+)
+def test_the_class_of_a_leaf_is_assumed_only_if_the_run_does_not_conform_otherwise(
+    log, assumption, tmp_path, capsys
+):
+    journal = import_log(Path(f"tests/importing/logs/{log}.btlog"), tmp_path)
+    _, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
+    assert f"conforms: it is a possible run of the tree{assumption}\n" in said
+
+
+def test_the_palette_of_the_release_whose_ports_are_in_the_log_is_used(tmp_path, capsys):
+    # RoundRobin has wrap_around since Nav2's main.
+    words = ["import", "tests/importing/logs/1001.btlog", "-o", tmp_path / "j"]
+    assert "--model nav2:main" in answer(journal_command, words, capsys)[1]
+
+
 def test_the_failed_leaf_is_named_first_with_the_chain_and_the_smallest_change(tmp_path, capsys):
     journal = import_log(FAILED, tmp_path)
     status, said = answer(journal_command, ["why", journal], capsys)
