@@ -70,4 +70,4 @@ def proposal(
         return {**proposed, "is_proved": False, "why": f"no property could be decided: {error}"}
     if Fingerprint.from_tree(tree, tree_id, params, properties) != now:
         raise ApprovalError("a file of parameters or properties has changed during the proof. Start over")
-    return {**proposed, "is_proved": verification.proved, "proofs": verification_data(verification)}
+    return {**proposed, "is_proved": verification.is_proved, "proofs": verification_data(verification)}

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
-from sar_compiler.analysis.leaf_vocabulary import LeafVocabulary, report_script, unknown_names, word
+from sar_compiler.analysis.leaf_vocabulary import LeafVocabulary, parse_word, report_script, unknown_names
 from sar_compiler.analysis.simulated_tree import (
     Assumptions,
     SimulatedTree,
@@ -116,7 +116,7 @@ def _read_answers(value: Value, words: LeafVocabulary) -> dict[str, tuple[Answer
         leaves = words.find(key)
         specs = list({id(spec): spec for spec in map(words.spec, leaves)}.values())
         kept = [item for item in inner.listed if "answer" in item.mapping]
-        options = [_answer(words.document, item, specs) for item in inner.listed if item not in kept]
+        options = [_parse_outcome(words.document, item, specs) for item in inner.listed if item not in kept]
         declared = _declared_outcomes(words, key, kept, leaves, specs) if kept else ()
         found = tuple(dict.fromkeys((*declared, *(option for option in options if option is not None))))
         _check_probabilities(words.document, inner, found)
@@ -143,7 +143,7 @@ def _declared_outcomes(
         for part in item.mapping.keys() & {"status", "label", "when", "then"}:
             message = f"'answer' refers to a declared outcome, which has its own '{part}'"
             words.document.report("conflicting-keys", message, item.mapping[part])
-        name = words.answer(item.mapping["answer"], leaves)
+        name = words.parse_outcome(item.mapping["answer"], leaves)
         for place, answer in enumerate(answers):
             if name is not None and name in (answer.label, answer.status):
                 if place in said:
@@ -216,10 +216,10 @@ def check_answers(value: Value | None, words: LeafVocabulary) -> None:
                         )
 
 
-def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answer | None:
-    outcomes = [status for status in STATUSES if all(_can(spec, status) for spec in specs)]
+def _parse_outcome(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answer | None:
+    outcomes = [status for status in STATUSES if all(_can_return(spec, status) for spec in specs)]
     parts = value.mapping or {"status": value}
-    status = word(document, parts["status"], outcomes, "the status of an outcome")
+    status = parse_word(document, parts["status"], outcomes, "the status of an outcome")
     label, when, then = (
         parts[part].text or "" if part in parts else "" for part in ("label", "when", "then")
     )
@@ -228,7 +228,7 @@ def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answ
     return answer if status is not None and usable else None
 
 
-def _can(spec: NodeSpec, status: str) -> bool:
+def _can_return(spec: NodeSpec, status: str) -> bool:
     """Return whether a leaf can return `status`; a leaf without declared outcomes can return any default."""
     return status in (spec.outcomes or ("SUCCESS", "FAILURE", "RUNNING"))
 

@@ -67,7 +67,7 @@ class SearchBudget:
             now = time.process_time()
             self._end_of_share = now + (self._end - now) / trees
 
-    def take(self, work: int) -> bool:
+    def charge(self, work: int) -> bool:
         """Charge `work` to the budget; return False if the budget is exhausted."""
         if self._share is not None and self.spent + work > self._share:
             self.is_limited = True
@@ -105,7 +105,7 @@ class _Raised(NamedTuple):
 def can_prepare(binding: Binding, budget: SearchBudget) -> bool:
     """Charge the preparation of a tree to the budget; return whether it was enough."""
     nodes = check_size_limits(binding.main, FindingCollector())
-    return nodes is not None and budget.take(nodes * _PREPARING)
+    return nodes is not None and budget.charge(nodes * _PREPARING)
 
 
 def findings_of_runs(
@@ -134,14 +134,14 @@ def findings_of_runs(
     def place_of(error: Exception) -> tuple[str, Span] | None:
         if doubts.is_doubtful(error):
             return None
-        place = _place(error, binding)
+        place = _faulty_node(error, binding)
         if mistaken.explains(place, getattr(error, "attribute", "") or getattr(error, "port", "")):
             return None
         return place.element.source.path, _span(error, place)
 
     described = {bound.name for bound in binding.nodes() if bound.spec.is_only_described}
     found = []
-    for raised in _search(stepper.steps, lambda: budget.take(cost), place_of):
+    for raised in _search(stepper.steps, lambda: budget.charge(cost), place_of):
         ticks = [
             [event for event in stepper.play(state, wanted).events if event.answer]
             for state, wanted in raised.ticks
@@ -149,7 +149,7 @@ def findings_of_runs(
         is_sure = not simulated.by_semantics and not any(
             event.leaf in described for events in ticks for event in events
         )
-        place = _place(raised.error, binding)
+        place = _faulty_node(raised.error, binding)
         told = f"{simulated.explain(raised.error)} ({_run_text(ticks)})"
         severity = Severity.ERROR if is_sure else Severity.WARNING
         source, span = place.element.source, _span(raised.error, place)
@@ -183,7 +183,7 @@ def _search(
             if steps.error is not None:
                 place = place_of(steps.error)
                 if place is not None and place not in found:
-                    ticks = [*_way(origins, state), (state, _has_path(steps.path()))]
+                    ticks = [*_path_to_state(origins, state), (state, _has_path(steps.path()))]
                     found[place] = _Raised(steps.error, ticks)
             elif steps.state is not None and steps.state not in origins:
                 origins[steps.state] = state
@@ -191,7 +191,9 @@ def _search(
     return [*found.values()]
 
 
-def _way(origins: dict[bytes, bytes | None], state: bytes) -> list[tuple[bytes, Callable[[TickSteps], bool]]]:
+def _path_to_state(
+    origins: dict[bytes, bytes | None], state: bytes
+) -> list[tuple[bytes, Callable[[TickSteps], bool]]]:
     way: list[tuple[bytes, Callable[[TickSteps], bool]]] = []
     before = origins[state]
     while before is not None:
@@ -247,7 +249,7 @@ def _empty_keys(error: BaseException | None) -> Iterator[str]:
         error = error.__cause__
 
 
-def _place(error: Exception, binding: Binding) -> BoundNode:
+def _faulty_node(error: Exception, binding: Binding) -> BoundNode:
     for name in (getattr(error, "node", None), *_names_of_raising(error)):
         if isinstance(name, LocatedName):
             return name.bound
@@ -293,7 +295,7 @@ class FaultyAttributes:
         self._attributes = {
             (bound, attribute) for bound in self._trees for attribute in _attributes_of(bound, told)
         }
-        self._keys = {key for place in self._attributes for key in self._written(*place)}
+        self._keys = {key for place in self._attributes for key in self._written_attributes(*place)}
         links = [*self._links()]
         before = -1
         while before != len(self._keys):  # a subtree of a subtree receives it from there
@@ -306,7 +308,7 @@ class FaultyAttributes:
             (tree, key) in self._keys for tree, key, _ in self._accesses(bound, attribute)
         )
 
-    def _written(self, bound: BoundNode, attribute: str) -> Iterator[tuple[BoundTree, str]]:
+    def _written_attributes(self, bound: BoundNode, attribute: str) -> Iterator[tuple[BoundTree, str]]:
         if bound.subtree is not None and attribute in bound.remapping.constants:
             yield bound.subtree, attribute
         yield from ((tree, key) for tree, key, kind in self._accesses(bound, attribute) if kind in _WRITING)

@@ -12,7 +12,12 @@ from itertools import islice, takewhile
 from operator import and_, or_
 from typing import NamedTuple
 
-from sar_compiler.analysis.runtime_monitor import RuntimeMonitor, WatchAlarm, describe_condition, undeclared
+from sar_compiler.analysis.runtime_monitor import (
+    RuntimeMonitor,
+    WatchAlarm,
+    describe_condition,
+    describe_undeclared_outcome,
+)
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.searching import Judgement
 from sar_compiler.analysis.stub_leaf import StubLeaf
@@ -160,9 +165,9 @@ def conform(
     if lost is None:
         judged.conclude(is_over=is_over)
     elif file is not None:
-        judged.go_on(RuntimeMonitor(recorded.tree_at_start(), file, tags), lost, is_over=is_over)
-    misfit = None if lost is None else recorded.misfit(lost)
-    return Conformance(ticks, misfit, judged.found(), properties.left_out)
+        judged.evaluate_rest(RuntimeMonitor(recorded.tree_at_start(), file, tags), lost, is_over=is_over)
+    misfit = None if lost is None else recorded.first_impossible_event(lost)
+    return Conformance(ticks, misfit, judged.results(), properties.left_out)
 
 
 class _LastTickReader(TickSource):
@@ -214,12 +219,12 @@ class _ReplayedRun:
         if known is None:
             known = self.runs.stepper.judgement(state)
             if known.is_open:
-                idle = all(way.state == state for way in self.runs.ways(state))
+                idle = all(way.state == state for way in self.runs.possible_ticks(state))
                 known = self.runs.stepper.judgement(state, idle=idle)
             self._judged[state] = known
         return known
 
-    def place(self, number: int) -> str:
+    def node_location(self, number: int) -> str:
         """Return the location of a node, `file:line:column`."""
         behaviour = self.runs.stepper.flat.nodes[number].behaviour
         element = self._simulated.compiled.origins[behaviour.id].bound.element
@@ -260,7 +265,7 @@ class _ReplayedRun:
             )
         )
 
-    def misfit(self, lost: LostTick) -> ImpossibleEvent:
+    def first_impossible_event(self, lost: LostTick) -> ImpossibleEvent:
         """Return the first impossible event of a tick."""
         noted = self._recorded_outcomes(lost)
         tried = [
@@ -276,7 +281,7 @@ class _ReplayedRun:
             number, said, possible, why = self._missing_answer(lost, best)
         run = self.led_to(lost.number, number)
         listed = tuple(dict.fromkeys(possible))
-        return ImpossibleEvent(lost.number, lost.time_sec, said, self.place(number), listed, why, run)
+        return ImpossibleEvent(lost.number, lost.time_sec, said, self.node_location(number), listed, why, run)
 
     def _wrong_answer(
         self, noted: Sequence[Event], most: int, best: "Sequence[_Attempt]"
@@ -300,7 +305,12 @@ class _ReplayedRun:
         attempt, place = own[0]
         self.runs.restore_before(attempt.state, attempt.way, place)
         possible = [event_text(each.way.answers[place]) for each, place in own]
-        return event.number, event_text(event), possible, _why(self._leaves[event.number], event)
+        return (
+            event.number,
+            event_text(event),
+            possible,
+            _violated_assumption(self._leaves[event.number], event),
+        )
 
     def _missing_answer(self, lost: LostTick, best: "Sequence[_Attempt]") -> tuple[int, str, list[str], str]:
         """Return the description of an event that is missing in the record."""
@@ -316,7 +326,12 @@ class _ReplayedRun:
                 return number, f"no outcome of {missing.leaf}", possible, ""
             again = missing._replace(status=was, label=told.labels.get(number) or "")
             self.runs.restore_before(state, way, place)
-            return number, f"{missing.leaf} still {again.answer}", possible, _why(self._leaves[number], again)
+            return (
+                number,
+                f"{missing.leaf} still {again.answer}",
+                possible,
+                _violated_assumption(self._leaves[number], again),
+            )
         if not fitting:
             return 0, f"{root} {end.status or 'did not end its tick'}", [each.next for each in best], ""
         stopped = {event.number for event in lost.events if event.what == HALTED} & self._leaves.keys()
@@ -368,11 +383,11 @@ def event_text(event: Event) -> str:
     return f"{event.leaf} {'starts' if event.what == STARTED else event.deed}"
 
 
-def _why(leaf: StubLeaf, event: Event) -> str:
+def _violated_assumption(leaf: StubLeaf, event: Event) -> str:
     """Describe the assumption that forbids an outcome now; empty if the outcome is possible."""
     known = [each for each in leaf.answers if each.status == event.status and event.label in ("", each.label)]
     if not known:
-        return f"it is assumed that {undeclared(leaf, event.status, event.label)}"
+        return f"it is assumed that {describe_undeclared_outcome(leaf, event.status, event.label)}"
     return (
         ""
         if any(map(leaf.is_possible, known))
@@ -410,9 +425,9 @@ class _PropertyEvaluation:
         self._doubted: dict[int, _Violation] = {}
         self._broken: dict[int, _Violation] = {}
         for moment in moments:
-            self._take(moment)
+            self._process_tick(moment)
 
-    def _take(self, moment: FoundTick) -> None:
+    def _process_tick(self, moment: FoundTick) -> None:
         """Process a tick."""
         some: dict[bytes, int] = {}
         each: dict[bytes, int] = {}
@@ -427,9 +442,11 @@ class _PropertyEvaluation:
             some[way.state] = some.get(way.state, 0) | self._some[state] | broken
             each[way.state] = each.get(way.state, -1) & (self._each[state] | broken)
         self._last = moment
-        self._note(some, each, events)
+        self._record_violations(some, each, events)
 
-    def _note(self, some: dict[bytes, int], each: dict[bytes, int], events: Mapping[int, Event]) -> None:
+    def _record_violations(
+        self, some: dict[bytes, int], each: dict[bytes, int], events: Mapping[int, Event]
+    ) -> None:
         """Record the properties that are violated so far."""
         self._some, self._each = some, each
         in_some, in_each = reduce(or_, some.values(), 0), reduce(and_, each.values(), -1)
@@ -453,7 +470,7 @@ class _PropertyEvaluation:
             broken = {state: each.broken for state, each in ends.items()}
             some = {state: self._some[state] | broken[state] for state in states}
             each = {state: self._each[state] | broken[state] for state in states}
-            self._note(some, each, {})
+            self._record_violations(some, each, {})
         pending = [self._compared_run.judgement(state).pending for state in self._some]
         self._open = reduce(or_, pending, 0)
         if not self._has_ended:
@@ -465,20 +482,20 @@ class _PropertyEvaluation:
         count = self._properties.rules.monitors.count
         return (1 << len(self._properties.names)) - (1 << count)
 
-    def go_on(self, watch: RuntimeMonitor, lost: LostTick, *, is_over: bool) -> None:
+    def evaluate_rest(self, watch: RuntimeMonitor, lost: LostTick, *, is_over: bool) -> None:
         """Evaluate the rest of a run that the tree cannot reproduce, from its events alone."""
         times, names = {}, self._properties.names
         for tick in ticks_of(self._compared_run.record):
             times[tick[-1].tick] = tick[-1].time_sec or 0.0
             for event in tick:
-                watch.take(event)
+                watch.process_event(event)
         watch.conclude(is_over=is_over)
         for alarm in watch.alarms:
             if alarm.cause.is_broken and alarm.tick >= lost.number:
                 led = None if alarm.number is None else self._event_of(alarm)
                 breakage = _Violation(alarm.tick, times.get(alarm.tick, 0.0), led, by_events=True)
                 self._broken.setdefault(names.index(alarm.about), breakage)
-        self._open = sum(1 << names.index(name) for name in watch.owed)
+        self._open = sum(1 << names.index(name) for name in watch.pending_properties)
         if not is_over:
             self._open |= self._at_end
 
@@ -490,11 +507,11 @@ class _PropertyEvaluation:
         )
         return next((each for each in said if event_text(each) == alarm.event), None)
 
-    def found(self) -> tuple[RecordedProperty, ...]:
+    def results(self) -> tuple[RecordedProperty, ...]:
         """Return the result of each property."""
-        return tuple(self._fate(rule, name) for rule, name in enumerate(self._properties.names))
+        return tuple(self._property_result(rule, name) for rule, name in enumerate(self._properties.names))
 
-    def _fate(self, rule: int, name: str) -> RecordedProperty:
+    def _property_result(self, rule: int, name: str) -> RecordedProperty:
         breakage, fate = self._broken.get(rule), PropertyResult.BROKEN
         if breakage is None:
             breakage, fate = self._doubted.get(rule), PropertyResult.IN_DOUBT
@@ -504,7 +521,7 @@ class _PropertyEvaluation:
             )
         tick, time_sec, event, by_events = breakage
         number = None if event is None else event.number
-        place = "" if number is None else self._compared_run.place(number)
+        place = "" if number is None else self._compared_run.node_location(number)
         said = "" if event is None else event_text(event)
         run = self._compared_run.led_to(tick, number)
         return RecordedProperty(name, fate, tick, time_sec, said, place, by_events, run)

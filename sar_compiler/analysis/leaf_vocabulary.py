@@ -23,7 +23,7 @@ from sar_compiler.tree.guessing import nearest
 _DURATION = require_value_type(timedelta)
 
 
-def word(document: Document, value: Value, known: Iterable[str], what: str) -> str | None:
+def parse_word(document: Document, value: Value, known: Iterable[str], what: str) -> str | None:
     """Return the text of a scalar that must be one of some words; report any other value."""
     words = list(known)
     if value.text in words:
@@ -215,19 +215,19 @@ class LeafVocabulary:
         """Return the specification of a leaf from the registry or a model."""
         return self._origins[leaf.id].bound.spec
 
-    def named(self, key: str) -> tuple[StubLeaf, ...]:
+    def leaves_for_key(self, key: str) -> tuple[StubLeaf, ...]:
         """Return the leaves that a key names: a path, a name or a tag."""
         return tuple(leaf for leaf in self.leaves if match_rank(key, leaf.path, leaf.tag))
 
     def find(self, value: Value) -> tuple[StubLeaf, ...]:
         """Return the leaves that a value names; report a value that names none."""
         key = value.text or ""
-        found = self.named(key)
+        found = self.leaves_for_key(key)
         if not found:
             self._report_unknown(value, key)
         return found
 
-    def answer(self, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
+    def parse_outcome(self, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
         """Return a label or a status that all of some leaves can return; report any other value."""
         text, known = value.text or "", answer_words(leaves)
         if text not in known:
@@ -257,16 +257,16 @@ class LeafVocabulary:
             )
         return None if found else condition
 
-    def deed(self, value: Value) -> EventPattern | None:
+    def parse_event(self, value: Value) -> EventPattern | None:
         """Return the events that a string names; report a string that names none."""
         text = value.text or ""
         words = text.split(" ")
         for count in range(len(words) - 1, 0, -1):
             key, rest = " ".join(words[:count]), " ".join(words[count:])
-            leaves = self.named(key)
+            leaves = self.leaves_for_key(key)
             if leaves:
-                return self._of(value, leaves, (text, rest))
-        known = self.named(text)
+                return self._events_of_leaves(value, leaves, (text, rest))
+        known = self.leaves_for_key(text)
         if known:
             message = f"'{text}' is a leaf. Add its event"
             self.document.report("wrong-value", message, value, hint=f"write {text} {answer_words(known)[0]}")
@@ -274,7 +274,9 @@ class LeafVocabulary:
             self._report_unknown(value, words[0])
         return None
 
-    def _of(self, value: Value, leaves: tuple[StubLeaf, ...], texts: tuple[str, str]) -> EventPattern | None:
+    def _events_of_leaves(
+        self, value: Value, leaves: tuple[StubLeaf, ...], texts: tuple[str, str]
+    ) -> EventPattern | None:
         text, rest = texts
         if rest in _DEEDS:
             return EventPattern(text, leaves, _DEEDS[rest])

@@ -72,7 +72,7 @@ class NumberedBoard(Board):
         """Merge some values, beginning with the current ones."""
         self.merging = merging
         for name in self.names():
-            self._put(name, self._content_of(name))
+            self._store(name, self._content_of(name))
 
     def has(self, name: str) -> bool:
         """Return whether there is an entry with an absolute name."""
@@ -97,19 +97,19 @@ class NumberedBoard(Board):
     def set(self, name: str, value: object) -> None:
         """Write an entry, which is created if missing."""
         held = self._content_of(name)
-        self._put(name, held._replace(frozen=self._freeze(name, value), stamp=self._next_stamp(name)))
+        self._store(name, held._replace(frozen=self._freeze(name, value), stamp=self._next_stamp(name)))
 
     def declare(self, name: str, kind: type | None) -> None:
         """Declare an entry, which stays empty until it is written; its first type is kept."""
         held = self._content_of(name)
         if held.kind is None:
-            self._put(name, held._replace(kind=(kind,)))
+            self._store(name, held._replace(kind=(kind,)))
 
-    def settle(self, name: str, kind: type) -> None:
+    def set_kind(self, name: str, kind: type) -> None:
         """Set the type of an entry that has none of its own."""
         held = self._content_of(name)
         if held.kind in (None, (None,)):
-            self._put(name, held._replace(kind=(kind,)))
+            self._store(name, held._replace(kind=(kind,)))
 
     def is_declared(self, name: str) -> bool:
         """Return whether an entry is declared."""
@@ -122,7 +122,7 @@ class NumberedBoard(Board):
 
     def remove(self, name: str) -> None:
         """Remove an entry if it exists, and forget its type."""
-        self._put(name, _NOTHING)
+        self._store(name, _NOTHING)
 
     def stamp(self, name: str) -> int:
         """Return the number of writes of an entry, if that is monitored; 0 if it does not exist."""
@@ -137,13 +137,13 @@ class NumberedBoard(Board):
         """Set the number of writes of an entry, if it exists."""
         held = self._content_of(name)
         if held.stamp not in (0, stamp):
-            self._put(name, held._replace(stamp=stamp))
+            self._store(name, held._replace(stamp=stamp))
 
     def _content_of(self, name: str) -> EntryContent:
         held: EntryContent | None = self.cells.content(self.cells.place_of(name))
         return held or _NOTHING
 
-    def _put(self, name: str, content: EntryContent) -> None:
+    def _store(self, name: str, content: EntryContent) -> None:
         place = self.cells.place_of(name)
         self.cells.lent.pop(place, None)
         if self.merging and content.frozen is not None and name in self.merging.values:

@@ -112,7 +112,7 @@ class _HeldCondition:
         self._holds, self._tell = holds, tell
         self.held = False
 
-    def take(self) -> None:
+    def evaluate(self) -> None:
         """Check whether it holds."""
         try:
             self.held = self._holds()
@@ -170,14 +170,14 @@ class RuntimeMonitor:
             event: [self._guard_state(event, each) for each in some] for event, some in rules.guarded.items()
         }
         monitors = rules.monitors
-        self._trail = Trail(guarded, monitors.heard, monitors.after, EntryCells())
+        self._trail = Trail(guarded, monitors.relevant_events, monitors.next_state, EntryCells())
         self._trail.begin(0)
         self._tick, self._root = 1, ""
         # The last events that properties receive, and the last others, each with its position in the run.
         self._heard: deque[tuple[int, WatchedEvent]] = deque(maxlen=_MOST_TOLD)
         self._others: deque[tuple[int, WatchedEvent]] = deque(maxlen=_MOST_TOLD)
         self._count = 0
-        self._hears = monitors.heard.union(rules.guarded)
+        self._hears = monitors.relevant_events.union(rules.guarded)
         # For each leaf: its last event, and the tick of that.
         self._last: dict[int, tuple[str, int]] = {}
         self._spending = LimitUse(
@@ -185,14 +185,14 @@ class RuntimeMonitor:
         )
 
     @property
-    def remembered(self) -> int:
-        """The state of the properties as a number, which determines `owed`."""
+    def state_number(self) -> int:
+        """The state of the properties as a number, which determines `pending_properties`."""
         return self._trail.watched
 
     @property
-    def owed(self) -> list[str]:
+    def pending_properties(self) -> list[str]:
         """The names of the properties that still require an event."""
-        owed = self.properties.rules.monitors.owed(self._trail.watched)
+        owed = self.properties.rules.monitors.pending_monitors(self._trail.watched)
         return [name for number, name in enumerate(self.properties.names) if owed >> number & 1]
 
     def _guard_state(self, event: int, guard: Guarded) -> Guarded:
@@ -201,7 +201,7 @@ class RuntimeMonitor:
         self._looks.setdefault(leaf.number, []).append(look)
         return replace(guard, holds=lambda: look.held)
 
-    def take(self, event: Event) -> None:
+    def process_event(self, event: Event) -> None:
         """Process an event of a run that is read or replayed."""
         if event.what == TICKED:
             self.end_tick(event.status)
@@ -224,7 +224,7 @@ class RuntimeMonitor:
     def looks(self, number: int) -> None:
         """Evaluate the conditions on a leaf's next event, before it changes the state."""
         for look in self._looks.get(number, ()):
-            look.take()
+            look.evaluate()
 
     def starts(self, number: int) -> None:
         """Process the start of a leaf."""
@@ -246,19 +246,19 @@ class RuntimeMonitor:
         if numbers is None:
             self._answers_unknown(number, status, label)
             return
-        left = self._spending.before(number, label or status)
-        self._answer(number, numbers, label or status)
-        self._spending.after(left)
+        left = self._spending.spend(number, label or status)
+        self._process_outcome(number, numbers, label or status)
+        self._spending.restore(left)
 
-    def _answer(self, number: int, numbers: Sequence[tuple[int, Answer | None]], deed: str) -> None:
+    def _process_outcome(self, number: int, numbers: Sequence[tuple[int, Answer | None]], deed: str) -> None:
         """Process a declared outcome, which may be one of several."""
         (event, answer), excluded = numbers[0], None
         if len(numbers) > 1 or (answer is not None and answer.when):
             (event, answer), excluded = self._possible(number, numbers)
-        self._note(number, deed, is_heard=event in self._hears)
+        self._add_event(number, deed, is_heard=event in self._hears)
         if excluded is not None:
             self._report_assumption(number, *excluded)
-        self._trail.take(event)
+        self._trail.add_event(event)
         if self._trail.broken:
             self._report_violation(number, deed)
         if answer is not None and answer.then:
@@ -290,12 +290,12 @@ class RuntimeMonitor:
             self._cannot_judge(str(error))
             return
         if judgement.ends:
-            self._tell(judgement.broken, "", None, judgement.pending)
+            self._add_alarm(judgement.broken, "", None, judgement.pending)
 
     def _add_leaf_event(self, number: int, what: str) -> None:
         for event, _ in self._numbers.get((number, what, "", ""), ()):
-            self._note(number, what, is_heard=event in self._hears)
-            self._trail.take(event)
+            self._add_event(number, what, is_heard=event in self._hears)
+            self._trail.add_event(event)
             if self._trail.broken:
                 self._report_violation(number, what)
 
@@ -315,13 +315,13 @@ class RuntimeMonitor:
 
     def _answers_unknown(self, number: int, status: str, label: str) -> None:
         """Process an outcome that a leaf has not declared or not identified."""
-        self._note(number, label or status)
+        self._add_event(number, label or status)
         leaf = self._leaves.get(number)
         if leaf is None:
             return
         known = [each for each in leaf.answers if each.status == status]
         if label or not known:
-            self._report_assumption(number, undeclared(leaf, status, label))
+            self._report_assumption(number, describe_undeclared_outcome(leaf, status, label))
         else:
             listed = ", ".join(dict.fromkeys(answer.name for answer in known))
             self._report_assumption(
@@ -334,7 +334,7 @@ class RuntimeMonitor:
         except StubLeafError as error:
             self._cannot_judge(str(error))
 
-    def _note(self, number: int, deed: str, *, is_heard: bool = False) -> None:
+    def _add_event(self, number: int, deed: str, *, is_heard: bool = False) -> None:
         if deed == STARTED and not is_heard:
             return
         last, self._last[number] = self._last.get(number), (deed, self._tick)
@@ -347,9 +347,9 @@ class RuntimeMonitor:
         broken, self._trail.broken = self._trail.broken, 0
         leaf = self._leaves[number]
         word = "starts" if deed == STARTED else deed
-        self._tell(broken, f"{leaf.name} {word}", number, 0)
+        self._add_alarm(broken, f"{leaf.name} {word}", number, 0)
 
-    def _tell(self, broken: int, event: str, number: int | None, owed: int) -> None:
+    def _add_alarm(self, broken: int, event: str, number: int | None, owed: int) -> None:
         for place, name in enumerate(self.properties.names):
             if broken >> place & 1 and name not in self.broken:
                 self.broken.add(name)
@@ -387,7 +387,7 @@ def _value(leaf: StubLeaf, name: str) -> str:
         return "not known"
 
 
-def undeclared(leaf: StubLeaf, status: str, label: str) -> str:
+def describe_undeclared_outcome(leaf: StubLeaf, status: str, label: str) -> str:
     """Describe the declared outcomes of a leaf that has returned a different one."""
     listed = ", ".join(dict.fromkeys(answer.name for answer in leaf.answers))
     return f"'{leaf.name}' returns {listed}, but returned {label or status}"

@@ -7,9 +7,9 @@ from pathlib import Path
 from sar_compiler.analysis.leaf_vocabulary import LeafVocabulary
 from sar_compiler.analysis.simulate.scenario_files import (
     ScenarioSimulation,
+    load_scenario,
     read_expectations,
     read_scenario,
-    understand,
 )
 from sar_compiler.analysis.simulate.scenario_run import Failure, ScenarioPlayer, ScenarioRun, failures
 from sar_compiler.analysis.trace_view import failure_line, trace
@@ -22,7 +22,7 @@ from sar_compiler.project.project_tree import ProjectTree
 
 def simulate_tree(tree: ProjectTree, script: Mapping[str, object]) -> "Simulated":
     """Return a simulated tree with a script; see `LoadedTree.simulate`."""
-    return Simulated(understand(_document(script), stage_of(tree)))
+    return Simulated(load_scenario(_document(script), stage_of(tree)))
 
 
 def play_scenario(tree: ProjectTree, scenario: str | Path) -> None:
@@ -34,7 +34,7 @@ def play_scenario(tree: ProjectTree, scenario: str | Path) -> None:
     """
     play = read_scenario(scenario, stage_of(tree))
     tree.report_warnings(play.scenario.warnings)
-    run = ScenarioPlayer(play.simulated, play.scenario).go()
+    run = ScenarioPlayer(play.simulated, play.scenario).run_to_end()
     _complain(run, failures(run), run.scenario.expect.trace)
 
 
@@ -58,7 +58,7 @@ class Simulated:
         return self.run.root
 
     @property
-    def facts(self) -> Mapping[str, object]:
+    def current_facts(self) -> Mapping[str, object]:
         """The current facts."""
         return self.run.simulated.fact_values()
 
@@ -73,7 +73,7 @@ class Simulated:
         Raises:
             AssertionError: If there is no end within the scenario's `ticks`, or a tick cannot be finished.
         """
-        run = self._simulation.go()
+        run = self._simulation.run_to_end()
         _complain(run, [failure for failure in failures(run) if failure.expected in ("run", "ends")])
         return self
 

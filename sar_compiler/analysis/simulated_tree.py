@@ -325,12 +325,12 @@ class SimulationArguments(Arguments):
         "set it: --params FILE, or parameters: {{{name}: ...}} in the scenario or the file of properties"
     )
 
-    def of(self, instance: TreeInstance, bound: BoundNode) -> dict[str, Any]:
+    def node_arguments(self, instance: TreeInstance, bound: BoundNode) -> dict[str, Any]:
         """Return the arguments of a node by parameter name."""
         if bound in self.stand_ins or bound.spec.stand_in:
             return {"name": bound.name}
         if not needs_stub(bound.spec):
-            return super().of(instance, bound)
+            return super().node_arguments(instance, bound)
         ports: dict[str, Any] = {}
         for parameter in bound.spec.ports:
             self._port(instance, bound, parameter, ports)

@@ -93,21 +93,21 @@ class FactVariables:
         if name == UNKNOWN and not self.is_fact(name):
             # A script passes it to `create` or `assign` unchanged.
             return cast("ScriptValue", UnknownValue(self._leaf))
-        return self._of(name).read(name)
+        return self._leaf_variables(name).read(name)
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
         """Write the value; create a key of the tree if the name is unknown."""
-        return self._forget(name, value) or self._of(name).create(name, value)
+        return self._write_unknown(name, value) or self._leaf_variables(name).create(name, value)
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
         """Write the value of an existing name."""
-        return self._forget(name, value) or self._of(name).assign(name, value)
+        return self._write_unknown(name, value) or self._leaf_variables(name).assign(name, value)
 
     def entry(self, name: str) -> Entry:
         """Return the entry of a name."""
-        return self._of(name).entry(name)
+        return self._leaf_variables(name).entry(name)
 
-    def facts(self, names: Iterable[str]) -> dict[str, object]:
+    def values_of(self, names: Iterable[str]) -> dict[str, object]:
         """Return the values of the facts among some names, by their board names."""
         entries = [self.entry(name) for name in names if self.is_fact(name)]
         return {entry.name.rpartition("/")[2]: entry.read() for entry in entries}
@@ -122,14 +122,14 @@ class FactVariables:
 
     def is_fact(self, name: str) -> bool:
         """Return whether a name is a fact's."""
-        return self._of(name) is self._facts
+        return self._leaf_variables(name) is self._facts
 
     @property
     def is_numbered(self) -> bool:
         """Whether the entries of facts are stored as numbers."""
         return self._scope.board.is_numbered
 
-    def quick(
+    def fast_runner(
         self, program: Program, condition: Callable[[ScriptValue], bool] | None = None
     ) -> Callable[[], Any] | None:
         """Return a fast runner for a short program on facts; None for other programs.
@@ -143,7 +143,7 @@ class FactVariables:
         usual = [partial(statement, self) for statement in program.statements]
         return compile_fast_script(program.script, self.entry, self.enums.numbers, usual, condition)
 
-    def _forget(self, name: str, value: object) -> ScriptValue | None:
+    def _write_unknown(self, name: str, value: object) -> ScriptValue | None:
         """Write an unknown value; return None for any other value."""
         if not isinstance(value, UnknownValue):
             return None
@@ -153,7 +153,7 @@ class FactVariables:
         entry.write(unknown)
         return cast("ScriptValue", unknown)
 
-    def _of(self, name: str) -> ScopeVariables:
+    def _leaf_variables(self, name: str) -> ScopeVariables:
         known = self._known.get(name)
         if known is None:
             # The names of facts are settled before the first tick.
@@ -252,7 +252,7 @@ class StubLeaf(SkippableLeaf):
         """
         answer = self.policy.choose(self, self._recall(None, self._conditions.values(), self.options))
         scripts = [self._effects[answer]] if answer in self._effects else []
-        self.events.append(self._recall(answer, scripts, partial(self._give, answer)))
+        self.events.append(self._recall(answer, scripts, partial(self._apply_outcome, answer)))
         self.feedback_message, self.answer_label = answer.name, answer.label
         return STATUSES[answer.status]
 
@@ -274,7 +274,7 @@ class StubLeaf(SkippableLeaf):
         answer: T = run() if memo is None else memo.call(run)
         return answer
 
-    def _give(self, answer: Answer) -> Event:
+    def _apply_outcome(self, answer: Answer) -> Event:
         """Apply the effects of an outcome, and return its event; an error is also an event."""
         before = self._facts_of(answer)
         try:
@@ -290,7 +290,9 @@ class StubLeaf(SkippableLeaf):
     def _facts_of(self, answer: Answer) -> dict[str, object]:
         """Return the current facts that an outcome's script uses."""
         effect = self._effects.get(answer)
-        return {} if effect is None else self.variables.facts(use.name for use in name_uses(effect.script))
+        return (
+            {} if effect is None else self.variables.values_of(use.name for use in name_uses(effect.script))
+        )
 
     def is_possible(self, answer: Answer) -> bool:
         """Return whether an outcome is possible now.
@@ -315,7 +317,7 @@ class StubLeaf(SkippableLeaf):
             return None
         wanted = self.variables, program
         if wanted not in self._quick:
-            self._quick[wanted] = self.variables.quick(program, condition)
+            self._quick[wanted] = self.variables.fast_runner(program, condition)
         return self._quick[wanted]
 
     def _unusable(self, answer: Answer, part: str, script: str, error: EvaluationError) -> StubLeafError:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from sar_compiler.analysis.leaf_vocabulary import EventPattern, LeafVocabulary
 from sar_compiler.analysis.simulate.reused_tree import ReusedTree
-from sar_compiler.analysis.simulate.scenario_files import ScenarioSimulation, ScenarioStage, understand
+from sar_compiler.analysis.simulate.scenario_files import ScenarioSimulation, ScenarioStage, load_scenario
 from sar_compiler.analysis.simulate.scenario_run import DrawnChoice, Failure, Player, ScenarioPlayer, failures
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.sweep import RunResultSample
@@ -73,7 +73,7 @@ class ScenarioRuns:
             ChangedTreeError: If the tree's files have changed since the start of the sweep.
         """
         stage = _stage(self.tree, self.content, self.additions)
-        return understand(parse_yaml(self.scenario, self.path, ""), stage)
+        return load_scenario(parse_yaml(self.scenario, self.path, ""), stage)
 
     def has_randomness(self) -> bool:
         """Return whether two runs can differ."""
@@ -93,7 +93,7 @@ class ScenarioRuns:
             return []
         document = document_from_data({"count": list(self.counted)}, "--count", "")
         words = LeafVocabulary(document, simulated)
-        found = [words.deed(item) for item in document.root.mapping["count"].listed]
+        found = [words.parse_event(item) for item in document.root.mapping["count"].listed]
         document.raise_findings()
         return [each for each in found if each is not None]
 
@@ -101,7 +101,7 @@ class ScenarioRuns:
         """Play a run, and return its player."""
         play = self.understood()
         player = ScenarioPlayer(play.simulated, replace(play.scenario, seed=seed, unusual=self.unusual))
-        player.go()
+        player.run_to_end()
         return player
 
 

@@ -70,12 +70,12 @@ def coverage_text(coverage: OutcomeCoverage) -> str:
     """Describe the nodes and outcomes that did not occur in a set of runs."""
     nodes, missed = coverage.nodes, coverage.never_ticked
     possible = sum(len(node.outcomes) for node in nodes)
-    unseen = sum(len(node.unseen) for node in nodes)
+    unseen = sum(len(node.unseen_outcomes) for node in nodes)
     seen = f"{possible - unseen} of {possible} outcomes of leaves seen"
     lines = [f"coverage: {len(nodes) - len(missed)} of {len(nodes)} nodes ticked, {seen}"]
     lines += [f"  {node.bound.element.file_and_line}: '{node.bound.name}' is never ticked" for node in missed]
-    for node in coverage.unseen:
-        what = f"has not shown {', '.join(node.unseen)}"
+    for node in coverage.nodes_with_unseen_outcomes:
+        what = f"has not shown {', '.join(node.unseen_outcomes)}"
         lines.append(f"  {node.bound.element.file_and_line}: '{node.bound.name}' {what}")
     return "\n".join(lines)
 
@@ -109,9 +109,9 @@ class _Writer:
             status = f" ({event.status})" if event.label else ""
             yield f"  {self._labels[event.number]:{self._width}}  {event.deed}{status}"
         if tick.facts:
-            yield f"  facts: {_values(_new(tick.facts))}"
+            yield f"  facts: {_values(_new_values(tick.facts))}"
         if tick.keys:
-            yield f"  keys: {_values(_new(tick.keys))}"
+            yield f"  keys: {_values(_new_values(tick.keys))}"
 
     def left_out(self, quiet: Sequence[TickRecord]) -> list[str]:
         """Return a line for ticks that only repeat events."""
@@ -141,7 +141,7 @@ def _facts_at_the_end(run: ScenarioRun) -> list[str]:
     return [f"facts at the end: {_values(facts)}"] if facts else []
 
 
-def _new(changes: Mapping[str, ValueChange]) -> Mapping[str, object]:
+def _new_values(changes: Mapping[str, ValueChange]) -> Mapping[str, object]:
     return {name: value for name, (_, value) in changes.items()}
 
 
@@ -208,7 +208,10 @@ def runs_as_json(
     if coverage is not None:
         result["coverage"] = {
             "never_ticked": [_node(each) for each in coverage.never_ticked],
-            "unseen": [{**_node(each), "outcomes": each.unseen} for each in coverage.unseen],
+            "unseen": [
+                {**_node(each), "outcomes": each.unseen_outcomes}
+                for each in coverage.nodes_with_unseen_outcomes
+            ],
         }
     return as_json(result)
 
@@ -249,8 +252,8 @@ def _tick(run: ScenarioRun, tick: TickRecord) -> dict[str, object]:
             for event in tick.events
             if event.what != TICKED
         ],
-        "facts": {name: plain(value) for name, value in _new(tick.facts).items()},
-        "keys": {name: plain(value) for name, value in _new(tick.keys).items()},
+        "facts": {name: plain(value) for name, value in _new_values(tick.facts).items()},
+        "keys": {name: plain(value) for name, value in _new_values(tick.keys).items()},
         "statuses": [{"node": names[node], "status": status} for node, status in tick.statuses.items()],
     }
 

@@ -75,7 +75,7 @@ def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Di
     executable = forest.executable
     if not executable or not any(_may_raise(each, registry) for each in forest.iterate()):
         return []
-    bound = {id(each.element): each for each in tree.context.bound.trees}
+    bound = {id(each.element): each for each in tree.context.bound_forest.trees}
     if not tree.palettes and all(id(each) in bound and is_plain(bound[id(each)]) for each in executable):
         return []
     from shlex import quote

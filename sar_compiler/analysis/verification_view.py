@@ -48,7 +48,7 @@ def verification_as_json(verification: Verification, seconds: float) -> str:
 def verification_data(verification: Verification) -> dict[str, object]:
     """Return the results as data for JSON."""
     return {
-        "proved": verification.proved,
+        "proved": verification.is_proved,
         **_numbers(verification),
         "questions": [
             {"question": verdict.question, **_as_dict(verdict)} for verdict in verification.verdicts
@@ -70,7 +70,7 @@ def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str
     labels = leaf_labels(comparison.now.leaves)
     told = [
         line
-        for answer in comparison.answers
+        for answer in comparison.verdicts
         if answer.change == WORSE and answer.now and answer.now.trace
         for line in _trace_lines(answer.now, answer.now.trace, labels)
     ]
@@ -81,7 +81,7 @@ def comparison_as_json(comparison: VerificationComparison, names: tuple[str, str
     """Return the changed results as a JSON object; see `comparison_as_text`."""
     sides = zip(("before", "now"), names, (comparison.before, comparison.now), strict=True)
     data = {
-        "worse": comparison.worse,
+        "worse": comparison.is_worse,
         "seconds": round(seconds, 3),
         **{side: {"file": name, **_numbers(verification)} for side, name, verification in sides},
         "questions": [
@@ -91,14 +91,14 @@ def comparison_as_json(comparison: VerificationComparison, names: tuple[str, str
                 "before": answer.before and _as_dict(answer.before),
                 "now": answer.now and _as_dict(answer.now),
             }
-            for answer in comparison.answers
+            for answer in comparison.verdicts
         ],
     }
     return as_json(data)
 
 
 def _changes_in(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> Iterator[str]:
-    answers, sides = comparison.answers, (comparison.before, comparison.now)
+    answers, sides = comparison.verdicts, (comparison.before, comparison.now)
     named = max(map(len, names)) + 2
     for name, side, when in zip(names, sides, ("before", "now"), strict=True):
         size = f"{count_with_noun(side.states, 'state')}, {count_with_noun(side.steps, 'step')} between them"
@@ -118,7 +118,7 @@ def _changes_in(comparison: VerificationComparison, names: tuple[str, str], seco
 
 
 def _answer_or_none(verdict: Verdict | None) -> str:
-    return "left out" if verdict is None else _answer(verdict)
+    return "left out" if verdict is None else _verdict_text(verdict)
 
 
 def _trace_lines(verdict: Verdict, trace: Trace, labels: Mapping[int, str]) -> Iterator[str]:
@@ -155,7 +155,7 @@ def _summary(verification: Verification, seconds: float) -> Iterator[str]:
     yield f"{states}, {steps} between them, {depth} deep, {seconds:.1f} s"
     yield _tally(verification)
     for verdict in verdicts:
-        yield f"  {verdict.question + ':':{width}}{_answer(verdict)}"
+        yield f"  {verdict.question + ':':{width}}{_verdict_text(verdict)}"
     for left in verification.left_out:
         yield f"  {left.name + ':':{width}}left out: this tree has no {', no '.join(left.missing)}"
     yield from _limits(verification)
@@ -175,7 +175,7 @@ def _tally(verification: Verification) -> str:
     return f"{count_with_noun(sum(count for count, _ in kinds), 'answer')}: {listed}"
 
 
-def _answer(verdict: Verdict) -> str:
+def _verdict_text(verdict: Verdict) -> str:
     """Return a verdict with its limits."""
     shown = verdict.trace is not None or not verdict.reason
     return verdict.outcome.value if shown else f"{verdict.outcome.value}: {verdict.reason}"

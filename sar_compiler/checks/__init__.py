@@ -42,7 +42,7 @@ Palettes = Iterable[TreeFile]
 
 def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
     """Bind all trees of a forest, including unused ones, and return the findings."""
-    findings = context.bound.findings
+    findings = context.bound_forest.findings
     # A missing tree may be in a file that could not be read.
     return findings if context.is_whole else [each for each in findings if each.code != "unknown-tree"]
 
@@ -50,7 +50,9 @@ def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
 def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield the findings about the used leaves' classes; a class declared by its path is not imported."""
     specs = {
-        spec.class_path: spec for spec in context.bound.specs if not (spec.is_foreign or spec.is_by_path)
+        spec.class_path: spec
+        for spec in context.bound_forest.specs
+        if not (spec.is_foreign or spec.is_by_path)
     }
     if specs:
         from sar_compiler.checks.leaf_classes import check_class
@@ -157,7 +159,7 @@ def check_context(context: CheckContext) -> list[Diagnostic]:
     files = (*reversed(forest.files), *forest.others)
     order = {tree_file.source.path: number for number, tree_file in reversed([*enumerate(files)])}
 
-    def place(finding: Diagnostic) -> tuple[int, int, int, str]:
+    def sort_key(finding: Diagnostic) -> tuple[int, int, int, str]:
         # The modules of leaves are reported last.
         return (
             order.get(finding.source.path, len(files)),
@@ -166,7 +168,7 @@ def check_context(context: CheckContext) -> list[Diagnostic]:
             finding.code,
         )
 
-    return sorted(_apply_suppressions(forest, findings), key=place)
+    return sorted(_apply_suppressions(forest, findings), key=sort_key)
 
 
 def _apply_suppressions(forest: Forest, findings: list[Diagnostic]) -> list[Diagnostic]:
@@ -312,7 +314,7 @@ def check_beginning(
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
     """
     context = CheckContext(forest, registry, palettes)
-    found = [*check_document(context), *context.bound.findings]
+    found = [*check_document(context), *context.bound_forest.findings]
     source, unfinished = beginning.tree_file.source, {place[:2] for place in beginning.unfinished}
     parents: dict[tuple[int, int], tuple[int, int] | None] = {}
     for each in beginning.tree_file.root.iterate():
@@ -321,7 +323,7 @@ def check_beginning(
     places = sorted(parents)
     ruled = {
         bound.element.place
-        for tree in context.bound.trees
+        for tree in context.bound_forest.trees
         for bound in tree.nodes
         if bound.spec.rule is not None
     }
@@ -329,7 +331,7 @@ def check_beginning(
     describing = any(place.tag == MODEL_TAG for place in beginning.unfinished)
     is_known = not (describing or MODEL_TAG in rest or INCLUDE_TAG in rest or forest.findings)
 
-    def stays(finding: Diagnostic) -> bool:
+    def is_kept(finding: Diagnostic) -> bool:
         if finding.source is not source:
             return False
         place = places[max(0, bisect.bisect_right(places, finding.span[:2]) - 1)]
@@ -344,6 +346,6 @@ def check_beginning(
         return finding.code in _OF_A_START_TAG or (finding.code in _OF_AN_ELEMENT and place not in unfinished)
 
     recovered = beginning.tree_file.findings
-    kept = _apply_suppressions(forest, [*recovered, *(each for each in found if stays(each))])
+    kept = _apply_suppressions(forest, [*recovered, *(each for each in found if is_kept(each))])
     told = {id(each) for each in recovered}
-    return [*forest.findings, *(each for each in kept if id(each) in told or stays(each))]
+    return [*forest.findings, *(each for each in kept if id(each) in told or is_kept(each))]

@@ -60,7 +60,7 @@ def _replace_main(forest: Forest, main: TreeFile) -> Forest:
 
 
 def _refusals(context: CheckContext) -> Iterator[Diagnostic]:
-    for finding in (*context.bound.findings, *refused_key_types(context), *check_literals(context)):
+    for finding in (*context.bound_forest.findings, *refused_key_types(context), *check_literals(context)):
         is_error = finding.severity is Severity.ERROR and finding.code not in _MODELLED
         if is_error or finding.code in _WARNINGS:
             yield finding

@@ -201,18 +201,18 @@ class _Values:
         # Cache for the last element: findings are in the order of the file.
         self._last: tuple[Element, Sequence[_AttributeSpan]] | None = None
 
-    def around(self, finding: Diagnostic) -> _AttributeSpan | None:
+    def span_around(self, finding: Diagnostic) -> _AttributeSpan | None:
         """Return the value that contains a finding; None if there is none."""
         element = last_element_before(self._elements, finding.span[:2])
         if element is None:
             return None
         start, end = finding.source.offsets(finding.span)
-        values = self._of(element)
+        values = self._spans_of(element)
         following = bisect.bisect_right(values, start, key=lambda each: each.start)
         value = values[following - 1] if following else None
         return value if value is not None and end <= value.end and value.start < value.end else None
 
-    def _of(self, element: Element) -> Sequence[_AttributeSpan]:
+    def _spans_of(self, element: Element) -> Sequence[_AttributeSpan]:
         if self._last is None or self._last[0] is not element:
             values = [_value_of(element, name) for name in element.attributes]
             self._last = element, sorted(values, key=lambda each: each.start)
@@ -231,7 +231,7 @@ def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     text = finding.suggestion or ""
     if not text and finding.code == "ignored-attribute":
         return _attribute_removal(finding, start)
-    value = values.around(finding) if finding.code != "loose-xml" else None
+    value = values.span_around(finding) if finding.code != "loose-xml" else None
     if value is None and finding.code != "loose-xml" and finding.source.text.startswith("<", start):
         return _tag_fix(finding, start + 1, end)
     if value is None:  # a name, the whole text, or an unreadable value

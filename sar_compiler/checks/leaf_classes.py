@@ -60,7 +60,7 @@ class _WrittenClass(NamedTuple):
                 ):
                     yield node.attr, node
 
-    def replaced(self) -> set[str]:
+    def replaced_methods(self) -> set[str]:
         """Return the attributes that are set to a function, because an instance may replace a method."""
         found = set()
         for method in self.methods():
@@ -149,7 +149,7 @@ def _missing_attributes(
 
 def _hiding_attributes(part: _WrittenClass) -> Iterator[Diagnostic]:
     """Yield attributes that hide a method, or that have the name of a property without setter."""
-    cls, seen, replaced = part.cls, set(), part.replaced()
+    cls, seen, replaced = part.cls, set(), part.replaced_methods()
     for name, node in part.assignments():
         known = inspect.getattr_static(cls, name, None)
         if name in seen or (name in replaced and not isinstance(known, property)):

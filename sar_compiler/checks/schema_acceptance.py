@@ -50,7 +50,7 @@ class _Texts(NamedTuple):
     least: int = 0
 
     @classmethod
-    def of(cls, value_type: ValueType) -> "_Texts":
+    def from_type(cls, value_type: ValueType) -> "_Texts":
         """Return the texts of a type."""
         return cls(value_type.choices, "" if value_type.choices else value_type.pattern, is_key=True)
 
@@ -70,7 +70,7 @@ def _is_key(text: str) -> bool:
 
 
 _ANY, _NAME = _Texts(), _Texts(least=1)
-_OF_COMMON = {ONESHOT: _Texts(ONESHOT_TYPE.choices), **dict.fromkeys(CONDITIONS, _Texts.of(CONDITION))}
+_OF_COMMON = {ONESHOT: _Texts(ONESHOT_TYPE.choices), **dict.fromkeys(CONDITIONS, _Texts.from_type(CONDITION))}
 
 
 class _NodeType(NamedTuple):
@@ -224,7 +224,7 @@ def _are_nodes(
     """Return whether elements are nodes as the schema defines them, and their definitions fit together."""
     specs = {spec.tag: [spec] for spec in reversed([*described])}
     node_types: dict[str, _NodeType] = {}
-    types: dict[str, _Texts] = {CONDITION.name: _Texts.of(CONDITION)}
+    types: dict[str, _Texts] = {CONDITION.name: _Texts.from_type(CONDITION)}
     for tag in {node.tag for node in nodes}:
         found = _node_type_of(tag, registry, specs)
         if found is None or not notes.isdisjoint(found.attributes):
@@ -263,14 +263,14 @@ def _node_type(specs: Sequence[NodeSpec]) -> _NodeType | None:
         elif not parameter.value_type.name:
             return None
         else:
-            attributes[name] = _Texts.of(parameter.value_type)
+            attributes[name] = _Texts.from_type(parameter.value_type)
             if parameter.required and len(choices) == len(specs):
                 required.append(name)
         if any(
             types.setdefault(each.value_type.name, texts) != texts
             for _, each in choices
             if each.value_type.name
-            for texts in [_Texts.of(each.value_type)]
+            for texts in [_Texts.from_type(each.value_type)]
         ):
             return None
     if not (_COMMON.isdisjoint(attributes) and all(map(_is_usual, attributes, attributes.values()))):

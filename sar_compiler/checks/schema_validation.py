@@ -73,7 +73,7 @@ def schema_errors(
         described: Nodes that only a model describes.
     """
     elements = list(tree_file.root.iterate())
-    tags, notes = frozenset({element.tag for element in elements}), _notes(elements)
+    tags, notes = frozenset({element.tag for element in elements}), _editor_attributes(elements)
     schema = _schema(registry, tags, notes, described) if described else _schema_of(registry, tags, notes)
     text, lines = _as_xml(tree_file)
     return [(lines[line - 1], message) for line, message in _schema_errors_in(text, schema)]
@@ -94,7 +94,7 @@ def _schema_errors_in(text: str, schema: etree.XMLSchema) -> list[tuple[int, str
     return [(error.line, error.message) for error in schema.error_log.filter_from_errors()]
 
 
-def _notes(elements: Iterable[Element]) -> frozenset[str]:
+def _editor_attributes(elements: Iterable[Element]) -> frozenset[str]:
     """Return the attributes that may be an editor's data; the rules have reported typos."""
     names = set().union(*(element.attributes for element in elements)).difference(CONDITIONS)
     return frozenset(name for name in names if name.startswith("_") and ":" not in name)

@@ -56,7 +56,9 @@ def remove_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[Di
         kept = _suppress(tree_file, suppressions, kept)
         if number < len(forest.files):
             # If there are errors, some rules do not run.
-            wrong = [each for one in suppressions for each in _wrong(one, guesses, unneeded=whole)]
+            wrong = [
+                each for one in suppressions for each in _check_suppression(one, guesses, unneeded=whole)
+            ]
             unneeded = any(each.code == _UNNEEDED for each in wrong)
             if unneeded and any(map(forest.is_used_elsewhere, forest.trees)):
                 # Another file that uses the tree may need it.
@@ -127,7 +129,9 @@ def _comments_in(element: Element) -> Iterator[tuple[Element | None, Comment, in
     yield from ((None, comment, start) for comment in waiting)
 
 
-def _wrong(suppression: _Suppression, guesses: Guesses, *, unneeded: bool) -> Iterator[Diagnostic]:
+def _check_suppression(
+    suppression: _Suppression, guesses: Guesses, *, unneeded: bool
+) -> Iterator[Diagnostic]:
     from sar_compiler.tree.kinds import ERRORS, KINDS
 
     codes, source = suppression.codes, suppression.tree_file.source

@@ -72,7 +72,7 @@ def reader(
     return parse
 
 
-def telling(read: Callable[[str], T]) -> Callable[[str], T]:
+def report_argument_errors(read: Callable[[str], T]) -> Callable[[str], T]:
     """Return a function that reports its errors as errors of an argument."""
 
     def parse(text: str) -> T:
@@ -110,16 +110,16 @@ def georeference(text: str) -> "Georeference":
     return place
 
 
-def _whole(text: str) -> int:
+def _parse_integer(text: str) -> int:
     digits = text.replace("_", "")
     return int(digits if digits.isascii() and digits.isdigit() else "no digits")
 
 
-count = reader(_whole, "an integer above 0", lambda value: value > 0)
-seed = reader(_whole, "an integer, 0 or above")
-port = reader(_whole, "a port, 0 to 65535", lambda value: value < 1 << 16)
+count = reader(_parse_integer, "an integer above 0", lambda value: value > 0)
+seed = reader(_parse_integer, "an integer, 0 or above")
+port = reader(_parse_integer, "a port, 0 to 65535", lambda value: value < 1 << 16)
 pair_of_ports = reader(
-    _whole, "a port that has a next one, 1 to 65534", lambda value: 0 < value < (1 << 16) - 1
+    _parse_integer, "a port that has a next one, 1 to 65534", lambda value: 0 < value < (1 << 16) - 1
 )
 MOST_JOBS = max(64, os.cpu_count() or 1)
 """Largest number of processes that a command starts at a time."""
@@ -130,8 +130,10 @@ def number_within(least: float, most: float, what: str = "a number") -> Callable
     return reader(float, f"{what} from {least:g} to {most:g}", lambda value: least <= value <= most)
 
 
-jobs = reader(_whole, f"a number of processes from 1 to {MOST_JOBS}", lambda value: 0 < value <= MOST_JOBS)
-restarts = reader(_whole, "an integer from 1 to 1000", lambda value: 0 < value <= _MOST_RESTARTS)
+jobs = reader(
+    _parse_integer, f"a number of processes from 1 to {MOST_JOBS}", lambda value: 0 < value <= MOST_JOBS
+)
+restarts = reader(_parse_integer, "an integer from 1 to 1000", lambda value: 0 < value <= _MOST_RESTARTS)
 speed = number_within(0.001, 10_000)
 tick_period = number_within(0.0001, 86_400, "a number of seconds")
 seconds = reader(float, "a number of seconds above 0", lambda value: 0 < value < math.inf)

@@ -191,7 +191,7 @@ def _show(arguments: argparse.Namespace) -> int:
     loader = workspace(arguments)
     loaded = loader.load(arguments.file)
     try:
-        findings, text = budget_of(arguments, patience_sec=0.0).run(lambda: _drawn(loaded, arguments))
+        findings, text = budget_of(arguments, patience_sec=0.0).run(lambda: _tree_drawing(loaded, arguments))
     finally:
         loader.report_use()
     if arguments.output is None:
@@ -203,7 +203,7 @@ def _show(arguments: argparse.Namespace) -> int:
     return report_findings(findings)
 
 
-def _drawn(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tuple[list[Diagnostic], str]":
+def _tree_drawing(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tuple[list[Diagnostic], str]":
     """Return the drawing of a file's tree, and the findings about the file.
 
     Raises:

@@ -55,7 +55,7 @@ def add_completers(parser: argparse.ArgumentParser) -> None:
             action.completer = COMPLETERS[kind]  # type: ignore[attr-defined]
 
 
-def _nothing(**_: Any) -> tuple[str, ...]:
+def _no_completions(**_: Any) -> tuple[str, ...]:
     return ()
 
 
@@ -114,7 +114,7 @@ def _modules(prefix: str, **_: Any) -> Iterator[str]:
 
 
 COMPLETERS: Mapping[str, Callable[..., Iterable[str]]] = {
-    "": _nothing,
+    "": _no_completions,
     "code": _codes,
     "file": FilesCompleter(),
     "folder": DirectoriesCompleter(),

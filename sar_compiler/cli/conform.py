@@ -78,8 +78,8 @@ def _compared_run(
     if not state.nodes:
         return compared._replace(problem="it contains no run of a tree")
     try:
-        found = budget.run(lambda: _compared(tree, place, state, arguments))
-        return compared._replace(found=found, changed=_changed(tree, state, arguments))
+        found = budget.run(lambda: _compare_run(tree, place, state, arguments))
+        return compared._replace(found=found, changed=_describe_tree_changes(tree, state, arguments))
     except OtherTreeError as error:
         return compared._replace(problem=f"{error}. It ran {_tree_of(state)}, not {tree.path}")
     except BudgetSpentError as error:
@@ -98,7 +98,7 @@ def _palettes_of(place: Path) -> list[Path]:
     return palettes_of(runs[-1].about) if runs else []
 
 
-def _compared(
+def _compare_run(
     tree: "ProjectTree", place: Path, state: "MissionState", arguments: argparse.Namespace
 ) -> "Conformance":
     from sar_compiler.analysis.assumptions import StartValues
@@ -127,7 +127,7 @@ def _compared(
         raise OtherTreeError("the tree's nodes differ from those of the run") from error
 
 
-def _changed(tree: "ProjectTree", state: "MissionState", arguments: argparse.Namespace) -> str:
+def _describe_tree_changes(tree: "ProjectTree", state: "MissionState", arguments: argparse.Namespace) -> str:
     """Describe the changes of the tree since the run; empty without changes."""
     from sar_compiler.cli.journal_stats import node_identities, nodes_difference
     from sar_compiler.compiler.outline import outline

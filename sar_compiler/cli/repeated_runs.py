@@ -29,8 +29,8 @@ def serve() -> int:
         for line in sys.stdin:
             with ExitStack() as ros:
                 status = _run(json.loads(line), ros)
-                words = _last_words(_taken(log), status)
-                answers.write(json.dumps([status, _taken(output), words]) + "\n")
+                words = _last_words(_pop_output(log), status)
+                answers.write(json.dumps([status, _pop_output(output), words]) + "\n")
                 answers.flush()
                 shut_down(status, ros.pop_all().close)
             # A run ends in reference cycles that hold its maps, whose size the collector does not know.
@@ -58,7 +58,7 @@ def _caught(stream: IO[str]) -> IO[bytes]:
     return file
 
 
-def _taken(file: IO[bytes]) -> str:
+def _pop_output(file: IO[bytes]) -> str:
     """Return the redirected output, and clear the file."""
     for stream in (sys.stdout, sys.stderr):
         stream.flush()

@@ -76,7 +76,7 @@ def _main(verb: str, args: argparse.Namespace) -> int:
     if verb == "list":
         return _list()
     try:
-        print(_give(args.order if verb == "order" else verb, args.node, args.reason))
+        print(_send_command(args.order if verb == "order" else verb, args.node, args.reason))
     except MissionCommandError as error:
         print(f"ros2 mission {verb}: {error}", file=sys.stderr)
         return USAGE
@@ -97,7 +97,7 @@ def _list() -> int:
     return OK
 
 
-def _give(name: str, of: str | None, reason: str) -> str:
+def _send_command(name: str, of: str | None, reason: str) -> str:
     from sar_compiler.execution.command_authors import RemoteCommandAuthor
 
     with spinning_node("sar_mission_order") as node:

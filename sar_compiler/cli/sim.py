@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import DEFAULT_WORLD, FILE, WORLD, seed, speed, telling
+from sar_compiler.cli.arguments import DEFAULT_WORLD, FILE, WORLD, report_argument_errors, seed, speed
 from sar_compiler.cli.parser import Parser
 from sar_compiler.cli.sim_sweep import add_sim_sweep, sweep_missions
 from sar_compiler.commands import OK, add_version, interruptible, print_error, print_text, run
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 # Interval of checks that the simulation is still running, seconds.
 _LOOK_SEC = 0.5
-_ROBOT = telling(parse_placement)
-_FAULT = telling(partial(parse_fault, targets=NAVIGATION_FAULTS))
+_ROBOT = report_argument_errors(parse_placement)
+_FAULT = report_argument_errors(partial(parse_fault, targets=NAVIGATION_FAULTS))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -125,11 +125,11 @@ def _map(options: argparse.Namespace) -> int:
         raise WriteError(message)
     line = ProgressLine()
 
-    def show(part: float) -> None:
+    def show_progress(part: float) -> None:
         line.show(lambda: f"mapping '{world.name}': {part:.0%} of the route driven")
 
     try:
-        occupancy = survey(world, seed=options.seed, on_progress=show)
+        occupancy = survey(world, seed=options.seed, on_progress=show_progress)
     finally:
         line.clear()
     files = map_files(occupancy, prefix)
@@ -169,11 +169,11 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
             simulation.store_poses(kept)
         with simulation:
             how = f"at most {options.speed:g} times as fast as real time"
-            print(f"sar-sim: '{world.name}' runs{_with(robots)}, {how}", flush=True)
+            print(f"sar-sim: '{world.name}' runs{_robots_text(robots)}, {how}", flush=True)
             return _wait(simulation, signals)
 
 
-def _with(robots: Sequence[Placement]) -> str:
+def _robots_text(robots: Sequence[Placement]) -> str:
     names = [f"/{robot.name}" for robot in robots if robot.name]
     return f" with {' and '.join(names)}" if names else ""
 

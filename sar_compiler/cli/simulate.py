@@ -137,12 +137,12 @@ def _play(
     scenario = replace(play.scenario, until=until, max_ticks=most, seed=arguments.seed)
     player = ScenarioPlayer(play.simulated, scenario)
 
-    def go() -> "ScenarioRun":
+    def run_scenario() -> "ScenarioRun":
         # An abandoned run may continue.
         budget.publish(lambda: replace(player.run, ticks=[*player.run.ticks]))
-        return player.go(budget.is_spent)
+        return player.run_to_end(budget.is_spent)
 
-    run = budget.run(go)
+    run = budget.run(run_scenario)
     coverage.add(run)
     missed = [*failures(run), *_trace_failure(run)]
     if arguments.ticks is not None and not run.ended:

@@ -259,14 +259,14 @@ def run_sweep(
     rule = StoppingRule(arguments.runs, arguments.half_width, arguments.confidence, batch)
     line = ProgressLine()
 
-    def show(rows: "Sequence[SweepRow]") -> None:
+    def show_rows(rows: "Sequence[SweepRow]") -> None:
         if not budget.reason:
             line.show(lambda: _progress(rows))
 
     stopped = False
     try:
         with workers(arguments.jobs) as working:
-            budget.run(lambda: sweep(rows, rule, arguments.seed, working, show))
+            budget.run(lambda: sweep(rows, rule, arguments.seed, working, show_rows))
     except (BudgetSpentError, CancelledError):
         stopped = True
     line.clear()

@@ -149,13 +149,13 @@ def _print(done: "list[Verification]", files: "list[str]", seconds: float, form:
     if len(done) == 1:
         show = views.verification_as_json if form == "json" else views.verification_as_text
         _print_answers(show(done[0], seconds), form)
-        fine = done[0].proved
+        fine = done[0].is_proved
     else:
         now, before = done
         comparison = VerificationComparison(before, now)
         compare = views.comparison_as_json if form == "json" else views.comparison_as_text
         _print_answers(compare(comparison, (files[1], files[0]), seconds), form)
-        fine = not comparison.worse
+        fine = not comparison.is_worse
     return OK if fine else FINDINGS
 
 

@@ -203,7 +203,7 @@ class Arguments:
         assert isinstance(enums, Enums)  # noqa: S101 - the type is the key
         return enums
 
-    def of(self, instance: TreeInstance, bound: BoundNode) -> dict[str, Any]:
+    def node_arguments(self, instance: TreeInstance, bound: BoundNode) -> dict[str, Any]:
         """Return the arguments of a node, by its parameters' names."""
         spec = bound.spec
         if not (spec.ports or spec.handed_over or bound.keys):
@@ -377,7 +377,7 @@ class Builder:
             if bound.spec.is_foreign:
                 self.report_only_described(bound)
             if bound.keys or bound.spec.handed_over:
-                self._arguments[instance, bound] = self._source.of(instance, bound)
+                self._arguments[instance, bound] = self._source.node_arguments(instance, bound)
             if bound.subtree is not None:
                 inner = instance.inner[bound]
                 for key, value in inner.constants():
@@ -451,7 +451,7 @@ class Builder:
     def _make(self, instance: TreeInstance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
         spec = bound.spec
         known = self._arguments[instance, bound] if bound.keys or spec.handed_over else None
-        arguments = self._source.of(instance, bound) if known is None else dict(known)
+        arguments = self._source.node_arguments(instance, bound) if known is None else dict(known)
         for parameter in spec.references:
             target = instance.target_of(bound, parameter.name)
             if target is not None:

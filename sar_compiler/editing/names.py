@@ -124,7 +124,7 @@ def _pointed(element: Element, offset: int) -> _PointedAttribute | None:
 
 
 def _bound(tree: ProjectTree, element: Element) -> tuple[BoundNode | None, BoundTree | None]:
-    for each in tree.context.bound.trees:
+    for each in tree.context.bound_forest.trees:
         if each.element.source is element.source:
             for node in each.nodes:
                 if node.element is element:

@@ -257,7 +257,7 @@ class PropertyWatch(RunExtension):
         watch = self._watch
         if self._failure:
             return {name: "broken" if name in watch.broken else "unknown" for name in watch.properties.names}
-        owed = dict.fromkeys(watch.owed, "owed")
+        owed = dict.fromkeys(watch.pending_properties, "owed")
         broken = dict.fromkeys(watch.broken, "broken")
         return {**dict.fromkeys(watch.properties.names, "kept"), **owed, **broken}
 
@@ -277,9 +277,9 @@ class PropertyWatch(RunExtension):
 
     def _take_end(self, root: str) -> None:
         self._watch.end_tick(root)
-        if self._watch.remembered != self._remembered:
-            self._remembered = self._watch.remembered
-            self._run.journal.watch(PROPERTIES_OWED, owed=self._watch.owed)
+        if self._watch.state_number != self._remembered:
+            self._remembered = self._watch.state_number
+            self._run.journal.watch(PROPERTIES_OWED, owed=self._watch.pending_properties)
         self._orders.send_due()
 
     def _tell(self) -> None:

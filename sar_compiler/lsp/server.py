@@ -67,9 +67,9 @@ class _IdleBudget(SearchBudget):
         super().__init__(WORK)
         self._interrupted = interrupted
 
-    def take(self, work: int) -> bool:
+    def charge(self, work: int) -> bool:
         """Charge `work` to the budget; return False if it is exhausted or the text has changed."""
-        return not self._interrupted.is_set() and super().take(work)
+        return not self._interrupted.is_set() and super().charge(work)
 
 
 class TreeServer(LanguageServer):

@@ -239,6 +239,6 @@ class ProjectTree:
         try:
             return self.preview(tree_id if is_main or element is None else element.attributes.get("ID"))
         except TreeError as error:
-            trees = self.context.bound.trees
+            trees = self.context.bound_forest.trees
             sketch = sketch_tree(next(each for each in trees if each.element is element), trees)
             return replace(sketch, findings=error.findings)

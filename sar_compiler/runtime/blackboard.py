@@ -63,7 +63,7 @@ class Board:
         self._name = name
         # The entries whose writes are counted.
         self._watched: set[str] = set()
-        weakref.finalize(self, _forget, self.stamps)
+        weakref.finalize(self, _remove_entries, self.stamps)
 
     @functools.cached_property
     def storage(self) -> dict[str, Any]:
@@ -94,7 +94,7 @@ class Board:
         if name not in self.kinds:
             self.kinds[name] = kind
 
-    def settle(self, name: str, kind: type) -> None:
+    def set_kind(self, name: str, kind: type) -> None:
         """Set the type of an entry that has none."""
         if self.kinds.get(name) is None:
             self.kinds[name] = kind
@@ -281,7 +281,7 @@ def entry_of(variable: str) -> str:
     return variable.partition(".")[0]
 
 
-def _forget(stamps: dict[str, int]) -> None:
+def _remove_entries(stamps: dict[str, int]) -> None:
     """Remove the entries of a garbage-collected board from py_trees' blackboard."""
     for name in stamps:
         _storage().pop(name, None)

@@ -148,7 +148,7 @@ def _write(entry: Entry, value: object, kind: type | None = None) -> None:
         pass  # as in BehaviorTree.CPP, which checks only entries of the node's own tree
     elif board.kind(name) is None:
         if kind is not None:
-            board.settle(name, kind)
+            board.set_kind(name, kind)
     elif board.has(name):
         held = board.get(name)
         value = value if type(held) is type(value) else value_to_write(held, value)

@@ -61,7 +61,7 @@ class Flown:
         journal.end(Ending.STOPPED, 0)
         self.events = [*recorded_events(stream)]
         self.broken = {each.about: (each.event, each.tick) for each in watch.alarms if each.cause.is_broken}
-        self.owed = set(watch.owed)
+        self.owed = set(watch.pending_properties)
 
     def compared(self, case, events=None):
         record = self.events if events is None else events

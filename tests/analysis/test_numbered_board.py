@@ -98,8 +98,8 @@ def test_a_type_is_a_content(cells, scope):
 def test_the_first_type_counts_and_one_of_any_can_be_settled(scope):
     entry = scope.resolve("a")
     entry.declare()
-    entry.board.settle(entry.name, int)
-    entry.board.settle(entry.name, str)
+    entry.board.set_kind(entry.name, int)
+    entry.board.set_kind(entry.name, str)
     entry.declare(float)
     assert entry.kind is int
 

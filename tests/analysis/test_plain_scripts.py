@@ -22,7 +22,7 @@ def loaded(tmp_path, body):
 
 
 def plain(tree):
-    (bound,) = tree.context.bound.trees
+    (bound,) = tree.context.bound_forest.trees
     return is_plain(bound)
 
 

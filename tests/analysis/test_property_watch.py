@@ -148,7 +148,7 @@ def test_the_events_of_a_run_raise_the_same_alarms_at_the_same_events_as_the_tre
     for which, case, _, run in broken:
         watch, flown = case.watch(), case.flown(run)
         for event in run.events:
-            watch.take(event)
+            watch.process_event(event)
         told = [
             [each for each in one.alarms if each.about != OF_KEYS and each.cause is not AlarmCause.UNJUDGED]
             for one in (watch, flown)
@@ -225,7 +225,7 @@ def test_what_is_owed_is_broken_by_an_end_and_open_where_the_run_is_stopped():
         watch = watch_of("<Sequence><A/><B/></Sequence>", properties)
         assert taken(watch, (1, "SUCCESS")) == []
         watch.end_tick("SUCCESS")
-        assert (watch.owed, watch.alarms) == (["p"], [])
+        assert (watch.pending_properties, watch.alarms) == (["p"], [])
         watch.conclude(is_over=is_over)
         assert [each.text for each in watch.alarms] == alarms
 

@@ -82,9 +82,9 @@ def test_scripts_over_facts_alone_are_run_in_their_quick_form_and_others_as_they
     leaf.change(ARRIVED)
     assert not leaf.is_possible(ARRIVED)
     for program in (leaf._conditions[ARRIVED], leaf._effects[ARRIVED]):
-        assert variables.quick(program) is not None
+        assert variables.fast_runner(program) is not None
     leaf.change(leaf.answers[1])
-    assert variables.quick(leaf._effects[leaf.answers[1]]) is None
+    assert variables.fast_runner(leaf._effects[leaf.answers[1]]) is None
 
 
 def test_a_leaf_that_is_given_other_variables_changes_those(made, facts, keys):

@@ -86,7 +86,7 @@ def answers_of(body: str) -> Answers | None:
         body = _SURROUNDINGS.replace("{body}", body)
     forest = forest_of(f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>')
     context = CheckContext(forest, REGISTRY)
-    if not context.sound:
+    if not context.is_complete:
         return None
     root = context.trees[-1].root
     assert root is not None

@@ -79,7 +79,9 @@ def prove(binding):
     states = {stepper.steps.start()}
     seen = yield
     while True:
-        ticks = [(stepper.played().events, step.state) for state in states for step in stepper.ticks(state)]
+        ticks = [
+            (stepper.tick_record().events, step.state) for state in states for step in stepper.ticks(state)
+        ]
         states = {state for events, state in ticks if events == seen and state is not None}
         seen = yield bool(states)
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.analysis.simulate.scenario_files import ScenarioSimulation, ScenarioStage, understand
+from sar_compiler.analysis.simulate.scenario_files import ScenarioSimulation, ScenarioStage, load_scenario
 from sar_compiler.analysis.simulate.scenario_run import ScenarioPlayer, failures
 from sar_compiler.analysis.trace_view import trace
 from sar_compiler.documents.yaml_files import parse_yaml
@@ -47,7 +47,7 @@ def changed(draw: st.DrawFn) -> str:
 def understood(text: str, stage: ScenarioStage) -> tuple[ScenarioSimulation | None, tuple[Diagnostic, ...]]:
     """Return what a scenario means, or what is wrong with it."""
     try:
-        return understand(parse_yaml(text, "scenario.yaml", "write something"), stage), ()
+        return load_scenario(parse_yaml(text, "scenario.yaml", "write something"), stage), ()
     except TreeError as error:
         return None, error.findings
 
@@ -60,7 +60,7 @@ def test_a_changed_scenario_is_played_or_has_findings_with_places(stage, text):
     if play is None:
         assert findings
         return
-    run = ScenarioPlayer(play.simulated, play.scenario).go()
+    run = ScenarioPlayer(play.simulated, play.scenario).run_to_end()
     assert "Error:" not in run.trouble  # nothing but what the project raises itself
     assert trace(run)
     assert isinstance(failures(run), list)

@@ -247,7 +247,7 @@ class TestRuns:
 
     def test_verification_tries_everything_that_can_happen_there(self, tmp_path):
         verification = self.tree(tmp_path, self.REPLANNING).verify()
-        assert verification.proved
+        assert verification.is_proved
         asked = next(leaf for leaf in verification.leaves if leaf.name == "DistanceController")
         assert [answer.label for answer in asked.answers] == ["driven", "on the way", "no pose"]
 

@@ -261,7 +261,7 @@ class TestRuns:
         assert [each.question for each in verification.verdicts if each.question == "never there"] == [
             "never there"
         ]
-        assert not verification.proved
+        assert not verification.is_proved
 
     def test_shipped_trees_go_by_their_names_in_tests_too(self, folder):
         assert compiled("search_and_rescue").root.name == "MissionOrReturnToBase"

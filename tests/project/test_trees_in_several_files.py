@@ -68,7 +68,7 @@ def test_it_can_be_simulated_and_verified_in_a_program(folder):
     write(folder, "sar.toml", TREES)
     run = simulate("main.xml", NavigateToZone="arrived").run_to_end()
     run.expect(root="SUCCESS")
-    assert load("main.xml").verify().proved
+    assert load("main.xml").verify().is_proved
 
 
 def test_where_a_node_comes_from_is_said_with_the_other_file(folder, capsys):
@@ -154,7 +154,7 @@ def test_a_tree_that_is_there_counts_before_its_description(folder, palette):
         document("<Sequence><NavigateToBase/><AlwaysSuccess/></Sequence>", "OpenGripper"),
     )
     write(folder, "sar.toml", 'models = ["nodes.xml"]\n' + TREES)
-    assert load("grip.xml").verify().proved
+    assert load("grip.xml").verify().is_proved
 
 
 def test_of_several_trees_the_one_to_execute_is_asked_for_with_their_names(folder, capsys):

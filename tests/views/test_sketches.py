@@ -92,7 +92,7 @@ def test_a_tree_that_is_wrong_by_chance_is_drawn_in_each_format(text):
 @pytest.mark.parametrize("path", [each for each in FILES if each.parent.name == "trees"], ids=str)
 def test_a_file_without_errors_is_drawn_alike_whether_it_is_compiled_or_not(path):
     tree = load(path)
-    compiled, trees = tree.sketch(), tree.context.bound.trees
+    compiled, trees = tree.sketch(), tree.context.bound_forest.trees
     sketch = sketch_tree(next(each for each in trees if each.name == compiled.name), trees)
     assert not isinstance(compiled, Sketch)
     for form in FORMS:

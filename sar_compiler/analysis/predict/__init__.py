@@ -268,12 +268,12 @@ class _ViolationMonitors(MonitorSet):
         return self._inner.count
 
     @property
-    def heard(self) -> set[int]:
-        return self._inner.heard
+    def relevant_events(self) -> set[int]:
+        return self._inner.relevant_events
 
-    def after(self, state: int, event: int) -> tuple[int, int]:
+    def next_state(self, state: int, event: int) -> tuple[int, int]:
         before, broken = self.parts(state)
-        after, now = self._inner.after(before, event)
+        after, now = self._inner.next_state(before, event)
         # A violated property has no further state.
         return (after & ~(broken | now)) | (broken | now) << self.count, 0
 
@@ -281,8 +281,8 @@ class _ViolationMonitors(MonitorSet):
         """Return the state of the wrapped monitors, and the violated ones."""
         return state & (1 << self.count) - 1, state >> self.count
 
-    def owed(self, state: int) -> int:
-        return self._inner.owed(self.parts(state)[0])
+    def pending_monitors(self, state: int) -> int:
+        return self._inner.pending_monitors(self.parts(state)[0])
 
 
 def _breach_automata(rules: PropertyAutomata) -> PropertyAutomata:
@@ -307,7 +307,7 @@ class _PredictionSolver:
         self._weighed = ProbabilityGraph(graph, probabilities)
         count = len(graph.states)
         self._ends = np.frombuffer(bytes(graph.ends), np.uint8).astype(bool)
-        self._open = ~self._ends & (np.arange(count) >= graph.expanded)
+        self._open = ~self._ends & (np.arange(count) >= graph.expanded_count)
         self._succeeded = np.zeros(count, bool)
         self._broken = np.zeros((count, properties.rules.count), bool)
         for state in range(count) if properties.names else np.flatnonzero(self._ends):

@@ -115,7 +115,7 @@ class ProbabilityGraph:
         followed = np.bincount(source * width + answers, shares, self._count * width).reshape(-1, width)
         missing = (self._high[self._choice_at] > 0.0) * (1.0 - followed)
         ends = self._place_flags(np.frombuffer(bytes(graph.ends), np.uint8).astype(bool))
-        ends[graph.expanded : self._states] = ends[-1] = True
+        ends[graph.expanded_count : self._states] = ends[-1] = True
         missing[ends] = 0.0
         places, found = np.nonzero(missing > _ROUNDING)
         return places, found, missing[places, found]
@@ -274,7 +274,7 @@ class ProbabilityGraph:
             best_for: The states for which unknown probabilities are the worst and the best ones.
         """
         found = [
-            self._expected(self._place_flags(goal), probabilities)
+            self._expected_value(self._place_flags(goal), probabilities)
             for probabilities in self._extremes(best_for)
         ]
         told = [each for each in found if each is not None]
@@ -285,7 +285,7 @@ class ProbabilityGraph:
         signs = (-1, 1) if len(self._varying) else (1,)
         return [self._optimum(self._place_flags(goal), sign)[1] for sign in signs]
 
-    def _expected(self, goal: Flags, probabilities: Reals) -> float | None:
+    def _expected_value(self, goal: Flags, probabilities: Reals) -> float | None:
         equations = self._equations(goal, probabilities, np.zeros(self._count, bool))
         reached = equations.reach(goal)
         ticks = np.zeros(self._count)
@@ -423,7 +423,7 @@ def _steps_of(graph: Graph) -> tuple[Indices, Indices, Indices]:
     """Return three arrays: the source, the target and the label's number of every step."""
     sources, targets, waits = [], [], []
     for steps, first in ((graph.steps, 0), (graph.middles, len(graph.states))):
-        counts = [int(steps.count(place)) for place in range(len(steps))]
+        counts = [int(steps.step_count(place)) for place in range(len(steps))]
         sources.append(np.repeat(np.arange(first, first + len(steps)), counts))
         targets += list(steps.targets)
         waits += [steps.waits[step] for step in range(len(steps.targets))]

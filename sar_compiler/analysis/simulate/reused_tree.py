@@ -61,6 +61,6 @@ class ReusedTree:
         ticker.tells = False
         tick_tree = partial(ticker.run, self._flat.nodes[0])
         player = Player(self.simulated, scenario, self._variables, tick_tree)
-        player.go()
+        player.run_to_end()
         self._choices += len(player.run.ticks) + len(player.scripted.choices)
         return player

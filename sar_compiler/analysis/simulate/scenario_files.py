@@ -17,8 +17,8 @@ from sar_compiler.analysis.leaf_vocabulary import (
     LeafVocabulary,
     parameters,
     parse_duration_range,
+    parse_word,
     seconds,
-    word,
 )
 from sar_compiler.analysis.simulated_tree import Assumptions, SimulatedTree, compile_simulated, match_rank
 from sar_compiler.analysis.stub_leaf import StubLeaf
@@ -157,8 +157,8 @@ def read_expectations(value: Value | None, words: LeafVocabulary) -> Expectation
         within_ticks=ticks,
         within_sec=limit_sec,
         facts=_facts(document, parts["facts"], words.simulated.fact_values()) if "facts" in parts else {},
-        order=_deeds(parts.get("order"), words),
-        never=_deeds(parts.get("never"), words),
+        order=_event_patterns(parts.get("order"), words),
+        never=_event_patterns(parts.get("never"), words),
         counts=_counts(parts["count"], words) if "count" in parts else (),
         trace=path_inside(document, Path(document.source.path).parent, parts["trace"], "trace")
         if "trace" in parts
@@ -193,15 +193,15 @@ def _facts(document: Document, value: Value, known: Mapping[str, Fact]) -> dict[
     return facts
 
 
-def _deeds(value: Value | None, words: LeafVocabulary) -> tuple[EventPattern, ...]:
-    deeds = [] if value is None else [words.deed(item) for item in value.listed]
+def _event_patterns(value: Value | None, words: LeafVocabulary) -> tuple[EventPattern, ...]:
+    deeds = [] if value is None else [words.parse_event(item) for item in value.listed]
     return tuple(deed for deed in deeds if deed is not None)
 
 
 def _counts(value: Value, words: LeafVocabulary) -> tuple[tuple[EventPattern, Bounds], ...]:
     counts = []
     for key, inner in value.entries or ():
-        deed = words.deed(key)
+        deed = words.parse_event(key)
         if deed is not None:
             counts.append((deed, _bounds(inner.data)))
     return tuple(counts)
@@ -245,10 +245,10 @@ def _step(
 ) -> AnswerStep | None:
     times = None if always else 1
     if value.entries is None:
-        answer = words.answer(value, leaves) if leaves else None
+        answer = words.parse_outcome(value, leaves) if leaves else None
         return None if answer is None else AnswerStep(answer, times=times)
     parts = value.mapping
-    answer = words.answer(parts["answer"], leaves) if leaves else None
+    answer = words.parse_outcome(parts["answer"], leaves) if leaves else None
     after = parts.get("after")
     if after is not None:
         _check_running(words.document, after, leaves)
@@ -354,10 +354,10 @@ def read_scenario(path: str | Path, stage: ScenarioStage) -> ScenarioSimulation:
         UnreadableFileError: If the file is missing or cannot be read.
         TreeError: If anything is wrong with it, or with the tree; carries all the findings.
     """
-    return understand(read_yaml(path, SCENARIO, _EMPTY_HINT), stage)
+    return load_scenario(read_yaml(path, SCENARIO, _EMPTY_HINT), stage)
 
 
-def understand(document: Document, stage: ScenarioStage) -> ScenarioSimulation:
+def load_scenario(document: Document, stage: ScenarioStage) -> ScenarioSimulation:
     """Read a scenario file, and return the tree and the scenario.
 
     Raises:
@@ -395,7 +395,7 @@ def understand(document: Document, stage: ScenarioStage) -> ScenarioSimulation:
 
 
 def _bind(document: Document, tree: Value | None, controls: Value | None, stage: ScenarioStage) -> Binding:
-    tree_id = None if tree is None else word(document, tree, stage.forest.trees, "the tree")
+    tree_id = None if tree is None else parse_word(document, tree, stage.forest.trees, "the tree")
     return stage.binding(tree_id) if controls is None else stage.with_controls(document, controls, tree_id)
 
 

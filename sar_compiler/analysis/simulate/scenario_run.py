@@ -178,7 +178,7 @@ class _Plan:
 
     def _next(self, options: Sequence[Answer]) -> DrawnChoice:
         """Return the choice from the remaining steps, or the default one."""
-        step = next((left.step for left in self.steps if left.take(self._holds, self.random)), None)
+        step = next((left.step for left in self.steps if left.use(self._holds, self.random)), None)
         usual = nominal(options)
         if step is None:
             return DrawnChoice(self.leaf, usual.name)
@@ -226,7 +226,7 @@ class _RemainingUses:
         self._left = step.times
         self._probabilities = 0
 
-    def take(self, holds: _Holds, random: Random) -> bool:
+    def use(self, holds: _Holds, random: Random) -> bool:
         """Use the step if possible now."""
         if self._left == 0 or not holds(self.step):
             return False
@@ -350,7 +350,7 @@ class Player:
             raise UntilError(f"until '{self._until.script.text}': {error}") from error
         return self.run.ended
 
-    def go(self, is_spent: Callable[[], bool] = lambda: False) -> ScenarioRun:
+    def run_to_end(self, is_spent: Callable[[], bool] = lambda: False) -> ScenarioRun:
         """Tick until the end, an error, or an exhausted budget, which is checked before each tick."""
         run = self.run
         try:
@@ -415,10 +415,13 @@ def failures(run: ScenarioRun) -> list[Failure]:
     if run.trouble:
         return [Failure("run", f"tick {len(run.ticks)} could not be finished: {run.trouble}")]
     lines = run.scenario.expect.lines
-    return [Failure(place.split()[0], message, lines.get(place, 0)) for place, message in _all(run)]
+    return [
+        Failure(place.split()[0], message, lines.get(place, 0))
+        for place, message in _failed_expectations(run)
+    ]
 
 
-def _all(run: ScenarioRun) -> Iterator[tuple[str, str]]:
+def _failed_expectations(run: ScenarioRun) -> Iterator[tuple[str, str]]:
     """Yield the key of each failed expectation in `Expectations.lines`, and the actual result."""
     expect = run.scenario.expect
     yield from _end_mismatches(run)
@@ -491,7 +494,7 @@ class NodeCoverage:
     seen: set[str] = field(default_factory=set)
 
     @property
-    def unseen(self) -> list[str]:
+    def unseen_outcomes(self) -> list[str]:
         """The outcomes that were not seen."""
         return [outcome for outcome in self.outcomes if outcome not in self.seen]
 
@@ -513,9 +516,9 @@ class OutcomeCoverage:
         return [node for node in self.nodes if not node.ticked]
 
     @property
-    def unseen(self) -> list[NodeCoverage]:
+    def nodes_with_unseen_outcomes(self) -> list[NodeCoverage]:
         """The ticked leaves with outcomes that no run has shown."""
-        return [node for node in self.nodes if node.ticked and node.unseen]
+        return [node for node in self.nodes if node.ticked and node.unseen_outcomes]
 
     def add(self, run: ScenarioRun) -> None:
         """Add the outcomes that a run has shown."""
@@ -526,7 +529,9 @@ class OutcomeCoverage:
             bound = origins[behaviour.id].bound
             # The wrappers of a node (conditions, a OneShot) have other names, and are not the node.
             if behaviour.name == bound.name:
-                covered = nodes[behaviour.id] = self._nodes.setdefault(_place(bound), NodeCoverage(bound))
+                covered = nodes[behaviour.id] = self._nodes.setdefault(
+                    _location_key(bound), NodeCoverage(bound)
+                )
                 covered.outcomes = list(dict.fromkeys([*covered.outcomes, *_outcomes(behaviour, bound)]))
         for event in run.events:
             if event.answer:
@@ -544,6 +549,6 @@ def _outcomes(behaviour: Behaviour, bound: BoundNode) -> list[str]:
     return [status for status in STATUSES if leaf and status in bound.spec.outcomes]
 
 
-def _place(bound: BoundNode) -> tuple[str, int, int]:
+def _location_key(bound: BoundNode) -> tuple[str, int, int]:
     element = bound.element
     return element.source.path, element.line, element.column

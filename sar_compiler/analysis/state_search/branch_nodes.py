@@ -88,24 +88,24 @@ class BranchNode(ChoosingNode):
         outcome = self._come_to_one(ticker, self._ticks[cells[self.place]])
         if self._halts[cells[self.place]]:
             cells[self.at] = RUNNING
-            trail.go_on(self._bit)
+            trail.mark_running(self._bit)
         else:
             cells[self.at] = outcome if outcome & ENDED else INVALID
-            trail.end(self._bit)
+            trail.mark_ended(self._bit)
         return outcome
 
     def stop(self, ticker: Ticker) -> None:
         """Halt the branch if it runs."""
         if ticker.cells[self.at] == RUNNING:
             self._come_to_one(ticker, self._halts[ticker.cells[self.place]])
-            self._trail.end(self._bit)
+            self._trail.mark_ended(self._bit)
         self.rest(ticker)
 
     def _come_to_one(self, ticker: Ticker, results: tuple[BranchResult, ...]) -> int:
-        first = self._choices.asked
+        first = self._choices.choice_count
         result = results[self._choices.pick(len(results))]
         if self._trail.keeps:
-            self._told.append(BranchDeed(self.index, first, self._choices.asked, result))
+            self._told.append(BranchDeed(self.index, first, self._choices.choice_count, result))
         ticker.cells[self.place] = i32(result[1])
         return result[0]
 
@@ -171,7 +171,7 @@ class FlatComposition:
     def flat(self, leaves: LeafNodes) -> FlatTree:
         """Convert it to flat form, given a builder of the other nodes."""
         root = self._root if self._around is None else self._around
-        return flat_tree(root, lambda part: self._node_of(part, leaves), self._below)
+        return flat_tree(root, lambda part: self._node_of(part, leaves), self._ticked_children)
 
     def _node_of(self, part: NodeBuilder, leaves: LeafNodes) -> TreeNode:
         behaviour = part.behaviour
@@ -183,7 +183,7 @@ class FlatComposition:
             return AllNode(part)
         return leaves.node_of(part)
 
-    def _below(self, behaviour: Any) -> list[Any]:
+    def _ticked_children(self, behaviour: Any) -> list[Any]:
         if behaviour is self._around:
             return [self._root]
         if behaviour in self._automata:

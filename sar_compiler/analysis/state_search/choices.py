@@ -22,7 +22,7 @@ class Choices:
         return tuple(self._path[: self._asked])
 
     @property
-    def asked(self) -> int:
+    def choice_count(self) -> int:
         """The number of choices so far in this tick."""
         return self._asked
 

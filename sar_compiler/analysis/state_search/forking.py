@@ -70,7 +70,7 @@ class Fork:
         self.cells = ticker.cells[:]
         self.values = ticker.values[:]
         self.entries = ticker.entries.now[:]
-        self.asked = ticker.choices.asked
+        self.asked = ticker.choices.choice_count
         self.happened = len(trail.numbers)
         self.going_on, self.changed, self.settled = trail.waits
         self.watched, self.broken = trail.watched, trail.broken
@@ -127,7 +127,7 @@ class ForkingTicker(Ticker):
         # states forget them.
         self._shown: dict[int, list[int]] = {}
 
-    def forget(self, forgotten: list[bool]) -> None:
+    def ignore_statuses(self, forgotten: list[bool]) -> None:
         """Set for each node whether its last status makes no difference while it does not run.
 
         In the middle of a tick the statuses of the children of ticked nodes matter, because their parents may be
@@ -155,7 +155,7 @@ class ForkingTicker(Ticker):
         is_new = False
         while True:
             if is_new and node.ways(self) > 1:
-                met = self._meet(node) if self._meets else CALLED
+                met = self._look_up_visit(node) if self._meets else CALLED
                 if met != CALLED:
                     return met
                 self._forks.append(Fork(self, node, is_middle=False))
@@ -172,7 +172,7 @@ class ForkingTicker(Ticker):
             assert called is not None  # noqa: S101 - true for CALLED
             node = called
 
-    def advance(self) -> int:
+    def next_fork(self) -> int:
         """Return to the last fork with a remaining way; return the number of intermediate states left, -1 without a fork."""
         choice = self.choices.advance()
         if choice < 0:
@@ -183,7 +183,7 @@ class ForkingTicker(Ticker):
         forks[-1].restore(self)
         return left
 
-    def _meet(self, node: TreeNode) -> int:
+    def _look_up_visit(self, node: TreeNode) -> int:
         """Return KNOWN if a tick was here with no difference since; else ENTERED in an intermediate state, or CALLED."""
         trail, entries = self.trail, self.entries
         entries.settle()

@@ -92,13 +92,13 @@ class Steps:
         """Return the number of places with known steps."""
         return self._count
 
-    def of(self, place: i64) -> tuple[i64, i64]:
+    def step_range(self, place: i64) -> tuple[i64, i64]:
         """Return the number of the first step from a place, and the number after its last one."""
         return self._ends[place - 1] if place else 0, self._ends[place]
 
-    def count(self, place: i64) -> i64:
+    def step_count(self, place: i64) -> i64:
         """Return the number of steps from a place."""
-        first, behind_last = self.of(place)
+        first, behind_last = self.step_range(place)
         return behind_last - first
 
     def add(self, target: i32, waits: int) -> None:
@@ -106,7 +106,7 @@ class Steps:
         self.targets = append(self.targets, target)
         self.waits.append(i64(waits))
 
-    def end(self) -> None:
+    def finish_place(self) -> None:
         """Finish the current place."""
         self._ends.append(len(self.targets))
         self._count += 1
@@ -148,7 +148,7 @@ class Graph:
     stopped: bool = False
 
     @property
-    def expanded(self) -> int:
+    def expanded_count(self) -> int:
         """The number of expanded states: those with lower numbers."""
         return len(self.steps)
 
@@ -174,10 +174,10 @@ class Graph:
         number = place if place < states else place - states
         if number >= len(steps):
             return steps, 0, 0
-        first, behind_last = steps.of(number)
+        first, behind_last = steps.step_range(number)
         return steps, first, behind_last
 
-    def place(self, target: i64) -> i64:
+    def target_place(self, target: i64) -> i64:
         """Return the place of a step's target."""
         return target if target >= 0 else len(self.states) - 1 - target
 
@@ -185,23 +185,23 @@ class Graph:
         """Return the different ticks of a state, in order."""
         found: dict[Edge, None] = {}
         states, seen = len(self.states), set()
-        waiting = self._following(state, 0, 0)
+        waiting = self._tick_targets(state, 0, 0)
         while waiting:
             place, going_on, changed = following = waiting.pop()
             if place < states:
                 found[place, going_on] = None
             elif following not in seen:
                 seen.add(following)
-                waiting.extend(self._following(place, going_on, changed))
+                waiting.extend(self._tick_targets(place, going_on, changed))
         return list(found)
 
-    def _following(self, place: int, going_on: int, changed: int) -> list[tuple[int, int, int]]:
+    def _tick_targets(self, place: int, going_on: int, changed: int) -> list[tuple[int, int, int]]:
         """Return the targets of the steps from a place, with the tick's waits; the last step first."""
         steps, first, end = self.leading_from(place)
         return [
             (
-                int(self.place(i64(steps.targets[step]))),
-                *behind(going_on, changed, self.waits[steps.waits[step]]),
+                int(self.target_place(i64(steps.targets[step]))),
+                *append_waits(going_on, changed, self.waits[steps.waits[step]]),
             )
             for step in range(int(end) - 1, int(first) - 1, -1)
         ]
@@ -214,7 +214,7 @@ class Graph:
         return way[::-1]
 
 
-def behind(going_on: int, changed: int, waits: Waits) -> tuple[int, int]:
+def append_waits(going_on: int, changed: int, waits: Waits) -> tuple[int, int]:
     """Return the waits of a tick after a further part of it."""
     goes_on, changes, settled = waits
     return going_on & ~settled | goes_on & (settled | ~changed), changed & ~settled | changes

@@ -46,7 +46,7 @@ from typing import Final
 from librt.vecs import append, vec
 from mypy_extensions import i32, i64, u8
 
-from sar_compiler.analysis.state_search.graph import Edge, Graph, behind
+from sar_compiler.analysis.state_search.graph import Edge, Graph, append_waits
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def endings(graph: Graph) -> Endings:
             states = [place for place in component if place < len(graph.states)]
             stuck = min(states if stuck is None else [stuck, *states], default=None)
         if is_fair(graph, component):
-            circling = _sooner(component, circling)
+            circling = _earlier_component(component, circling)
     for state in range(len(graph.states) if stuck is None else stuck):
         if ends[state] and not _any_goes_on(graph, [state], can_end, ends):
             return Endings(state, circling)
@@ -101,7 +101,7 @@ def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
     circling: list[int] | None = None
     for component in components(graph, excluded):
         if is_fair(graph, component):
-            circling = _sooner(component, circling)
+            circling = _earlier_component(component, circling)
     return circling
 
 
@@ -113,14 +113,14 @@ def _any_goes_on(graph: Graph, places: list[int], can_end: vec[u8], ends: vec[u8
         if step == behind_last:
             return True
         while step < behind_last:
-            target = graph.place(i64(steps.targets[step]))
+            target = graph.target_place(i64(steps.targets[step]))
             if can_end[target] or (target < len(ends) and ends[target]):
                 return True
             step += 1
     return False
 
 
-def _sooner(component: list[int], known: list[int] | None) -> list[int]:
+def _earlier_component(component: list[int], known: list[int] | None) -> list[int]:
     """Return the component with the state that was found first."""
     return component if known is None or min(component) < min(known) else known
 
@@ -219,7 +219,7 @@ class _DepthFirst:
         step, least = first + i64(self._done[place]), numbers[place]
         found: i64 = -1
         while step < stop:
-            target = graph.place(i64(targets[step]))
+            target = graph.target_place(i64(targets[step]))
             if target >= len(excluded) or not excluded[target]:
                 if numbers[target] == _NEW:
                     # Checked again after it is finished.
@@ -265,7 +265,7 @@ def is_fair(graph: Graph, component: list[int]) -> bool:
         nothing, going_on, changed = (_ALL, 0, 0) if place < states else notes[place]
         steps, first, behind_last = graph.leading_from(place)
         for step in range(first, behind_last):
-            target = int(graph.place(i64(steps.targets[step])))
+            target = int(graph.target_place(i64(steps.targets[step])))
             if target not in inside:
                 continue
             goes_on, changes, settled = graph.waits[steps.waits[step]]
@@ -287,7 +287,7 @@ def _goes_round(graph: Graph, place: int) -> bool:
     """Return whether a step leads from a place to itself."""
     steps, step, behind_last = graph.leading_from(place)
     while step < behind_last:
-        if graph.place(i64(steps.targets[step])) == place:
+        if graph.target_place(i64(steps.targets[step])) == place:
             return True
         step += 1
     return False
@@ -337,17 +337,17 @@ def _round(graph: Graph, entry: int, inside: set[int]) -> list[Edge]:
             place, waiting, going_on, changed = moment
             steps, first, behind_last = graph.leading_from(place)
             for step in range(first, behind_last):
-                target = int(graph.place(i64(steps.targets[step])))
+                target = int(graph.target_place(i64(steps.targets[step])))
                 if target not in inside:
                     continue
-                after = behind(going_on, changed, graph.waits[steps.waits[step]])
+                after = append_waits(going_on, changed, graph.waits[steps.waits[step]])
                 is_end = target < states
                 reached = (target, waiting & after[0], 0, 0) if is_end else (target, waiting, *after)
                 if reached in ways:
                     continue
                 ways[reached] = moment, after[0]
                 if reached == (entry, 0, 0, 0):
-                    return _retrace(ways, start, reached, states)
+                    return _path_back(ways, start, reached, states)
                 # An intermediate state belongs to the tick that reaches it.
                 (following if is_end else tick).append(reached)
         tick = following
@@ -355,7 +355,7 @@ def _round(graph: Graph, entry: int, inside: set[int]) -> list[Edge]:
     raise ValueError(message)
 
 
-def _retrace(
+def _path_back(
     ways: dict[_Moment, tuple[_Moment, int]], start: _Moment, end: _Moment, states: int
 ) -> list[Edge]:
     way: list[Edge] = []

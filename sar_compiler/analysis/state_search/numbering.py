@@ -34,12 +34,12 @@ class StateStore:
         return self._count
 
     def __getitem__(self, number: int) -> bytes:
-        return self._stretches[number // _STRETCH].at(number % _STRETCH)
+        return self._stretches[number // _STRETCH].state_at(number % _STRETCH)
 
     def __iter__(self) -> Iterator[bytes]:
-        return iter(self.between(0, len(self)))
+        return iter(self.states_between(0, len(self)))
 
-    def between(self, first: int, end: int) -> list[bytes]:
+    def states_between(self, first: int, end: int) -> list[bytes]:
         """Return the states from one number up to, but not including, another."""
         return [self[number] for number in range(first, end)]
 
@@ -59,7 +59,7 @@ class _Stretch:
         # The end of each, where the next one begins.
         self._ends = vec[i32]([0])
 
-    def at(self, place: int) -> bytes:
+    def state_at(self, place: int) -> bytes:
         """Return the state at an index."""
         return bytes(self._written[self._ends[place] : self._ends[place + 1]])
 
@@ -106,7 +106,7 @@ class Numbering:
         self.states.append(state)
         if 3 * number > 2 * self._mask:
             self._grow()
-        self._place((i64(hash(state)) & _HASH) << _BITS_OF_NUMBER | (number + 1))
+        self._store_in_slot((i64(hash(state)) & _HASH) << _BITS_OF_NUMBER | (number + 1))
         return number
 
     def _grow(self) -> None:
@@ -118,9 +118,9 @@ class Numbering:
         self._table = table
         for slot in before:
             if slot != _FREE:
-                self._place(slot)
+                self._store_in_slot(slot)
 
-    def _place(self, slot: i64) -> None:
+    def _store_in_slot(self, slot: i64) -> None:
         table, mask = self._table, self._mask
         at = (slot >> _BITS_OF_NUMBER) & mask
         while table[at] != _FREE:
@@ -149,17 +149,17 @@ class Middles:
         if number < 0:
             number = self._before.find(middle)
             if number >= 0:
-                self._keep(middle, number)
+                self._store(middle, number)
         return number
 
     def add(self, middle: bytes) -> int:
         """Return a new number for an intermediate state."""
         number = self._count
-        self._keep(middle, number)
+        self._store(middle, number)
         self._count = number + 1
         return number
 
-    def _keep(self, middle: bytes, number: int) -> None:
+    def _store(self, middle: bytes, number: int) -> None:
         if len(self._lately) >= self._room:
             self._before, self._lately = self._lately, _Recent()
         self._lately.add(middle, number)

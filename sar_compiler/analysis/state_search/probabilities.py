@@ -65,7 +65,7 @@ class LimitUse:
         """Confirm the results of the tick."""
         self._last = self._now
 
-    def before(self, index: int, found: str) -> list[Any]:
+    def spend(self, index: int, found: str) -> list[Any]:
         """Return the current limits if a leaf repeats its last outcome, and restore the limits before that outcome.
 
         Args:
@@ -80,11 +80,11 @@ class LimitUse:
             self._now[index] = found, left
             return []
         self._now[index] = last
-        self.after(last[1])
+        self.restore(last[1])
         return left
 
-    def after(self, left: list[Any]) -> None:
-        """Restore the limits that `before` has returned."""
+    def restore(self, left: list[Any]) -> None:
+        """Restore the limits that `spend` has returned."""
         for limit, value in zip(self._limits, left, strict=False):
             limit.write(value)
 
@@ -108,7 +108,7 @@ class CountedTimes(Times):
         """Return the duration of a number of ticks, seconds."""
         return ticks * self._period_sec
 
-    def left(self, ticks: int) -> TicksLeft:
+    def remaining_ticks(self, ticks: int) -> TicksLeft:
         """Return the object for a number of ticks."""
         known = self._known.get(ticks)
         if known is None:
@@ -117,7 +117,7 @@ class CountedTimes(Times):
 
     def start(self, index: int, seconds: float) -> Any:  # noqa: ARG002 - required by the protocol
         """Start a timer, in seconds."""
-        return self.left(self.ticks(seconds))
+        return self.remaining_ticks(self.ticks(seconds))
 
     def is_up(self, index: int, token: Any) -> bool:  # noqa: ARG002
         """Return whether a timer has expired."""
@@ -229,8 +229,8 @@ class ProbabilisticLeaf(StubNode):
         cells, values, trail = ticker.cells, ticker.values, self._trail
         self._ran.add(self.index)
         if cells[self.at] != RUNNING:
-            trail.take(self._started)
-        reply = self._taken(self._chosen_reply(ticker, self._possible()))
+            trail.add_event(self._started)
+        reply = self._apply_reply(self._chosen_reply(ticker, self._possible()))
         outcome = reply.outcome
         if outcome != RUNNING:
             values[self._chosen] = values[self._left] = None
@@ -253,7 +253,7 @@ class ProbabilisticLeaf(StubNode):
         """Halt the leaf if it runs."""
         cells, values = ticker.cells, ticker.values
         if cells[self.at] == RUNNING:
-            self._trail.take(self._halted)
+            self._trail.add_event(self._halted)
         values[self._chosen] = values[self._left] = None
         cells[self.at] = INVALID
 
@@ -274,7 +274,7 @@ class ProbabilisticLeaf(StubNode):
                 raise UndecidableError(message)
             self._trail.going_on = option.weight
         ticker.values[self._chosen] = option.reply
-        ticker.values[self._left] = self._probabilities.times.left(option.ticks)
+        ticker.values[self._left] = self._probabilities.times.remaining_ticks(option.ticks)
 
     def _options(self, replies: list[Reply]) -> list[Option]:
         """Return the possible continuations for some outcomes."""
@@ -284,12 +284,12 @@ class ProbabilisticLeaf(StubNode):
             known = self._known[place] = self._work_out_options(replies)
         return known
 
-    def _ending(self, replies: list[Reply]) -> list[Reply]:
+    def _ending_replies(self, replies: list[Reply]) -> list[Reply]:
         """Return the outcomes among which it can choose; a leaf that only ever runs returns RUNNING forever."""
         return [reply for reply in replies if reply.outcome != RUNNING] or replies[:1]
 
     def _work_out_options(self, replies: list[Reply]) -> list[Option]:
-        ending = self._ending(replies)
+        ending = self._ending_replies(replies)
         answers = tuple([reply.answer for reply in ending])
         given, options = self._probabilities, []
         given.choices.append(Choice(self.index, answers, tuple(probabilities(answers))))
@@ -342,7 +342,7 @@ class WeighedSteps(TickSteps):
         ticker = self._ticker
         ticker.entries.settle()
         self._pass_by(1)
-        passed = self._unchanged() if ticker.choices.asked == 0 else 0
+        passed = self._count_waiting_ticks() if ticker.choices.choice_count == 0 else 0
         if passed:
             self._pass_by(passed)
         super().take_state(outcome)
@@ -354,9 +354,9 @@ class WeighedSteps(TickSteps):
         values = self._ticker.values
         for place, value in enumerate(values):
             if isinstance(value, TicksLeft) and value.ticks:
-                values[place] = self._times.left(value.ticks - ticks)
+                values[place] = self._times.remaining_ticks(value.ticks - ticks)
 
-    def _unchanged(self) -> int:
+    def _count_waiting_ticks(self) -> int:
         """Return how many ticks are like the last one, if only time has passed in it; else 0."""
         ticker, least = self._ticker, 0
         if ticker.trail.watched != self._watched or ticker.trail.broken:

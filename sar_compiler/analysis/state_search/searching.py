@@ -174,13 +174,13 @@ class _Exploration:
             if led == NOTHING:
                 break
             if led == LEFT:
-                self._leave(stepper.left)
+                self._store_intermediate_steps(stepper.left)
                 continue
-            if not self._take(led):
+            if not self._process_step(led):
                 return
         self._finish(state)
 
-    def _take(self, led: int) -> bool:
+    def _process_step(self, led: int) -> bool:
         """Process the current step; return False if the search is over."""
         graph, stepper = self._graph, self._stepper
         state, waits, broken = stepper.state, stepper.waits, stepper.broken
@@ -191,7 +191,7 @@ class _Exploration:
             self._places.append(_OpenPlace(stepper.middle, waits))
             return True
         if led == A_MIDDLE:
-            self._lead(-1 - stepper.middles.find(stepper.middle), waits)
+            self._record_step(-1 - stepper.middles.find(stepper.middle), waits)
             return True
         target = _NOWHERE
         if state is None:
@@ -205,16 +205,16 @@ class _Exploration:
                 target = self._add(state)
             if broken:
                 self._note_breaches(broken)
-        self._lead(target, waits)
+        self._record_step(target, waits)
         return True
 
-    def _lead(self, target: int, waits: Waits) -> None:
+    def _record_step(self, target: int, waits: Waits) -> None:
         """Record a step from the current place; one that raises has no target, nor has one after which all others raise."""
         goes_on, changed, settled = waits
         if target >= 0:
             # Leaves and timers that have started in the tick are not waited for.
             changed = 0
-        elif not self._graph.middles.count(-1 - target):
+        elif not self._graph.middles.step_count(-1 - target):
             target = _NOWHERE
         if len(self._places) == 1:
             # Nothing was recorded before.
@@ -237,17 +237,17 @@ class _Exploration:
         self._last_waits, self._last_number = (goes_on, changed, settled), number
         return number
 
-    def _leave(self, count: int) -> None:
+    def _store_intermediate_steps(self, count: int) -> None:
         """Store the steps of that many current intermediate states."""
         for _ in range(count):
             place = self._places.pop()
             number = self._stepper.middles.add(place.middle)
             self._only = append(self._only, i32(self._write(self._graph.middles, place)))
-            self._lead(-1 - number, place.waits)
+            self._record_step(-1 - number, place.waits)
 
     def _finish(self, state: bytes) -> None:
         """Store the steps of the current state."""
-        self._leave(len(self._places) - 1)
+        self._store_intermediate_steps(len(self._places) - 1)
         index = self._source
         only = self._write(self._graph.steps, self._places[0])
         if self._open[index]:
@@ -257,13 +257,13 @@ class _Exploration:
         """Count a tick, and report the progress at intervals."""
         self._played += 1
         if self._played % _REPORT_EVERY == 0:
-            self._tell()
+            self._report_progress()
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         """Report the progress; if the search must stop, the graph is not complete."""
         graph = self._graph
         broken = tuple(self._names[rule] for rule in graph.breaches if rule < len(self._names))
-        numbers = len(graph.states), graph.expanded, graph.step_count, len(graph.levels) - 1
+        numbers = len(graph.states), graph.expanded_count, graph.step_count, len(graph.levels) - 1
         if self._report(Progress(*numbers, broken)):
             graph.stopped, graph.complete = True, False
 
@@ -281,7 +281,7 @@ class _Exploration:
             if only not in (_NOWHERE, end):
                 end = _SEVERAL
             only = end
-        steps.end()
+        steps.finish_place()
         return int(only)
 
     def _judge_again(self, index: int, state: bytes, *, idle: bool) -> None:
@@ -294,9 +294,9 @@ class _Exploration:
         graph = self._graph
         judgement = self._stepper.judge(state, idle)
         graph.ends[index] = judgement.ends
-        for rule in self._new(judgement.broken):
+        for rule in self._new_violations(judgement.broken):
             graph.breaches[rule] = Breach(index)
-            self._tell()
+            self._report_progress()
 
     def _add(self, state: bytes) -> int:
         graph = self._graph
@@ -312,11 +312,11 @@ class _Exploration:
 
     def _note_breaches(self, broken: int) -> None:
         """Record that the current step violates rules."""
-        for rule in self._new(broken):
+        for rule in self._new_violations(broken):
             self._graph.breaches[rule] = Breach(self._source, self._stepper.path())
-            self._tell()
+            self._report_progress()
 
-    def _new(self, broken: int) -> list[int]:
+    def _new_violations(self, broken: int) -> list[int]:
         """Return those of some rules, as bits, that were not violated before."""
         return [
             rule

@@ -39,7 +39,7 @@ class StateCode:
         self._last: i64 = 0
 
     @property
-    def known(self) -> int:
+    def value_count(self) -> int:
         """The number of other values with a number."""
         return len(self._numbered)
 
@@ -112,7 +112,7 @@ class StateCode:
         last: i64 = 0
         for held in cells:
             if held != first[index] and (index >= nodes or held == RUNNING or not forgotten[index]):
-                at = _put(room, at, index - last, i64(held) + 1)
+                at = _write_place(room, at, index - last, i64(held) + 1)
                 last = index
             index += 1  # noqa: SIM113 - a machine number
         self._last = last
@@ -123,7 +123,7 @@ class StateCode:
             value = values[place]
             if value is not first and value != first:
                 now = before + i64(place)
-                at = _put(self._room, at, now - self._last, i64(self._number(value)))
+                at = _write_place(self._room, at, now - self._last, i64(self._number(value)))
                 self._last = now
         return at
 
@@ -133,7 +133,7 @@ class StateCode:
         while index < len(entries):
             held = entries[index]
             if held:
-                at = _put(room, at, index - last, i64(held))
+                at = _write_place(room, at, index - last, i64(held))
                 last = index
             index += 1
         return at
@@ -166,7 +166,7 @@ class StateCode:
         cells, count, others = self._cells[:], len(self._cells), len(self._values)
         values[:] = self._values
         place: i64 = 0
-        at, end = _behind(code, 1), len(code)
+        at, end = _skip_number(code, 1), len(code)
         while at < end:
             both: i64 = code[at]
             step, held = both >> 4, both & _HALF
@@ -185,7 +185,7 @@ class StateCode:
         return cells
 
 
-def _put(code: vec[u8], at: i64, step: i64, held: i64) -> i64:
+def _write_place(code: vec[u8], at: i64, step: i64, held: i64) -> i64:
     """Write a place, as its distance from the previous one, with its content; return the next index."""
     if step < _HALF and held < _HALF:
         code[at] = u8(step << 4 | held)
@@ -207,7 +207,7 @@ def _put_number(code: vec[u8], at: i64, number: int) -> i64:
     return at + 1
 
 
-def _behind(code: bytes, at: i64) -> i64:
+def _skip_number(code: bytes, at: i64) -> i64:
     """Return the index after the number at an index."""
     while code[at] >= _MORE:
         at += 1

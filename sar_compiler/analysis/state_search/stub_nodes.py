@@ -195,14 +195,14 @@ class StubNode(ChoosingNode):
         self._ran.add(self.index)
         if cells[self.at] != RUNNING:
             trail.start(self._bit)
-            trail.take(self._started)
+            trail.add_event(self._started)
         replies = self._possible()
-        reply = self._taken(replies[self._choices.pick(len(replies))])
+        reply = self._apply_reply(replies[self._choices.pick(len(replies))])
         outcome = reply.outcome
         if outcome == RUNNING:
-            trail.go_on(self._bit)
+            trail.mark_running(self._bit)
         else:
-            trail.end(self._bit)
+            trail.mark_ended(self._bit)
         if outcome != SKIPPED:
             cells[self.at] = outcome
         return outcome
@@ -210,13 +210,13 @@ class StubNode(ChoosingNode):
     def stop(self, ticker: Ticker) -> None:
         """Halt the leaf if it runs."""
         if ticker.cells[self.at] == RUNNING:
-            self._trail.end(self._bit)
-            self._trail.take(self._halted)
+            self._trail.mark_ended(self._bit)
+            self._trail.add_event(self._halted)
         ticker.cells[self.at] = INVALID
 
-    def _taken(self, reply: Reply) -> Reply:
+    def _apply_reply(self, reply: Reply) -> Reply:
         """Apply an outcome, and return it."""
-        self._trail.take(reply.event)
+        self._trail.add_event(reply.event)
         if reply.change is not None:
             reply.effect.call(reply.change)
         return reply
@@ -261,7 +261,7 @@ class ChosenTimes(Times):
     def is_up(self, index: int, token: int) -> bool:
         """Choose whether a timer has expired."""
         if token == _UP or self._choices.pick(2) == 1:
-            self._trail.end(self._trail.bit(index))
+            self._trail.mark_ended(self._trail.bit(index))
             return True
-        self._trail.go_on(self._trail.bit(index))
+        self._trail.mark_running(self._trail.bit(index))
         return False

@@ -48,12 +48,12 @@ class TickSteps(Stepper):
         heeded = {node.at for node in flat.nodes if node.heeds_end}
         forgotten = [index not in heeded for index in range(len(flat.nodes))] if forgets else []
         self._code = StateCode(ticker.cells, ticker.values, forgotten)
-        ticker.forget(forgotten)
+        ticker.ignore_statuses(forgotten)
         self._judge = judge
         self._judged_by = judged_by
         self._judged: dict[int, Memo] = {}
         self._question: tuple[int, int, bool | None] = (0, 0, None)
-        self._ask: Callable[[], Judgement] = self._answer
+        self._ask: Callable[[], Judgement] = self._judge_tick
         self._is_fresh = True
         # The state whose ticks are played, and the values with which it is judged again.
         self._entered, self._entered_head = b"", (0, 0)
@@ -63,9 +63,9 @@ class TickSteps(Stepper):
         self.outcome = 0
 
     @property
-    def known(self) -> int:
+    def value_count(self) -> int:
         """The count of numbered values: a state has the same meaning elsewhere as long as this does not grow."""
-        return self._ticker.entries.known + self._code.known + self._ticker.trail.known
+        return self._ticker.entries.known + self._code.value_count + self._ticker.trail.known
 
     def start(self) -> bytes:
         """Return the state before the first tick."""
@@ -99,7 +99,7 @@ class TickSteps(Stepper):
         ticker = self._ticker
         while True:
             if not self._is_fresh:
-                self.left = ticker.advance()
+                self.left = ticker.next_fork()
                 if self.left < 0:
                     return NOTHING
                 if self.left:
@@ -153,7 +153,7 @@ class TickSteps(Stepper):
         judgement: Judgement = memo.call(self._ask)
         return judgement
 
-    def _answer(self) -> Judgement:
+    def _judge_tick(self) -> Judgement:
         outcome, watched, idle = self._question
         return self._judge(outcome, watched, idle)
 

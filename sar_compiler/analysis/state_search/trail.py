@@ -114,12 +114,12 @@ class Trail:
         self.changed |= bit
         self.settled |= bit
 
-    def go_on(self, bit: int) -> None:
+    def mark_running(self, bit: int) -> None:
         """Record that a leaf returns RUNNING, or a timer has not expired."""
         if not self.changed & bit:
             self.going_on |= bit
 
-    def end(self, bit: int) -> None:
+    def mark_ended(self, bit: int) -> None:
         """Record that a leaf ends or is halted, or a timer expires.
 
         Its earlier record in this tick makes no difference any more, so that ticks merge that differ only in it.
@@ -128,28 +128,28 @@ class Trail:
         self.changed &= ~bit
         self.settled |= bit
 
-    def take(self, number: int) -> None:
+    def add_event(self, number: int) -> None:
         """Process an event and its companions."""
         if number >= self._count or not self._heard[number]:
             if self.keeps:
-                self._keep(number)
+                self._store_event(number)
             return
         holding = [each for each in self._guarded.get(number, ()) if each.holds()]
         for each in holding:
             if each.comes_first:
-                self._note(each.number)
-        self._note(number)
+                self._apply_event(each.number)
+        self._apply_event(number)
         for each in holding:
             if not each.comes_first:
-                self._note(each.number)
+                self._apply_event(each.number)
 
-    def _keep(self, number: int) -> None:
+    def _store_event(self, number: int) -> None:
         self.numbers.append(number)
         self.pasts.append(list(self._entries.now))
 
-    def _note(self, number: int) -> None:
+    def _apply_event(self, number: int) -> None:
         if self.keeps:
-            self._keep(number)
+            self._store_event(number)
         place = self.watched * self._count + number
         known = self._known.get(place)
         if known is None:

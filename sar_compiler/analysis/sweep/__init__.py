@@ -179,9 +179,7 @@ def sweep(
             except BrokenExecutor as error:
                 attempts[batch] += 1
                 if attempts[batch] == _MOST_ATTEMPTS:
-                    message = (
-                        f"workers have terminated {_MOST_ATTEMPTS} times while they played {_named(batch)}"
-                    )
+                    message = f"workers have terminated {_MOST_ATTEMPTS} times while they played {_batch_label(batch)}"
                     raise SweepError(message) from error
                 again.append(batch)
         report(rows)
@@ -197,7 +195,7 @@ def _next(rows: Sequence[SweepRow], rule: StoppingRule, seed: int, again: list[_
     return None if row is None else row.next_batch(rule, seed)
 
 
-def _named(batch: _Batch) -> str:
+def _batch_label(batch: _Batch) -> str:
     labels = ", ".join(f"{name} {value}" for name, value in batch.row.labels.items())
     return f"seeds {batch.seeds[0]} to {batch.seeds[-1]}" + (f" of {labels}" if labels else "")
 

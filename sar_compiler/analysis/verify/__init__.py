@@ -166,7 +166,7 @@ def _search_whole(
         graph.depth,
         graph.complete,
         properties.left_out,
-        () if graph.complete else stepper.states.growing(graph.states),
+        () if graph.complete else stepper.states.growing_values(graph.states),
         simulated.leaves,
         graph.stopped,
         simulated.by_semantics,

@@ -76,15 +76,15 @@ class EntrySharing:
         )
         for use in (use for entry in table.entries for use in entry.uses):
             entry = use.instance.scope.resolve(use.access.key)
-            self._take([entry], use.place.number, changes=use.access.kind not in _READS)
+            self._add_uses([entry], use.position.number, changes=use.access.kind not in _READS)
         for leaf in simulated.leaves:
             made = self._origins.construction(leaf.id)
-            number = self._places.of(made.instance, made.bound).number
+            number = self._places.position_of(made.instance, made.bound).number
             for answer in leaf.answers:
-                self._take(leaf.entries(filter(None, [answer.when])), number, changes=False)
-                self._take(leaf.entries(filter(None, [answer.then])), number, changes=True)
+                self._add_uses(leaf.entries(filter(None, [answer.when])), number, changes=False)
+                self._add_uses(leaf.entries(filter(None, [answer.then])), number, changes=True)
 
-    def _take(self, entries: Iterable[Entry], number: int, *, changes: bool) -> None:
+    def _add_uses(self, entries: Iterable[Entry], number: int, *, changes: bool) -> None:
         for entry in entries:
             self._users.setdefault(entry.name, set()).add(number)
             if changes:
@@ -95,7 +95,7 @@ class EntrySharing:
         if branch.id not in self._origins:
             return False
         made = self._origins.construction(branch.id)
-        place = self._places.of(made.instance, made.bound)
+        place = self._places.position_of(made.instance, made.bound)
         inside = range(place.number, place.last + 1)
         users = (self._users[name] for name in self._changed)
         return all(len({number in inside for number in each}) == 1 for each in users)
@@ -150,7 +150,9 @@ class BranchAssembly:
             self.stepper.steps.start(), tuple(branch.parts.start() for branch in self.branches.values())
         )
 
-    def go_on(self, position: "BranchPosition", wanted: IsWanted) -> "tuple[BranchPosition, tuple[int, ...]]":
+    def play_tick(
+        self, position: "BranchPosition", wanted: IsWanted
+    ) -> "tuple[BranchPosition, tuple[int, ...]]":
         """Play the first wanted tick; return the new position and the choices in the original tree."""
         path = next(step for step in self.stepper.ticks(position.state) if wanted(step)).path()
         self.told.clear()
@@ -158,7 +160,7 @@ class BranchAssembly:
         choices: list[int] = []
         behind, within = 0, dict(zip(self.branches, position.within, strict=True))
         for index, first, then, result in self.told:
-            within[index], own = self.branches[index].go_on(within[index], result)
+            within[index], own = self.branches[index].play_tick(within[index], result)
             choices += [*path[behind:first], *own]
             behind = then
         return BranchPosition(state, tuple(within.values())), (*choices, *path[behind:])
@@ -198,10 +200,12 @@ class Branch:
         """Whether it is never skipped."""
         return all(outcome != SKIPPED for some in self.automaton.ticks for outcome, _ in some)
 
-    def go_on(self, position: BranchPosition, result: BranchResult) -> tuple[BranchPosition, tuple[int, ...]]:
+    def play_tick(
+        self, position: BranchPosition, result: BranchResult
+    ) -> tuple[BranchPosition, tuple[int, ...]]:
         """Return the position after a tick with a given result, and the choices in the original tree."""
         classes, runs = self.classes, self.automaton.halts[self.classes[position.state]]
-        after, choices = self.parts.go_on(
+        after, choices = self.parts.play_tick(
             position, lambda step: (step.outcome, classes[step.state or b""]) == result
         )
         # The first choice is whether a running branch is halted.

@@ -115,8 +115,8 @@ class _BranchQuestions:
 
     def search(self, concrete: frozenset[Behaviour], max_states: int, report: Report) -> Graph:
         """Search the tree without replacing some branches."""
-        asked = self._properties.only(self.numbers[concrete])
-        parts = self._arrangement.without(concrete, asked.rules)
+        asked = self._properties.select(self.numbers[concrete])
+        parts = self._arrangement.without_branches(concrete, asked.rules)
         graph, unknown = explore_decidable(parts.stepper, max_states, report, asked.names)
         self.spaces[concrete] = ComposedSpace(
             parts.stepper,
@@ -144,7 +144,7 @@ class _BranchQuestions:
             number: verdict
             for concrete, numbers in self.numbers.items()
             for number, verdict in zip(
-                numbers, questions[concrete].properties(self._properties.only(numbers)), strict=True
+                numbers, questions[concrete].properties(self._properties.select(numbers)), strict=True
             )
         }
         yield from (answers[number] for number in sorted(answers))
@@ -165,7 +165,7 @@ class BranchArrangement:
         self._parallels = [node.behaviour for node in flat.nodes if _needs_all(node)]
         self._joined: dict[tuple[Behaviour, Behaviour], Branch | None] = {}
 
-    def without(self, concrete: Collection[Behaviour], rules: PropertyAutomata) -> BranchAssembly:
+    def without_branches(self, concrete: Collection[Behaviour], rules: PropertyAutomata) -> BranchAssembly:
         """Return the tree without replacing some branches.
 
         Args:
@@ -249,13 +249,13 @@ class ComposedSpace(StateSpace):
         run, wanted = _WholeRun(self.parts, self.whole), [each for _, each in steps]
         stem = len(wanted) - loop
         for each in wanted[:stem]:
-            run.go_on(each)
+            run.play_tick(each)
         # The whole tree may need several rounds to return to a state.
         known: dict[object, int] = {}
         while loop and run.position not in known:
             known[run.position] = len(run.ticks)
             for each in wanted[stem:]:
-                run.go_on(each)
+                run.play_tick(each)
         ticks = run.ticks if self.plain is None else replay_ticks(self.plain, run.found)
         return Trace(tuple(ticks), len(ticks) - known[run.position] if loop else 0)
 
@@ -284,14 +284,14 @@ class _WholeRun:
         """Its position."""
         return self._state, self._of_parts
 
-    def go_on(self, wanted: IsWanted) -> None:
+    def play_tick(self, wanted: IsWanted) -> None:
         """Play a wanted tick."""
         whole, parts = self._whole, self._parts
-        self._of_parts, choices = parts.go_on(self._of_parts, wanted)
+        self._of_parts, choices = parts.play_tick(self._of_parts, wanted)
         step = next(whole.ticks(self._state or b"", choices))
         if step.outcome != parts.stepper.steps.outcome:
             message = "the run of the whole tree differs from the run of its parts"
             raise AssertionError(message)
         self.found.append(PlayedTick(choices, step.outcome))
-        self.ticks.append(whole.played(len(self.ticks) + 1))
+        self.ticks.append(whole.tick_record(len(self.ticks) + 1))
         self._state = step.state

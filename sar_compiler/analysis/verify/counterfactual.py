@@ -83,7 +83,9 @@ def counterfactual(
     moments: dict[int, FoundTick] = {}
     for moment in reversed(runs.locate_all(record)):
         moments.setdefault(id(moment.ways), moment)
-    changes = functools.cache(lambda ways: [(each, each.unusual) for each in _changes(moments[ways], runs)])
+    changes = functools.cache(
+        lambda ways: [(each, each.unusual_count) for each in _changes(moments[ways], runs)]
+    )
     for unusual, (ways, moment) in itertools.product(range(_MOST_UNUSUAL + 1), moments.items()):
         for change, own in changes(ways):
             rest = after.way_to_success(change.way, unusual - own)
@@ -130,7 +132,7 @@ class WhatIfSearch:
             if change.was.number != leaf:
                 continue
             known = found.setdefault(change.instead.answer, change)
-            if change.unusual < known.unusual:
+            if change.unusual_count < known.unusual_count:
                 found[change.instead.answer] = change
         return [self._after.follow(change) for change in found.values()]
 
@@ -154,7 +156,7 @@ class _OtherOutcome(NamedTuple):
         return self.way.answers[self.place]
 
     @property
-    def unusual(self) -> int:
+    def unusual_count(self) -> int:
         """The number of unusual outcomes in the rest of the tick."""
         return sum(self.way.unusual[self.place :])
 
@@ -163,7 +165,7 @@ def _changes(moment: FoundTick, runs: TreeRuns) -> list[_OtherOutcome]:
     """Return the outcomes in a tick that could have been different, the last one first."""
     changes = []
     for state, was in moment.ways:
-        for way in runs.ways(state):
+        for way in runs.possible_ticks(state):
             for place, (one, other) in enumerate(zip(was.answers, way.answers, strict=False)):
                 if one != other:
                     # If another leaf follows, a timer caused the difference.
@@ -184,7 +186,7 @@ class _Continuations:
         """Return the consequence of another outcome: some usual ticks until the tree has ended."""
         way, answers = change.way, list(change.way.answers[change.place + 1 :])
         for _ in range(_MOST_FOLLOWED):
-            ways = self._runs.ways(way.state) if way.root == _RUNNING else []
+            ways = self._runs.possible_ticks(way.state) if way.root == _RUNNING else []
             if not ways:
                 break
             way = min(ways, key=lambda each: sum(each.unusual))
@@ -210,13 +212,13 @@ class _Continuations:
         while waiting:
             place = waiting.popleft()
             state, used = place
-            for each in self._runs.ways(state):
+            for each in self._runs.possible_ticks(state):
                 after = each.state, used + sum(each.unusual)
                 if after in origins or after[1] > most or self._is_hopeless(each.state, most - after[1]):
                     continue
                 origins[after] = place, each
                 if each.root == _SUCCESS:
-                    return _back(origins, after)
+                    return _trace_back(origins, after)
                 if each.root == _RUNNING:
                     waiting.append(after)
         if not self._runs.is_spent:
@@ -228,7 +230,7 @@ class _Continuations:
         return self._hopeless.get(state, -1) >= most
 
 
-def _back(
+def _trace_back(
     origins: Mapping[tuple[bytes, int], tuple[tuple[bytes, int], PossibleTick] | None],
     place: tuple[bytes, int],
 ) -> list[PossibleTick]:

@@ -175,7 +175,7 @@ class PropertyMonitor:
     roles: Mapping[int, int]
     owes: bool = False
 
-    def after(self, flag: bool, event: int) -> tuple[bool, bool]:
+    def next_flag(self, flag: bool, event: int) -> tuple[bool, bool]:
         """Return the flag after an event, and whether the event violates the property.
 
         Args:
@@ -189,7 +189,7 @@ class PropertyMonitor:
         return _RULES[self.form](flag, roles)
 
 
-def _never(_: bool, roles: int) -> tuple[bool, bool]:
+def _never_violated(_: bool, roles: int) -> tuple[bool, bool]:
     return False, bool(roles & MAIN)
 
 
@@ -210,7 +210,7 @@ def _check_at_most_once(flag: bool, roles: int) -> tuple[bool, bool]:
 
 
 _RULES: Mapping[PropertyPattern, Callable[[bool, int], tuple[bool, bool]]] = {
-    PropertyPattern.NEVER: _never,
+    PropertyPattern.NEVER: _never_violated,
     PropertyPattern.BEFORE: _check_precedence,
     PropertyPattern.AFTER: _check_response,
     PropertyPattern.AT_MOST_ONCE: _check_at_most_once,
@@ -239,20 +239,20 @@ class MonitorSet:
         return len(self._monitors)
 
     @property
-    def heard(self) -> set[int]:
+    def relevant_events(self) -> set[int]:
         """The events that affect at least one of them."""
         return {event for monitor in self._monitors for event in monitor.roles}
 
-    def after(self, state: int, event: int) -> tuple[int, int]:
+    def next_state(self, state: int, event: int) -> tuple[int, int]:
         """Return the state after an event, and the monitors that report a violation, as bits."""
         following = broken = 0
         for bit, monitor in enumerate(self._monitors):
-            flag, wrong = monitor.after(bool(state >> bit & 1), event)
+            flag, wrong = monitor.next_flag(bool(state >> bit & 1), event)
             following |= flag << bit
             broken |= wrong << bit
         return following, broken
 
-    def owed(self, state: int) -> int:
+    def pending_monitors(self, state: int) -> int:
         """Return the monitors with a pending obligation in a state, as bits."""
         return state & self._owing
 
@@ -294,23 +294,23 @@ class PropertyAutomata:
             watched: The state of the monitors.
             idle: Whether every tick leaves it unchanged; None if that is not known yet.
         """
-        owed = self.monitors.owed(watched)
+        owed = self.monitors.pending_monitors(watched)
         root = WORDS[outcome]
         if not root:
             return Judgement(pending=owed)
-        ends = _answer(self.ends, root, idle=idle)
+        ends = _evaluate_condition(self.ends, root, idle=idle)
         if not ends:
             return Judgement(pending=owed, is_open=ends is None)
         broken, is_open = owed, False
         for place, condition in enumerate(self.at_end):
-            holds = _answer(condition, root, idle=idle)
+            holds = _evaluate_condition(condition, root, idle=idle)
             is_open = is_open or holds is None
             if holds is False:
                 broken |= 1 << (self.monitors.count + place)
         return Judgement(ends=True, broken=broken, pending=owed, is_open=is_open)
 
 
-def _answer(condition: AfterTickCondition, root: str, *, idle: bool | None) -> bool | None:
+def _evaluate_condition(condition: AfterTickCondition, root: str, *, idle: bool | None) -> bool | None:
     """Return whether a condition holds; None if it depends on an unknown value."""
     try:
         return condition(root, idle)
@@ -470,15 +470,15 @@ class Properties:
         beside = {event for event, some in guarded.items() if heard & {each.number for each in some}}
         return (heard | beside).difference(each.number for some in guarded.values() for each in some)
 
-    def without(self, owner: str) -> "Properties":
+    def without_owner(self, owner: str) -> "Properties":
         """Return the properties without one of them, or without those that depend on the end of a run."""
         if owner in self.names:
-            return self.only([number for number, each in enumerate(self.names) if each != owner])
+            return self.select([number for number, each in enumerate(self.names) if each != owner])
         lasting = set(range(self.rules.monitors.count)).difference(self.owing)
-        others = self.only(sorted(lasting))
+        others = self.select(sorted(lasting))
         return replace(others, rules=replace(others.rules, ends=_never_over), has_end=False)
 
-    def only(self, numbers: Sequence[int]) -> "Properties":
+    def select(self, numbers: Sequence[int]) -> "Properties":
         """Return some of the properties, given their ascending numbers."""
         rules, count = self.rules, self.rules.monitors.count
         monitors = MonitorSet([rules.monitors[number] for number in numbers if number < count])
@@ -486,7 +486,7 @@ class Properties:
         guarded = {
             event: kept
             for event, some in rules.guarded.items()
-            if (kept := [each for each in some if each.number in monitors.heard])
+            if (kept := [each for each in some if each.number in monitors.relevant_events])
         }
         owing = tuple(place for place, number in enumerate(numbers) if number in self.owing)
         names = tuple(self.names[number] for number in numbers)
@@ -521,7 +521,7 @@ def properties_of(
         return without_properties()
     reading = _PropertyParser(file.document, prepared, tags, keys)
     for written in file.events:
-        reading.take(written)
+        reading.add_property(written)
     has_end = file.end is None or file.end.text != NO_END
     if not has_end:
         for name, value in file.ends.items():
@@ -578,7 +578,7 @@ class _PropertyParser:
         self._surroundings = PropertyScope(prepared.simulated, keys)
         self.conditions: list[Condition] = []
 
-    def take(self, written: EventProperty) -> None:
+    def add_property(self, written: EventProperty) -> None:
         """Add a property."""
         main, other, limit = map(self._events, (written.main, written.other, written.limit))
         condition = None
@@ -617,7 +617,7 @@ class _PropertyParser:
             if absent is not None:
                 events.missing.append(absent)
                 continue
-            deed = self._words.deed(value)
+            deed = self._words.parse_event(value)
             if deed is not None:
                 events.numbers |= self._alphabet.matching_events(deed)
         return events
@@ -626,7 +626,7 @@ class _PropertyParser:
         """Return the leaf that a string names if it is missing in this tree."""
         words = text.split(" ")
         heads = [" ".join(words[:count]) for count in range(len(words), 0, -1)]
-        if any(self._words.named(head) for head in heads):
+        if any(self._words.leaves_for_key(head) for head in heads):
             return None
         return next((head for head in heads if head in self._tags), None)
 

@@ -341,12 +341,12 @@ class TreeRuns:
         """Whether the limit on explored ticks is reached."""
         return not self._left
 
-    def ways(self, state: bytes) -> list[PossibleTick]:
+    def possible_ticks(self, state: bytes) -> list[PossibleTick]:
         """Return the ticks of a state; none once the limit on explored ticks is reached."""
         known = self._known.get(state)
         if known is not None or self.is_spent:
             return known or []
-        self._know(state, self._left)
+        self._explore_ticks(state, self._left)
         return self._known[state]
 
     def ticks_like(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[PossibleTick]:
@@ -375,12 +375,16 @@ class TreeRuns:
 
     def _has_few_ticks(self, state: bytes) -> bool:
         """Return whether a state has so few ticks that all are known."""
-        if state not in self._known and state not in self._wide and not self._know(state, _MOST_WAYS):
+        if (
+            state not in self._known
+            and state not in self._wide
+            and not self._explore_ticks(state, _MOST_WAYS)
+        ):
             del self._known[state]
             self._wide.add(state)
         return state in self._known
 
-    def _know(self, state: bytes, most: int) -> bool:
+    def _explore_ticks(self, state: bytes, most: int) -> bool:
         """Store the ticks of a state; return whether they are complete and few."""
         found: dict[PossibleTick, None] = {}
         for count, way in enumerate(self._play_ticks(state), 1):
@@ -417,12 +421,12 @@ class TreeRuns:
                 self._unknown[state] = step.error
             way: PossibleTick | None = None
             if not is_whole:
-                way = self._way(step.state or _NOWHERE)._replace(running=running)
+                way = self._last_tick(step.state or _NOWHERE)._replace(running=running)
             if noted is not None and before is not None:
-                answers = self.stepper.answers()
+                answers = self.stepper.outcomes()
                 count, place = _common(answers, noted, before)
                 if is_whole and (count, place) == (len(noted), len(answers)):
-                    way = self._way(step.state or _NOWHERE)._replace(running=running)
+                    way = self._last_tick(step.state or _NOWHERE)._replace(running=running)
                 if place < len(answers):
                     self.stepper.pass_over(place)
             if way is not None:
@@ -432,17 +436,23 @@ class TreeRuns:
         """Return the ticks of a state as `ticks_like` does, including those in which a node raises."""
         if state in self._wide:
             return [*self._play_ticks(state, noted, before)]
-        return [*self.ways(state), *self._raising.get(state, ())]
+        return [*self.possible_ticks(state), *self._raising.get(state, ())]
 
-    def _way(self, state: bytes) -> PossibleTick:
+    def _last_tick(self, state: bytes) -> PossibleTick:
         """Return the last tick, which has not raised an error."""
         statuses = self._statuses()
-        tick, broken = self.stepper.played(), self.stepper.broken()
+        tick, broken = self.stepper.tick_record(), self.stepper.violated_properties()
         answers = tuple(event for event in tick.events if event.answer)
         last = {event.number: event.what for event in tick.events if event.what != TICKED}
         halted = frozenset(number for number, what in last.items() if what == HALTED)
         return PossibleTick(
-            answers, tick.root, state, self.stepper.unusual(), halted, statuses=statuses, broken=broken
+            answers,
+            tick.root,
+            state,
+            self.stepper.unusual_outcomes(),
+            halted,
+            statuses=statuses,
+            broken=broken,
         )
 
     def _statuses(self) -> tuple[str, ...]:
@@ -453,7 +463,7 @@ class TreeRuns:
     def restore_before(self, state: bytes, way: PossibleTick, place: int) -> None:
         """Restore the facts and keys before an outcome of a tick, given its index."""
         for step in self.stepper.ticks(state):
-            if self._way(step.state or _NOWHERE)._replace(running=way.running) == way:
+            if self._last_tick(step.state or _NOWHERE)._replace(running=way.running) == way:
                 self.stepper.restore_before_outcome(place)
                 return
 
@@ -465,7 +475,7 @@ class TreeRuns:
         """
         found, known = FoundTicks(), dict[tuple[int, ...], _FoundWays]()
 
-        def shared(ways: _FoundWays) -> _FoundWays:
+        def with_shared_ticks(ways: _FoundWays) -> _FoundWays:
             # The ways of equal ticks are one object, which is kept.
             return known.setdefault(tuple(id(way) for _, way in ways), ways)
 
@@ -478,7 +488,7 @@ class TreeRuns:
             after = position.after.get(tick.content)
             if after is None:
                 events = tick.events()
-                ways = shared(self._find_ways(position, events))
+                ways = with_shared_ticks(self._find_ways(position, events))
                 if not ways and isinstance(record, TickSource) and record.omits_ticks:
                     later = self._find_later_ways(position, events)
                     for step in later[:-1]:
@@ -488,7 +498,7 @@ class TreeRuns:
                         ways, position = later[-1], _RecordPosition(frozenset(), position.told)
                 if not ways:
                     lost = self._lost_tick(position, events, is_last=next(waiting, None) is None)
-                    found.remove_other_ticks(position.states, shared)
+                    found.remove_other_ticks(position.states, with_shared_ticks)
                     return found, lost
                 following = _RecordPosition(
                     frozenset(way.state for _, way in ways), position.told.with_tick(events)
@@ -500,7 +510,7 @@ class TreeRuns:
                 after = position.after[tick.content] = ways, positions.setdefault(following.key, following)
             ways, position = after
             found.append(tick, ways)
-        found.remove_other_ticks(position.states, shared)
+        found.remove_other_ticks(position.states, with_shared_ticks)
         return found, None
 
     def _find_later_ways(self, position: "_RecordPosition", tick: Sequence[Event]) -> list[_FoundWays]:

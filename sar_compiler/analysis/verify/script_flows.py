@@ -94,7 +94,7 @@ class ScriptFlows:
             *results,
         }
 
-    def take(self, script: Script, resolve: Resolve, *, is_condition: bool) -> None:
+    def add_script(self, script: Script, resolve: Resolve, *, is_condition: bool) -> None:
         """Add a script.
 
         Args:
@@ -108,7 +108,7 @@ class ScriptFlows:
             if isinstance(statement, Assignment) and not is_last:
                 reader.assign(statement)
             else:
-                value = reader.value(statement)
+                value = reader.flow_value(statement)
                 if is_last or not value.forms:
                     self.fixed |= value.names
 
@@ -119,7 +119,7 @@ class _FlowReader:
     def __init__(self, found: ScriptFlows, resolve: Resolve) -> None:
         self._found, self._resolve = found, resolve
 
-    def value(self, node: Expression) -> FlowValue:
+    def flow_value(self, node: Expression) -> FlowValue:
         """Return the known properties of an expression's value, and record the effects of its evaluation."""
         if isinstance(node, Literal):
             return _constant(node.value)
@@ -127,8 +127,8 @@ class _FlowReader:
             enums = self._found.enums
             return _constant(float(enums[node.name])) if node.name in enums else self._variable(node.name)
         if isinstance(node, Conditional):
-            self._test(self.value(node.condition), 0.0)
-            return _either(self.value(node.then), self.value(node.otherwise))
+            self._test(self.flow_value(node.condition), 0.0)
+            return _join_values(self.flow_value(node.then), self.flow_value(node.otherwise))
         if isinstance(node, Assignment):
             # Its value is the stored value.
             self.assign(node)
@@ -137,10 +137,10 @@ class _FlowReader:
 
     def _calculate(self, node: Prefix | Operation | ComparisonChain) -> FlowValue:
         if isinstance(node, Prefix):
-            return self._prefix(node.operator, self.value(node.operand))
-        value = self.value(node.first)
+            return self._prefix(node.operator, self.flow_value(node.operand))
+        value = self.flow_value(node.first)
         for step in node.steps:
-            left, right = value, self.value(step.operand)
+            left, right = value, self.flow_value(step.operand)
             if isinstance(node, Operation):
                 value = self._combine(step.operator, left, right)
             else:
@@ -150,7 +150,7 @@ class _FlowReader:
 
     def assign(self, node: Assignment) -> None:
         """Record an assignment."""
-        found, value, target = self._found, self.value(node.value), self._resolve(node.target.name)
+        found, value, target = self._found, self.flow_value(node.value), self._resolve(node.target.name)
         if node.operator not in {":=", "="}:
             value = self._combine(node.operator[0], self._variable(node.target.name), value)
         if target is None:
@@ -214,7 +214,7 @@ def _constant(value: float | str) -> FlowValue:
     return FlowValue(frozenset([(None, float(value))]), frozenset([type(value)]))
 
 
-def _either(first: FlowValue, second: FlowValue) -> FlowValue:
+def _join_values(first: FlowValue, second: FlowValue) -> FlowValue:
     forms = (
         first.forms | second.forms if first.forms and second.forms else frozenset[tuple[str | None, float]]()
     )

@@ -65,15 +65,15 @@ def _mergeable(simulated: SimulatedTree, properties: Properties) -> dict[str, Me
     """Return the values that can be merged, by the absolute names of entries."""
     flows = ScriptFlows(simulated.enums)
     for script, resolve, is_condition in (*_scripts_of_nodes(simulated), *_scripts_of_answers(simulated)):
-        flows.take(script, resolve, is_condition=is_condition)
+        flows.add_script(script, resolve, is_condition=is_condition)
     for condition in properties.conditions:
-        flows.take(condition.script, condition.entry_name, is_condition=True)
+        flows.add_script(condition.script, condition.entry_name, is_condition=True)
     if not flows.types or not _take_ports(flows, simulated):
         return {}
     # A name includes its board.
     board = simulated.compiled.board
     start = {name: _types_at_start(board, name) for name in {*flows.types, *flows.read}}
-    return _Solution(flows, start).merged()
+    return _Solution(flows, start).mergeable_values()
 
 
 _ReadScript = tuple[Script, Resolve, bool]
@@ -116,7 +116,7 @@ def _take_ports(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
         use
         for entry in table.entries
         for use in entry.uses
-        if use.access.place is None and not needs_stub(use.bound.spec)
+        if use.access.place is None and not needs_stub(use.node.spec)
     ]
     for use in uses:
         entry = use.instance.scope.resolve(use.access.key).name
@@ -151,7 +151,7 @@ class _Solution:
             self._require(name, math.ceil(constant), math.floor(constant))
         self._follow_flows()
 
-    def merged(self) -> dict[str, MergedValues]:
+    def mergeable_values(self) -> dict[str, MergedValues]:
         """Return the values that can be merged, by the names of entries."""
         found = {}
         for name in sorted(self._flows.types):

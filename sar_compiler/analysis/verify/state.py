@@ -121,7 +121,7 @@ class StateValues:
     steps: TickSteps
     own: Callable[[], Mapping[str, object]]
 
-    def facts(self) -> dict[str, object]:
+    def fact_values(self) -> dict[str, object]:
         """Return the current facts, by their names."""
         return dict(sorted(self.simulated.fact_values().items()))
 
@@ -129,17 +129,17 @@ class StateValues:
         """Return the facts and the keys of the tree, by name, in a state or now."""
         if state is not None:
             self.steps.restore(state)
-        return self.facts(), dict(sorted(self.simulated.compiled.board.values().items()))
+        return self.fact_values(), dict(sorted(self.simulated.compiled.board.values().items()))
 
     def values_in(self, state: bytes) -> dict[str, object]:
         """Return the keys of the tree, then the facts, in a state."""
         facts, keys = self.facts_and_keys(state)
         return {**keys, **facts}
 
-    def growing(self, states: StateStore) -> tuple[tuple[str, int], ...]:
+    def growing_values(self, states: StateStore) -> tuple[tuple[str, int], ...]:
         """Return the keys, facts and cells with the most values in the last states, and the numbers of values."""
         values: dict[str, set[str]] = {}
-        for state in states.between(max(len(states) - _SAMPLE, 0), len(states)):
+        for state in states.states_between(max(len(states) - _SAMPLE, 0), len(states)):
             for name, value in {**self.values_in(state), **self.own()}.items():
                 values.setdefault(name, set()).add(repr(value))
         counts = sorted(((name, len(found)) for name, found in values.items()), key=lambda each: -each[1])

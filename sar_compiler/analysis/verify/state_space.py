@@ -62,7 +62,7 @@ def replay_ticks(stepper: TreeStepper, ticks: Iterable[PlayedTick]) -> list[Tick
         if PlayedTick(found.path, step.outcome, step.broken, step.error is not None) != found:
             message = "a run without merged values differs from that of the search"
             raise AssertionError(message)
-        played.append(stepper.played(len(played) + 1))
+        played.append(stepper.tick_record(len(played) + 1))
         state = step.state or b""
     return played
 
@@ -95,11 +95,11 @@ class StateSpace:
     plain: TreeStepper | None = None
 
     @property
-    def raised(self) -> Exception | None:
+    def tick_error(self) -> Exception | None:
         """The error of the last tick in the last shown run, if `plain` has played it."""
         return None if self.plain is None else self.plain.steps.error
 
-    def to(self, state: int) -> Trace:
+    def trace_to(self, state: int) -> Trace:
         """Return a shortest run to a state."""
         return self._trace(self._stem(self.graph.stem(state)))
 
@@ -112,7 +112,7 @@ class StateSpace:
     def lasso(self, lasso: Lasso) -> Trace:
         """Return a run into a loop, and once around it."""
         states = [lasso.stem[-1], *(target for target, _ in lasso.loop)]
-        loop = zip(states, map(self._is, lasso.loop), strict=False)
+        loop = zip(states, map(self._is_edge, lasso.loop), strict=False)
         return self._trace([*self._stem(lasso.stem), *loop], len(lasso.loop))
 
     def _stem(self, states: Iterable[int]) -> list[tuple[int, IsWanted]]:
@@ -123,10 +123,10 @@ class StateSpace:
         if self.plain is None:
             played = [self._play(source, wanted, number) for number, (source, wanted) in enumerate(steps, 1)]
         else:
-            played = replay_ticks(self.plain, [self._found(source, wanted) for source, wanted in steps])
+            played = replay_ticks(self.plain, [self._find_tick(source, wanted) for source, wanted in steps])
         return Trace(tuple(played), loop)
 
-    def _found(self, source: int, wanted: IsWanted) -> "PlayedTick":
+    def _find_tick(self, source: int, wanted: IsWanted) -> "PlayedTick":
         step = next(filter(wanted, self.stepper.ticks(self.graph.states[source])))
         return PlayedTick(step.path(), step.outcome, step.broken, step.error is not None)
 
@@ -137,7 +137,7 @@ class StateSpace:
         end = self.graph.states[target]
         return lambda step: step.state == end
 
-    def _is(self, tick: Edge) -> IsWanted:
+    def _is_edge(self, tick: Edge) -> IsWanted:
         target, waits = tick
         end = self.graph.states[target]
         return lambda step: step.state == end and step.waits[0] == waits

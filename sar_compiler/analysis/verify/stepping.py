@@ -102,7 +102,9 @@ class TreeStepper:
         choices = Choices()
         entries = prepared.entries
         entries.restore(vec[i32](prepared.start if merges else prepared.plain_start or prepared.start))
-        self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after, entries)
+        self._trail = trail = Trail(
+            rules.guarded, rules.monitors.relevant_events, rules.monitors.next_state, entries
+        )
         simulated = prepared.simulated
         stub = partial(ProbabilisticLeaf, probabilities=probabilities) if probabilities else None
         leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail, stub)
@@ -125,7 +127,7 @@ class TreeStepper:
             if probabilities
             else TickSteps(self.flat, self.ticker, rules.judge, judged_by, forgets=forgets)
         )
-        self.states = StateValues(simulated, self.steps, self._remembered)
+        self.states = StateValues(simulated, self.steps, self._user_cells)
         self._before: tuple[Mapping[str, object], Mapping[str, object]] = ({}, {})
 
     def _begin_as_first(self, prepared: PreparedTree, ticker: Ticker) -> None:
@@ -146,7 +148,7 @@ class TreeStepper:
         self._trail.broken |= 1 << self._rule
         self.wrong = f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) {what}: correct its outcomes or semantics"
 
-    def _remembered(self) -> dict[str, object]:
+    def _user_cells(self) -> dict[str, object]:
         """Return the cells of the user's controls and decorators, by the names of node and attribute."""
         values = self.ticker.values
         return {
@@ -160,7 +162,7 @@ class TreeStepper:
     def ticks(self, state: bytes, path: tuple[int, ...] = ()) -> Iterator[TickSteps]:
         """Play the ticks of a state one after the other, or the tick with given choices.
 
-        `played`, `unusual` and `broken` describe the last tick.
+        `tick_record`, `unusual_outcomes` and `violated_properties` describe the last tick.
         """
         self._watched = self.steps.restore(state)[1]
         self._before = self.states.facts_and_keys()
@@ -184,14 +186,14 @@ class TreeStepper:
         ]
         forks = self.ticker._forks  # noqa: SLF001 - compiled together with what has them
         behind = (fork.asked for fork in forks if fork.happened > answers[place])
-        self.ticker.choices.go_back(next(behind, self.ticker.choices.asked))
+        self.ticker.choices.go_back(next(behind, self.ticker.choices.choice_count))
 
     def play(self, state: bytes, wanted: Callable[[TickSteps], bool], number: int = 0) -> TickRecord:
         """Play the first wanted tick of a state, and return it with a tick number."""
         next(step for step in self.ticks(state) if wanted(step))
-        return self.played(number)
+        return self.tick_record(number)
 
-    def played(self, number: int = 0) -> TickRecord:
+    def tick_record(self, number: int = 0) -> TickRecord:
         """Return the events of the last tick with a tick number."""
         now, events = self.ticker.entries.now, []
         happened, after = self._recorded_events(), list(now)
@@ -208,13 +210,13 @@ class TreeStepper:
             error="" if steps.error is None else f"{type(steps.error).__name__}: {steps.error}",
         )
 
-    def answers(self) -> list[Event]:
+    def outcomes(self) -> list[Event]:
         """Return the outcomes of leaves in the last tick, without their changes of facts."""
         events = self._alphabet.events
         numbers = (number for number in self._trail.numbers if number < len(events))
         return [event for event in map(events.__getitem__, numbers) if event.answer]
 
-    def unusual(self) -> tuple[bool, ...]:
+    def unusual_outcomes(self) -> tuple[bool, ...]:
         """Return which outcomes of the last tick were unusual."""
         entries, unusual = self.ticker.entries, []
         after = entries.now
@@ -231,14 +233,14 @@ class TreeStepper:
         outcome, watched = self.steps.restore(state)
         return self._rules.judge(outcome, watched, idle)
 
-    def broken(self) -> tuple[tuple[int, Event], ...]:
+    def violated_properties(self) -> tuple[tuple[int, Event], ...]:
         """Return the event properties that the last tick has violated, each with the event."""
         if not self.steps.broken:
             return ()
         watched, found = self._watched, []
         monitors, numbers = self._rules.monitors, self._trail.numbers
         for place, number in enumerate(numbers):
-            watched, wrong = monitors.after(watched, number)
+            watched, wrong = monitors.next_state(watched, number)
             event = self._alphabet.events[self._own_number(place)]
             found += [(rule, event) for rule in range(monitors.count) if wrong >> rule & 1]
         return tuple(found)
@@ -268,7 +270,7 @@ class TreeStepper:
 
     def _facts_in(self, entries: list[int]) -> Mapping[str, object]:
         self.ticker.entries.restore(vec[i32](entries))
-        return self.states.facts()
+        return self.states.fact_values()
 
 
 def plain_stepper(prepared: PreparedTree, rules: PropertyAutomata) -> TreeStepper | None:

@@ -38,7 +38,7 @@ def search_decidable(
         if unknown_value_of(error) is None:
             raise
         owner, reason = error.owner, error.reason
-    others = properties.without(owner)
+    others = properties.without_owner(owner)
     found, reasons = search_decidable(others, search)
     left_out = set(questions_of(properties)).difference(questions_of(others))
     return found, {**dict.fromkeys(left_out, reason), **reasons}

@@ -101,7 +101,7 @@ class Verification:
         return _table(self.verdicts, repr(self).strip("<>"))
 
     @property
-    def proved(self) -> bool:
+    def is_proved(self) -> bool:
         """Whether everything is proved."""
         return all(verdict.outcome is ProofStatus.PROVED for verdict in self.verdicts)
 
@@ -141,7 +141,7 @@ class ProofQuestions:
         assert first.error is not None  # noqa: S101 - true for this kind of violation
         outcome = ProofStatus.UNDECIDED if error is None else ProofStatus.BROKEN
         trace = self._space.breach(first)
-        return Verdict(NO_ERROR, outcome, self._told(self._space.raised or first.error), trace)
+        return Verdict(NO_ERROR, outcome, self._told(self._space.tick_error or first.error), trace)
 
     def verdict_on_leaves(self, leaves: Sequence[TreeNode], ran: Collection[int]) -> Verdict:
         """Return the verdict on whether every leaf is ticked in some run."""
@@ -152,7 +152,7 @@ class ProofQuestions:
         if self._space.unknown is not None:
             return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))
         if self._graph.complete:
-            return _violated(EVERY_LEAF, f"no run ticks {names}")
+            return _violation(EVERY_LEAF, f"no run ticks {names}")
         return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, f"no explored run ticks {names}")
 
     def endings(self) -> Iterator[Verdict]:
@@ -164,11 +164,11 @@ class ProofQuestions:
             # An end may follow in a run that was not explored.
             yield Verdict(AN_END, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))
         else:
-            yield _violated(AN_END, "the run cannot end after this", self._space.to(found.stuck))
+            yield _violation(AN_END, "the run cannot end after this", self._space.trace_to(found.stuck))
         if found.circling is None:
             yield self._not_violated(NO_LIVELOCK)
         else:
-            yield _violated(NO_LIVELOCK, "this run never ends", self._round(found.circling))
+            yield _violation(NO_LIVELOCK, "this run never ends", self._round(found.circling))
 
     def verdict_on_declarations(self, rule: int, wrong: Callable[[], str]) -> Verdict:
         """Return the verdict on whether the user's controls and decorators match their declarations.
@@ -182,20 +182,20 @@ class ProofQuestions:
             return self._not_violated(OWN_RECORDS)
         # Creating the trace plays the run, ending with its last tick.
         trace = self._space.breach(breach)
-        return _violated(OWN_RECORDS, wrong(), trace)
+        return _violation(OWN_RECORDS, wrong(), trace)
 
     def properties(self, properties: Properties) -> Iterator[Verdict]:
         """Yield a verdict for each property."""
         for rule, name in enumerate(properties.names):
             breach = self._graph.breaches.get(rule)
             if breach is not None:
-                yield _violated(name, "it is violated in the last tick", self._space.breach(breach))
+                yield _violation(name, "it is violated in the last tick", self._space.breach(breach))
                 continue
             circling = owing_for_ever(self._graph, 1 << rule) if rule in properties.owing else None
             if circling is None:
                 yield self._not_violated(name)
             else:
-                yield _violated(name, "the required event never happens in this run", self._round(circling))
+                yield _violation(name, "the required event never happens in this run", self._round(circling))
 
     def _depends_on(self, breach: Breach) -> str:
         value = unknown_value_of(breach.error)
@@ -220,7 +220,7 @@ class ProofQuestions:
         return Verdict(question, ProofStatus.UNDECIDED, reason)
 
 
-def _violated(question: str, reason: str, trace: Trace | None = None) -> Verdict:
+def _violation(question: str, reason: str, trace: Trace | None = None) -> Verdict:
     return Verdict(question, ProofStatus.BROKEN, reason, trace)
 
 
@@ -274,12 +274,12 @@ class VerificationComparison:
     now: Verification
 
     @property
-    def answers(self) -> tuple[ComparedVerdict, ...]:
+    def verdicts(self) -> tuple[ComparedVerdict, ...]:
         """All questions about either tree, in order."""
         before, now = ({v.question: v for v in each.verdicts} for each in (self.before, self.now))
         return tuple(ComparedVerdict(name, before.get(name), now.get(name)) for name in {**now, **before})
 
     @property
-    def worse(self) -> bool:
+    def is_worse(self) -> bool:
         """Whether any verdict is worse than before."""
-        return any(answer.change == WORSE for answer in self.answers)
+        return any(answer.change == WORSE for answer in self.verdicts)

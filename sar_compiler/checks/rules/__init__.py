@@ -41,7 +41,7 @@ class CheckContext:
     btcpp: Version | None = None
 
     @functools.cached_property
-    def bound(self) -> BoundForest:
+    def bound_forest(self) -> BoundForest:
         """Every tree, bound."""
         return bind_all(self.forest, self.registry, self.palettes, self.btcpp)
 
@@ -63,11 +63,11 @@ class CheckContext:
     @functools.cached_property
     def trees(self) -> tuple[BoundTree, ...]:
         """The trees within the limits of size and depth, the inner ones first."""
-        return tuple({tree: None for top in self.bound.tops for tree in trees_in(top.tree)})
+        return tuple({tree: None for top in self.bound_forest.tops for tree in trees_in(top.tree)})
 
     def parents(self) -> Iterator[BoundNode]:
         """Yield the nodes with children from which conclusions can be drawn."""
-        return (bound for tree in self.trees for bound in tree.parents if bound not in self.broken)
+        return (bound for tree in self.trees for bound in tree.parents if bound not in self.nodes_with_errors)
 
     @functools.cached_property
     def scripts(self) -> Sequence[tuple[BoundNode, str, Script]]:
@@ -84,7 +84,7 @@ class CheckContext:
 
         Most files have no such node, and are not traversed.
         """
-        found = {id(spec): each for spec in self.bound.specs if (each := find(spec))}
+        found = {id(spec): each for spec in self.bound_forest.specs if (each := find(spec))}
         for bound in (bound for tree in self.trees for bound in tree.nodes if found):
             if id(bound.spec) in found:
                 yield bound, found[id(bound.spec)]
@@ -118,31 +118,31 @@ class CheckContext:
     @functools.cached_property
     def outcomes(self) -> PossibleOutcomes:
         """The possible outcomes of every node."""
-        return PossibleOutcomes(self.trees, self.broken)
+        return PossibleOutcomes(self.trees, self.nodes_with_errors)
 
     @functools.cached_property
     def is_telling(self) -> bool:
         """Whether the outcomes of the nodes allow conclusions."""
-        return any(is_telling(spec) for spec in self.bound.specs)
+        return any(is_telling(spec) for spec in self.bound_forest.specs)
 
     @functools.cached_property
-    def sound(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether all files could be read and all elements bound."""
-        found = (*self.forest.findings, *self.bound.findings)
+        found = (*self.forest.findings, *self.bound_forest.findings)
         return all(finding.severity is not Severity.ERROR for finding in found)
 
     @functools.cached_property
-    def broken(self) -> frozenset[BoundNode]:
+    def nodes_with_errors(self) -> frozenset[BoundNode]:
         """The nodes with an error in their tag, attributes or children; rules skip them."""
-        return frozenset(self._broken()) if self._errors else frozenset()
+        return frozenset(self._find_nodes_with_errors()) if self._errors else frozenset()
 
     @functools.cached_property
     def _errors(self) -> list[Diagnostic]:
-        return [finding for finding in self.bound.findings if finding.severity is Severity.ERROR]
+        return [finding for finding in self.bound_forest.findings if finding.severity is Severity.ERROR]
 
-    def _broken(self) -> Iterator[BoundNode]:
+    def _find_nodes_with_errors(self) -> Iterator[BoundNode]:
         nodes: dict[str, list[BoundNode]] = {}
-        for tree in sorted(self.bound.trees, key=attrgetter("element.place")):
+        for tree in sorted(self.bound_forest.trees, key=attrgetter("element.place")):
             nodes.setdefault(tree.element.source.path, []).extend(tree.nodes)
         for of_file in nodes.values():
             if (
@@ -155,7 +155,7 @@ class CheckContext:
             if index:
                 yield of_file[index - 1]
         # If a child is missing, the bound children are not the first, second and last of the file.
-        for tree in self.bound.trees:
+        for tree in self.bound_forest.trees:
             yield from (each for each in tree.parents if len(each.children) != len(each.element.children))
 
 

@@ -267,7 +267,7 @@ class PositionFinder:
     def __init__(self, top: TreeInstance) -> None:
         self._top = top
 
-    def of(self, instance: TreeInstance, bound: BoundNode) -> TreePosition:
+    def position_of(self, instance: TreeInstance, bound: BoundNode) -> TreePosition:
         """Return the place of a node in one instance of its tree."""
         return self._places[instance][bound]
 
@@ -306,12 +306,12 @@ class EntryAccess:
     places: PositionFinder
 
     @property
-    def place(self) -> TreePosition:
+    def position(self) -> TreePosition:
         """The place of the node in the main tree with its subtrees expanded."""
-        return self.places.of(self.instance, self.access.bound)
+        return self.places.position_of(self.instance, self.access.bound)
 
     @property
-    def bound(self) -> BoundNode:
+    def node(self) -> BoundNode:
         """The node."""
         return self.access.bound
 
@@ -324,7 +324,7 @@ class OrderedAccesses:
     """
 
     def __init__(self, uses: Sequence[EntryAccess]) -> None:
-        numbered = sorted(((use.place.number, index) for index, use in enumerate(uses)))
+        numbered = sorted(((use.position.number, index) for index, use in enumerate(uses)))
         self._numbers = [number for number, _ in numbered]
         self.uses = [uses[index] for _, index in numbered]
 
@@ -333,20 +333,22 @@ class OrderedAccesses:
         index = bisect.bisect_left(self._numbers, first)
         return index < len(self._numbers) and self._numbers[index] <= last
 
-    def _at(self, place: TreePosition) -> Sequence[EntryAccess]:
+    def _accesses_below(self, place: TreePosition) -> Sequence[EntryAccess]:
         start = bisect.bisect_left(self._numbers, place.number)
         return self.uses[start : bisect.bisect_right(self._numbers, place.number, start)]
 
     def is_each_preceded(self, first: EntryAccess) -> bool:
         """Return whether another access precedes all of these, in the sense of `comes_first`."""
-        place: TreePosition = first.place
-        if self.uses and self._numbers[0] < place.number and not self.uses[0].place.holds(place):
+        place: TreePosition = first.position
+        if self.uses and self._numbers[0] < place.number and not self.uses[0].position.holds(place):
             return False  # the most frequent case
         is_before = first.access.is_certain and first.access.time is AccessTime.BEFORE
         if self.has_access_in(place.number + 1, place.last) and not is_before:
             return False
         # Check a script's last access first: it is most likely to violate the order.
-        if not all(comes_first(first, use) for use in reversed(self._at(place)) if use is not first):
+        if not all(
+            comes_first(first, use) for use in reversed(self._accesses_below(place)) if use is not first
+        ):
             return False
         inner = place
         while inner.around is not None:
@@ -360,7 +362,7 @@ class OrderedAccesses:
         return (
             not self.has_access_in(around.number + 1, inner.number - 1)
             and (not self.has_access_in(inner.last + 1, around.last) or _precedes(first, around))
-            and all(comes_first(first, use) for use in self._at(around))
+            and all(comes_first(first, use) for use in self._accesses_below(around))
         )
 
 
@@ -382,7 +384,7 @@ class EntryAccesses:
     given: list[BoundNode] = field(default_factory=list)
     is_parameter: bool = False
 
-    def of(self, *kinds: AccessKind) -> list[EntryAccess]:
+    def of_kinds(self, *kinds: AccessKind) -> list[EntryAccess]:
         """Return the accesses of the given kinds."""
         return [use for use in self.uses if use.access.kind in kinds]
 
@@ -391,7 +393,7 @@ class EntryAccesses:
     def writers(self) -> list[EntryAccess]:
         """The accesses that may write the entry first; `=` in a script may if a port has the key."""
         has_port = any(use.access.place is None for use in self.uses)
-        return self.of(AccessKind.WRITE, AccessKind.BOTH, *((AccessKind.CHANGE,) if has_port else ()))
+        return self.of_kinds(AccessKind.WRITE, AccessKind.BOTH, *((AccessKind.CHANGE,) if has_port else ()))
 
     @property
     def is_made(self) -> bool:
@@ -401,7 +403,7 @@ class EntryAccesses:
     @functools.cached_property
     def readers(self) -> list[EntryAccess]:
         """The uses that may read it."""
-        return self.of(*_READS)
+        return self.of_kinds(*_READS)
 
     @functools.cached_property
     def ordered_writers(self) -> OrderedAccesses:
@@ -414,9 +416,9 @@ class EntryAccesses:
         return OrderedAccesses(self.readers)
 
     @functools.cached_property
-    def reading(self) -> frozenset[BoundNode]:
+    def possible_readers(self) -> frozenset[BoundNode]:
         """The nodes that may read it."""
-        return frozenset(use.bound for use in self.readers)
+        return frozenset(use.node for use in self.readers)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -438,14 +440,14 @@ class EntryTable:
     is_foreign: bool
 
     @functools.cached_property
-    def written(self) -> Mapping[Scope, list[str]]:
+    def written_by_scope(self) -> Mapping[Scope, list[str]]:
         """The keys that a node may write, by scope."""
         return self._keys(is_made=True)
 
     @functools.cached_property
     def written_keys(self) -> frozenset[str]:
         """The keys that a node may write, in all scopes."""
-        return frozenset(itertools.chain.from_iterable(self.written.values()))
+        return frozenset(itertools.chain.from_iterable(self.written_by_scope.values()))
 
     @functools.cached_property
     def unwritten(self) -> Mapping[Scope, list[str]]:
@@ -471,7 +473,7 @@ class EntryTable:
         )
 
     @functools.cached_property
-    def unclosed(self) -> Mapping[BoundTree, frozenset[str | None]]:
+    def unclosed_keys(self) -> Mapping[BoundTree, frozenset[str | None]]:
         """Each tree's keys with only one brace, and their intended form."""
         return {
             tree: frozenset(
@@ -539,7 +541,7 @@ def common_position(first: TreePosition, second: TreePosition) -> TreePosition:
 
 def branching_position(first: EntryAccess, second: EntryAccess) -> TreePosition | None:
     """Return the place in which two uses are in different children; None if one node contains the other."""
-    place, other = first.place, second.place
+    place, other = first.position, second.position
     return None if place.holds(other) or other.holds(place) else common_position(place, other)
 
 
@@ -547,7 +549,7 @@ def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
     """Return whether the first use always happens before the second one's first time."""
     if not first.access.is_certain:
         return False
-    place, other = first.place, second.place
+    place, other = first.position, second.position
     if place is other:
         return _comes_first_in_node(first.access, second.access)
     if other.holds(place):
@@ -571,12 +573,12 @@ def _precedes(first: EntryAccess, around: TreePosition) -> bool:
     means = around.bound.spec.semantics
     if means.is_sequence:
         return True
-    return (means.is_selector or means.order is Order.TOGETHER) and _is_first(first.place, around)
+    return (means.is_selector or means.order is Order.TOGETHER) and _is_first(first.position, around)
 
 
 def _is_straight(use: EntryAccess, around: TreePosition | None) -> bool:
     """Return whether all ancestors of *use* below *around* (None: all ancestors) advance only after it."""
-    return use.place is around or any(each is around for each in enclosing_sequences(use))
+    return use.position is around or any(each is around for each in enclosing_sequences(use))
 
 
 def enclosing_sequences(use: EntryAccess) -> Iterator[TreePosition | None]:
@@ -584,7 +586,7 @@ def enclosing_sequences(use: EntryAccess) -> Iterator[TreePosition | None]:
 
     Yields None after the root.
     """
-    here: TreePosition = use.place
+    here: TreePosition = use.position
     place: TreePosition | None = here
     # In a selector, only the first access of its first child is certain.
     is_first = True
@@ -603,7 +605,7 @@ def enclosing_sequences(use: EntryAccess) -> Iterator[TreePosition | None]:
 
 def _is_in_first_script(use: EntryAccess) -> bool:
     """Return whether a use is in the first script that its node runs."""
-    return use.access.attribute == next(iter(use.bound.conditions), None)
+    return use.access.attribute == next(iter(use.node.conditions), None)
 
 
 def _is_first(place: TreePosition, around: TreePosition) -> bool:
@@ -615,8 +617,8 @@ def _is_first(place: TreePosition, around: TreePosition) -> bool:
     return True
 
 
-def between(first: EntryAccess, second: EntryAccess) -> Sequence[BoundNode]:
+def nodes_between(first: EntryAccess, second: EntryAccess) -> Sequence[BoundNode]:
     """Return the nodes between two uses in a sequence, including the first use's node."""
-    around = common_position(first.place, second.place)
-    start, end = around.child(first.place), around.child(second.place)
+    around = common_position(first.position, second.position)
+    start, end = around.child(first.position), around.child(second.position)
     return around.bound.children[start.index : end.index]

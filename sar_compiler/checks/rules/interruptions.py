@@ -7,8 +7,8 @@ from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.rules.outcome_analysis import (
     FoundLeaf,
     PossibleOutcomes,
-    acts,
     consequence,
+    has_world_effect,
     is_question,
     name_next_to,
 )
@@ -25,9 +25,9 @@ def check_reactive(context: CheckContext) -> Iterator[Diagnostic]:
         return
     outcomes = context.outcomes
     for bound in outcomes.running:
-        if bound.is_reactive and bound not in context.broken:
+        if bound.is_reactive and bound not in context.nodes_with_errors:
             yield from (_sequence if bound.spec.semantics.is_sequence else _selector)(bound, outcomes)
-    for top in context.bound.tops:
+    for top in context.bound_forest.tops:
         if top.tree.root is not None:
             yield from (
                 each for each in _check_finished_work(top.tree.root, outcomes) if context.is_main(top.tree)
@@ -38,7 +38,7 @@ def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
     for child, later in _pairs_with_later(bound, outcomes):
         if not outcomes.possible_results(child) & S:
             return  # the later nodes are never reached
-        found = outcomes.find_restarted(child, outcomes.works)
+        found = outcomes.find_restarted(child, outcomes.always_takes_time)
         if found is not None and outcomes.certain_results(child) & S:
             yield _restart(found, later, bound, f"while {name_next_to(later, found.leaf)} runs")
             return
@@ -65,7 +65,7 @@ def _pairs_with_later(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[
 
 def _selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for child, later in _pairs_with_later(bound, outcomes):
-        found = outcomes.find_restarted(_first_node(child), outcomes.works)
+        found = outcomes.find_restarted(_first_node(child), outcomes.always_takes_time)
         if (
             found is not None
             and outcomes.certain_results(found.leaf) & F
@@ -146,17 +146,17 @@ def _check_repeated_work(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterat
         # A branch that begins with a condition checks by itself whether there is work left.
         if not index or not outcomes.certain_results(child) & S or is_question(_first_node(child)):
             continue
-        found = outcomes.find_restarted(child, acts)
+        found = outcomes.find_restarted(child, has_world_effect)
         if found is not None:
             what = "it" if found.place is child else f"'{child.name}'"
             message = (
                 f"{found.name} {consequence(found.leaf)}: after {what} has succeeded, '{bound.name}' re-evaluates every "
                 f"child in each tick and restarts {what}"
             )
-            yield found.place.element.finding("repeated-effect", message, hint=_once(child, found))
+            yield found.place.element.finding("repeated-effect", message, hint=_oneshot_hint(child, found))
 
 
-def _once(child: BoundNode, found: FoundLeaf) -> str:
+def _oneshot_hint(child: BoundNode, found: FoundLeaf) -> str:
     what = "it" if found.place is child else f"'{child.name}'"
     return f'wrap {what} in OneShot: write oneshot="ON_COMPLETION"'
 
@@ -165,7 +165,7 @@ def _fails_after_effect(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
     """Return whether a node has an effect, and is known to fail in its first tick because of its first condition."""
     first = _first_node(bound)
     asks = is_question(first) and outcomes.certain_results(first) & F and first is not bound
-    return bool(asks) and outcomes.find_leaf(bound, acts) is not None
+    return bool(asks) and outcomes.find_leaf(bound, has_world_effect) is not None
 
 
 def _remember(bound: BoundNode) -> str:
@@ -208,7 +208,7 @@ def _check_simultaneous_success(bound: BoundNode, outcomes: PossibleOutcomes) ->
     running = [child for child in bound.children if outcomes.takes_time(child)]
     for child in bound.children:
         others = [other for other in running if other is not child]
-        if others and (child in running or outcomes.find_leaf(child, acts)):
+        if others and (child in running or outcomes.find_leaf(child, has_world_effect)):
             message = (
                 f"'{child.name}' is restarted whenever it has succeeded and '{others[0].name}' still runs: "
                 f"'{bound.name}' succeeds only in a tick in which all its children succeed"

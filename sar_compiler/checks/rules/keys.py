@@ -12,11 +12,11 @@ from sar_compiler.checks.rules.entry_accesses import (
     EntryTable,
     TreePosition,
     argument_of,
-    between,
     branching_position,
     comes_first,
     common_position,
     entry_table_of,
+    nodes_between,
 )
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.checks.rules.scripts import is_condition, is_statement
@@ -37,13 +37,13 @@ _LIKE, _CLOSE = 0.7, 0.75
 
 def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield findings about keys whose reads and writes do not match."""
-    if not context.sound:
+    if not context.is_complete:
         return  # another error may be the reason why a key is not written
     reported: set[tuple[str, int, int]] = set()
     with gc_paused():  # the results for keys grow with the file, and are kept
-        for top in context.bound.tops:
+        for top in context.bound_forest.tops:
             board = entry_table_of(top, context.key_accesses)
-            model = context.bound.models.subtrees.get(top.tree.name)
+            model = context.bound_forest.models.subtrees.get(top.tree.name)
             ports = model.ports if model is not None else {}
             for entry in board.entries if ports else ():
                 # Users of the tree pass the keys that its model declares.
@@ -57,23 +57,27 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
 
 def refused_key_types(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield only the findings about the types of keys."""
-    for top in context.bound.tops:
+    for top in context.bound_forest.tops:
         board = entry_table_of(top, context.key_accesses)
-        rules = KeyTypeRules(board, context.bound.key_types[top], context.btcpp, context.bound.models.enums)
+        rules = KeyTypeRules(
+            board, context.bound_forest.key_types[top], context.btcpp, context.bound_forest.models.enums
+        )
         for entry in board.entries:
-            yield from rules.misfits(entry)
+            yield from rules.check_entry(entry)
 
 
 def _check_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
-    rules = KeyTypeRules(board, context.bound.key_types[board.top], context.btcpp, context.bound.models.enums)
+    rules = KeyTypeRules(
+        board, context.bound_forest.key_types[board.top], context.btcpp, context.bound_forest.models.enums
+    )
     for entry in board.entries:
-        yield from rules.misfits(entry)
+        yield from rules.check_entry(entry)
         if entry.given or entry.is_parameter:
             continue
         if not entry.is_made:
             yield from _check_unwritten(entry, board, context)
             continue
-        yield from _doubt(_too_early(entry)) if board.is_foreign else _too_early(entry)
+        yield from _lower_severity(_too_early(entry)) if board.is_foreign else _too_early(entry)
         yield from find_unwritten_ends(entry, context.outcomes)
         yield from _check_overwritten(entry, context)
         if not board.is_foreign:
@@ -85,15 +89,15 @@ def _check_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnosti
 def _check_unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
     readers = [
         each
-        for each in entry.of(AccessKind.READ, AccessKind.PEEK, AccessKind.CHANGE)
+        for each in entry.of_kinds(AccessKind.READ, AccessKind.PEEK, AccessKind.CHANGE)
         if each.access.place is None
-        or not is_statement(each.bound, each.access.attribute, each.access.place[0])
+        or not is_statement(each.node, each.access.attribute, each.access.place[0])
     ]
-    enums = context.bound.models.enums
+    enums = context.bound_forest.models.enums
     if not readers or _is_explained(readers[0], entry, board, enums):
         return
     use = readers[0]
-    near = _nearest(entry.key, board.written.get(entry.scope, ()), context.guesses)
+    near = _nearest(entry.key, board.written_by_scope.get(entry.scope, ()), context.guesses)
     meant = _nearest(entry.key, enums, context.guesses) if near is None and use.access.place else None
     if meant is not None:
         yield _unknown_enumeration(use, meant)
@@ -108,15 +112,15 @@ def _check_unwritten(entry: EntryAccesses, board: EntryTable, context: CheckCont
         return
     if _may_be_enumeration(use, entry, enums):
         unless = "unless it is an enumeration: [language.enums] in sar.toml declares those"
-        yield from _doubt([_unwritten_finding(use, entry, None)] if board.is_foreign else [], unless)
+        yield from _lower_severity([_unwritten_finding(use, entry, None)] if board.is_foreign else [], unless)
     elif not board.is_foreign:
         yield _unwritten_finding(use, entry, None)
     else:
         # Keys that only other programs' nodes read are probably written there, unless they resemble a key of the
         # tree.
-        own = next((each for each in readers if not each.bound.spec.is_foreign), use if near else None)
+        own = next((each for each in readers if not each.node.spec.is_foreign), use if near else None)
         if own is not None:
-            yield from _doubt([_unwritten_finding(own, entry, near)])
+            yield from _lower_severity([_unwritten_finding(own, entry, near)])
 
 
 def _is_explained(use: EntryAccess, entry: EntryAccesses, board: EntryTable, enums: Collection[str]) -> bool:
@@ -124,11 +128,13 @@ def _is_explained(use: EntryAccess, entry: EntryAccesses, board: EntryTable, enu
     if enums and _may_be_enumeration(use, entry, enums):
         return True
     # `check_scripts` reports = instead of ==, and `check_subtrees` an unused attribute.
-    is_assignment = use.access.kind is AccessKind.CHANGE and is_condition(use.bound, use.access.attribute)
+    is_assignment = use.access.kind is AccessKind.CHANGE and is_condition(use.node, use.access.attribute)
     return is_assignment or _is_given_another(use, board)
 
 
-def _doubt(findings: Iterable[Diagnostic], unless: str = "unless C++ code does") -> Iterator[Diagnostic]:
+def _lower_severity(
+    findings: Iterable[Diagnostic], unless: str = "unless C++ code does"
+) -> Iterator[Diagnostic]:
     """Yield findings one severity lower, because nodes of other programs may write keys that the file does not show."""
     for finding in findings:
         yield replace(finding, message=f"{finding.message}, {unless}", severity=Severity.INFO)
@@ -141,7 +147,7 @@ def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None)
     access, key = use.access, use.access.key
     suggestion, hint = None, _how_to_give(use, key)
     if near is not None and key == entry.key:
-        suggestion = near if access.place else f"{{{near}}}" if access.attribute in use.bound.keys else near
+        suggestion = near if access.place else f"{{{near}}}" if access.attribute in use.node.keys else near
     if access.kind is AccessKind.CHANGE:
         message = f"{access.attribute}: '{key}' is never created, and = and similar operators need an existing variable"
         hint = f"to create it, write {key} := ..."
@@ -151,13 +157,13 @@ def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None)
     else:
         message = f"{access.attribute}: '{key}' is read here, but never written"
     advice = Advice(suggestion=suggestion, hint=hint)
-    return use.bound.element.finding("unwritten-key", message, use.access.span(), **advice)
+    return use.node.element.finding("unwritten-key", message, use.access.span(), **advice)
 
 
 def _unknown_enumeration(use: EntryAccess, meant: str) -> Diagnostic:
     access = use.access
     message = f"{access.attribute}: '{access.key}' is not a declared enumerator, and is never written"
-    return use.bound.element.finding("unwritten-key", message, access.span(), suggestion=meant)
+    return use.node.element.finding("unwritten-key", message, access.span(), suggestion=meant)
 
 
 def _unwritten_argument(
@@ -200,7 +206,7 @@ def _is_given_another(use: EntryAccess, board: EntryTable) -> bool:
 
 def _is_name_of_key(use: EntryAccess) -> bool:
     """Return whether a port expects the name of a key, so that an entry in braces contains the name."""
-    role = use.bound.spec.semantics.keys.get(use.access.attribute)
+    role = use.node.spec.semantics.keys.get(use.access.attribute)
     return role is not None and role.indirect
 
 
@@ -214,28 +220,32 @@ def _nearest(key: str, others: Collection[str], guesses: Guesses) -> str | None:
 
 def _may_be_enumeration(use: EntryAccess, entry: EntryAccesses, enums: Collection[str]) -> bool:
     """Return whether a name that scripts only read may be an enumerator: a declared one, or any in capitals."""
-    if use.access.place is None or use.access.kind is not AccessKind.READ or entry.of(AccessKind.CHANGE):
+    if (
+        use.access.place is None
+        or use.access.kind is not AccessKind.READ
+        or entry.of_kinds(AccessKind.CHANGE)
+    ):
         return False
     return use.access.key in enums if enums else use.access.key[0].isupper()
 
 
 def _too_early(entry: EntryAccesses) -> Iterator[Diagnostic]:
-    for use in entry.of(AccessKind.READ):
+    for use in entry.of_kinds(AccessKind.READ):
         if entry.ordered_writers.is_each_preceded(use):
             writer = entry.writers[0]
             message = (
                 f"{use.access.attribute}: '{use.access.key}' is read here before it is written: "
-                f"'{writer.bound.name}' (line {writer.bound.element.line}"
-                f"{file_of(writer.bound.element, use.bound.element)}), which writes it, is ticked later"
+                f"'{writer.node.name}' (line {writer.node.element.line}"
+                f"{file_of(writer.node.element, use.node.element)}), which writes it, is ticked later"
             )
             hint = "write it earlier, or read it later"
-            yield use.bound.element.finding("read-before-write", message, use.access.span(), hint=hint)
+            yield use.node.element.finding("read-before-write", message, use.access.span(), hint=hint)
             return
 
 
 def _check_overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[Diagnostic]:
-    writers = entry.of(AccessKind.WRITE)
-    if entry.of(AccessKind.BOTH, AccessKind.CHANGE):
+    writers = entry.of_kinds(AccessKind.WRITE)
+    if entry.of_kinds(AccessKind.BOTH, AccessKind.CHANGE):
         return
     for first, second in itertools.pairwise(writers):
         if not _follow_each_other(first, second):
@@ -244,39 +254,39 @@ def _check_overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[
             continue
         only_read_after = bool(entry.readers) and entry.ordered_readers.is_each_preceded(second)
         if only_read_after or all(
-            context.outcomes.possible_results(node) & ~K == S for node in between(first, second)
+            context.outcomes.possible_results(node) & ~K == S for node in nodes_between(first, second)
         ):
             message = (
                 f"{second.access.attribute}: '{second.access.key}' is overwritten here before any node can "
-                f"read the value from '{first.bound.name}' (line {first.bound.element.line})"
+                f"read the value from '{first.node.name}' (line {first.node.element.line})"
             )
             hint = "use two keys, or delete one of the writes"
-            yield second.bound.element.finding("overwritten-key", message, second.access.span(), hint=hint)
+            yield second.node.element.finding("overwritten-key", message, second.access.span(), hint=hint)
 
 
 def _parallel_writes(entry: EntryAccesses) -> Iterator[Diagnostic]:
-    for first, second in itertools.pairwise(entry.of(AccessKind.WRITE)):
+    for first, second in itertools.pairwise(entry.of_kinds(AccessKind.WRITE)):
         around = branching_position(first, second)
         if around is None or around.bound.spec.semantics.order is not Order.TOGETHER:
             continue
         # A key that is also read there is a signal from one branch to the other.
         if not entry.ordered_readers.has_access_in(around.number, around.last):
             message = (
-                f"{second.access.attribute}: '{second.access.key}' is written here and by '{first.bound.name}' "
-                f"(line {first.bound.element.line}), in parallel in '{around.bound.name}': the remaining value depends on "
+                f"{second.access.attribute}: '{second.access.key}' is written here and by '{first.node.name}' "
+                f"(line {first.node.element.line}), in parallel in '{around.bound.name}': the remaining value depends on "
                 "timing"
             )
             hint = "use two keys"
-            yield second.bound.element.finding("shared-key", message, second.access.span(), hint=hint)
+            yield second.node.element.finding("shared-key", message, second.access.span(), hint=hint)
             return
 
 
 def _follow_each_other(first: EntryAccess, second: EntryAccess) -> bool:
-    if first.bound is second.bound or first.instance is not second.instance:
+    if first.node is second.node or first.instance is not second.instance:
         return False
     if not second.access.is_certain or second.access.time is AccessTime.AFTER:
         return False
-    if first.bound.spec.is_only_described or second.bound.spec.is_only_described:
+    if first.node.spec.is_only_described or second.node.spec.is_only_described:
         return False
     around = branching_position(first, second)
     return around is not None and around.bound.spec.semantics.is_sequence and comes_first(first, second)
@@ -284,31 +294,31 @@ def _follow_each_other(first: EntryAccess, second: EntryAccess) -> bool:
 
 def _is_read_between(entry: EntryAccesses, first: EntryAccess, second: EntryAccess) -> bool:
     """Return whether an entry may be read between two successive writes in a sequence."""
-    around = common_position(first.place, second.place)
-    start, end = around.child(first.place), around.child(second.place)
+    around = common_position(first.position, second.position)
+    start, end = around.child(first.position), around.child(second.position)
     readers = entry.ordered_readers
     return (
-        second.bound in entry.reading
+        second.node in entry.possible_readers
         or readers.has_access_in(start.number, end.last)
         or readers.has_access_in(around.number, around.number)
     )
 
 
 def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
-    if entry.readers or entry.of(AccessKind.CHANGE):
+    if entry.readers or entry.of_kinds(AccessKind.CHANGE):
         return
     if _nearest(entry.key, board.unwritten.get(entry.scope, ()), context.guesses) is not None:
         return  # the misspelt key is reported where it is read
     if (entry.scope, entry.key) in board.unused_arguments:
         return  # `check_subtrees` reports the unused attribute
     for use in entry.writers:
-        if f"{{{use.access.key}}}" in board.unclosed[use.instance.tree]:
+        if f"{{{use.access.key}}}" in board.unclosed_keys[use.instance.tree]:
             return  # `check_strings` reports the missing brace
-        only_writes = use.bound.spec.kind.is_leaf and use.bound.spec.effects == WRITES
-        if only_writes and use.access.attribute not in use.bound.conditions:
+        only_writes = use.node.spec.kind.is_leaf and use.node.spec.effects == WRITES
+        if only_writes and use.access.attribute not in use.node.conditions:
             message = f"{use.access.attribute}: '{use.access.key}' is written here, but never read"
             hint = "delete it, unless another program reads the blackboard"
-            yield use.bound.element.finding("unread-key", message, use.access.span(), hint=hint)
+            yield use.node.element.finding("unread-key", message, use.access.span(), hint=hint)
             return
 
 
@@ -324,8 +334,8 @@ def find_unwritten_ends(entry: EntryAccesses, outcomes: PossibleOutcomes) -> Ite
     """
     if not entry.writers or any(_silent_answers(writer) is None for writer in entry.writers):
         return
-    for use in entry.of(AccessKind.READ):
-        before = [each for each in entry.writers if each.place.number < use.place.number]
+    for use in entry.of_kinds(AccessKind.READ):
+        before = [each for each in entry.writers if each.position.number < use.position.number]
         if before and all(_can_pass(writer, use, outcomes) for writer in before):
             yield _finding(before[-1], use)
             return
@@ -335,10 +345,10 @@ def _finding(writer: EntryAccess, use: EntryAccess) -> Diagnostic:
     answers = _silent_answers(writer) or []
     labels = ", ".join(f"'{each.name}'" for each in answers if each.status != "RUNNING")
     when = f"ends with {labels}" if labels else "runs"
-    key, element = use.access.key, use.bound.element
+    key, element = use.access.key, use.node.element
     message = (
-        f"{use.access.attribute}: '{key}' may not be written yet: '{writer.bound.name}' (line {writer.bound.element.line}"
-        f"{file_of(writer.bound.element, element)}) does not write it when it {when}"
+        f"{use.access.attribute}: '{key}' may not be written yet: '{writer.node.name}' (line {writer.node.element.line}"
+        f"{file_of(writer.node.element, element)}) does not write it when it {when}"
     )
     hint = f'assign it in an earlier node: <Script code="{key} := ..."/>'
     return element.finding("maybe-unwritten-key", message, use.access.span(), hint=hint)
@@ -346,7 +356,7 @@ def _finding(writer: EntryAccess, use: EntryAccess) -> Diagnostic:
 
 def _silent_answers(writer: EntryAccess) -> list[Answer] | None:
     """Return the outcomes of a leaf with which it does not write a key; None if that is not known."""
-    answers = writer.bound.spec.answers
+    answers = writer.node.spec.answers
     if not answers or any(answer.writes is None for answer in answers):
         return None
     return [answer for answer in answers if writer.access.attribute not in (answer.writes or ())]
@@ -354,10 +364,10 @@ def _silent_answers(writer: EntryAccess) -> list[Answer] | None:
 
 def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes) -> bool:
     """Return whether a read can be the first access to a key after its writer has ended without writing it."""
-    around = common_position(writer.place, use.place)
-    if around in (writer.place, use.place):
+    around = common_position(writer.position, use.position)
+    if around in (writer.position, use.position):
         return False
-    first, second = around.child(writer.place), around.child(use.place)
+    first, second = around.child(writer.position), around.child(use.position)
     ended = _ends_of(writer, first, outcomes)
     means = around.bound.spec.semantics
     if means.order is Order.CHOSEN or not ended:
@@ -373,7 +383,7 @@ def _ends_of(writer: EntryAccess, top: TreePosition, outcomes: PossibleOutcomes)
     ended = 0
     for answer in _silent_answers(writer) or ():
         ended |= BITS[answer.status]
-    place = writer.place
+    place = writer.position
     while not _has_scripts(place.bound):
         if place is top:
             return ended
@@ -394,7 +404,7 @@ def _ends_of(writer: EntryAccess, top: TreePosition, outcomes: PossibleOutcomes)
 
 def _is_guarded(use: EntryAccess, top: TreePosition) -> bool:
     """Return whether an earlier node in the branch may prevent a read."""
-    place = use.place
+    place = use.position
     if _has_scripts(place.bound) and use.access.attribute != next(iter(place.bound.conditions), None):
         return True
     while place is not top:

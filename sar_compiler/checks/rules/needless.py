@@ -21,18 +21,18 @@ def check_reachability(context: CheckContext) -> Iterator[Diagnostic]:
         return
     outcomes = context.outcomes
     for bound in outcomes.blocked:
-        if bound not in context.broken:
+        if bound not in context.nodes_with_errors:
             yield from _check_last_reachable(bound, outcomes)
     # At the top of the tree, endless repetition is the way to keep a robot running.
-    tops = {top.tree.root for top in context.bound.tops}
+    tops = {top.tree.root for top in context.bound_forest.tops}
     for bound in context.parents():
         if bound.spec.semantics.order is not Order.IN_ORDER:
             if bound not in tops or not bound.spec.semantics.repeats & S:
-                yield from _endless(bound, outcomes)
+                yield from _check_endless(bound, outcomes)
             yield from _check_gates(bound, outcomes)
 
 
-def _endless(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+def _check_endless(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     if outcomes.possible_results(bound) != R or any(
         outcomes.possible_results(child) == R for child in bound.children
     ):
@@ -69,7 +69,7 @@ def _check_last_reachable(bound: BoundNode, outcomes: PossibleOutcomes) -> Itera
     for before, child in itertools.pairwise(bound.children):
         answers = outcomes.possible_results(before)
         if not answers & (goes_on | K):
-            # `_endless` reports the nodes that unintentionally never end.
+            # `_check_endless` reports the nodes that unintentionally never end.
             if answers != R or not before.children:
                 yield _unreachable(child, f"the previous child '{before.name}' never {_VERBS[goes_on]}")
             return
@@ -89,7 +89,7 @@ _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first ti
 def check_needless_nodes(context: CheckContext) -> Iterator[Diagnostic]:
     """Report nodes that are not needed, or that prevent their children from working."""
     # Notes are given neither for trees that another program runs nor for trees with errors.
-    is_own = context.sound and not context.is_foreign
+    is_own = context.is_complete and not context.is_foreign
     for bound in context.parents():
         if len(bound.children) == len(bound.element.children) == 1:
             needless = _needless_finding(bound, bound.children[0])

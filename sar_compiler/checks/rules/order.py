@@ -34,16 +34,16 @@ _DOING_AND_UNDOING = 2
 
 def check_order(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield leaves that can only fail at their position, and leaves that depend on an effect undone before them."""
-    if not context.sound:
+    if not context.is_complete:
         return
     reported: set[BoundNode] = set()
-    for top in context.bound.tops:
+    for top in context.bound_forest.tops:
         leaves = list(_leaves(top))
         effects = _Effects(leaves)
         for leaf in leaves:
             finding = _too_early(leaf, effects) or _undone(leaf, effects)
-            if finding is not None and leaf.use.bound not in reported:
-                reported.add(leaf.use.bound)
+            if finding is not None and leaf.use.node not in reported:
+                reported.add(leaf.use.node)
                 yield finding
 
 
@@ -51,14 +51,16 @@ class _LeafFacts:
     """The declarations of a leaf's registration about facts, with placeholders replaced."""
 
     def __init__(self, spec: NodeSpec, names: Mapping[str, str]) -> None:
-        def filled(text: str) -> str:
+        def fill_attributes(text: str) -> str:
             return fill_placeholders(text, names)
 
-        self.facts = {filled(name): value for name, value in spec.facts.items()}
-        self.results = [filled(answer.then) for answer in spec.answers if answer.then]
-        self.reads = frozenset(map(filled, spec.reads))
-        self.writes = frozenset(map(filled, spec.writes))
-        self.conditions = [filled(answer.when) for answer in spec.answers if answer.status != "FAILURE"]
+        self.facts = {fill_attributes(name): value for name, value in spec.facts.items()}
+        self.results = [fill_attributes(answer.then) for answer in spec.answers if answer.then]
+        self.reads = frozenset(map(fill_attributes, spec.reads))
+        self.writes = frozenset(map(fill_attributes, spec.writes))
+        self.conditions = [
+            fill_attributes(answer.when) for answer in spec.answers if answer.status != "FAILURE"
+        ]
         if any(not script or _holds(script, _variables(self.facts)) for script in self.conditions):
             self.conditions = []  # it may act from the start
         self.needs = frozenset(use.name for script in self.conditions for use in name_uses(_parse(script)))
@@ -165,7 +167,7 @@ class _Effects:
         self._readers = sorted((leaf for leaf in leaves if leaf.words.reads), key=_number)
         self._untouched: dict[tuple[_FactLeaf, _FactLeaf, frozenset[str]], bool] = {}
 
-    def enabling(self, words: _LeafFacts) -> Sequence[OrderedAccesses]:
+    def enabling_leaves(self, words: _LeafFacts) -> Sequence[OrderedAccesses]:
         """Return the leaves that enable a result of leaves with given declarations, grouped by declarations."""
         if words not in self._enabling:
             others = {each: None for fact in sorted(words.needs) for each in self._changing.get(fact, ())}
@@ -177,7 +179,7 @@ class _Effects:
         return self._enabling[words]
 
     @functools.cached_property
-    def _leading(self) -> dict[tuple[str, TreePosition], list[_FactLeaf]]:
+    def _leaves_before_readers(self) -> dict[tuple[str, TreePosition], list[_FactLeaf]]:
         """The leaves that change a fact which is read, by the sequences in which other leaves follow them."""
         read = {fact for leaf in self._readers for fact in leaf.words.reads}
         changing = {words: words.changes & read for words in self._alike if words.changes & read}
@@ -192,11 +194,11 @@ class _Effects:
     def last_two_before(self, leaf: _FactLeaf) -> list[_FactLeaf]:
         """Return the last two leaves that precede a leaf in a sequence and change a fact that it reads."""
         found: dict[_FactLeaf, None] = {}
-        inner, around = leaf.use.place, leaf.use.place.around
+        inner, around = leaf.use.position, leaf.use.position.around
         while around is not None and len(found) < _DOING_AND_UNDOING:
             before: list[_FactLeaf] = []
             for fact in leaf.words.reads:
-                others = self._leading.get((fact, around), [])
+                others = self._leaves_before_readers.get((fact, around), [])
                 count = bisect.bisect_left(others, inner.number, key=_number)
                 before += others[max(count - _DOING_AND_UNDOING, 0) : count]
             found.update(dict.fromkeys(sorted(before, key=_number, reverse=True)))
@@ -218,20 +220,22 @@ class _Effects:
 
 
 def _number(leaf: _FactLeaf) -> int:
-    return leaf.use.place.number
+    return leaf.use.position.number
 
 
 def _too_early(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
-    givers = [each for each in effects.enabling(leaf.words) if len(each.uses) > (leaf.use in each.uses[:1])]
+    givers = [
+        each for each in effects.enabling_leaves(leaf.words) if len(each.uses) > (leaf.use in each.uses[:1])
+    ]
     if not givers or not all(each.is_each_preceded(leaf.use) for each in givers):
         return None
     uses = [next(use for use in each.uses if use is not leaf.use) for each in givers]
-    giver = min(uses, key=lambda use: use.place.number).bound
+    giver = min(uses, key=lambda use: use.position.number).node
     message = (
-        f"'{leaf.use.bound.name}' can only fail here: it needs the effect of '{giver.name}' (line {giver.element.line}), "
+        f"'{leaf.use.node.name}' can only fail here: it needs the effect of '{giver.name}' (line {giver.element.line}), "
         "which follows it"
     )
-    return leaf.use.bound.element.finding("wrong-order", message, hint=f"move it after '{giver.name}'")
+    return leaf.use.node.element.finding("wrong-order", message, hint=f"move it after '{giver.name}'")
 
 
 def _undone(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
@@ -243,12 +247,12 @@ def _undone(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
     facts = doing.words.changes & undoing.words.changes & leaf.words.reads
     if not facts or not undoing.words.writes or effects.is_read_between(doing, undoing, facts):
         return None
-    name, other = leaf.use.bound.name, undoing.use.bound
+    name, other = leaf.use.node.name, undoing.use.node
     message = (
-        f"'{name}' needs the effect of '{doing.use.bound.name}', but '{other.name}' (line {other.element.line}), which "
+        f"'{name}' needs the effect of '{doing.use.node.name}', but '{other.name}' (line {other.element.line}), which "
         "is between them, undoes it"
     )
-    return leaf.use.bound.element.finding("wrong-order", message, hint=f"move it before '{other.name}'")
+    return leaf.use.node.element.finding("wrong-order", message, hint=f"move it before '{other.name}'")
 
 
 def _leads_to(first: _FactLeaf, second: _FactLeaf) -> bool:

@@ -79,11 +79,11 @@ class PossibleOutcomes:
 
     def possible_results(self, bound: BoundNode) -> int:
         """Return all possible results of a node's tick."""
-        return self._of(bound) & ALL
+        return self._outcome_sets(bound) & ALL
 
     def certain_results(self, bound: BoundNode) -> int:
         """Return the results of a node's tick that are known to occur in some run."""
-        return self._of(bound) >> _SHIFT
+        return self._outcome_sets(bound) >> _SHIFT
 
     def takes_time(self, bound: BoundNode) -> bool:
         """Return whether a node is known to run for more than a tick."""
@@ -119,17 +119,17 @@ class PossibleOutcomes:
 
     def acts_at_once(self, leaf: BoundNode) -> bool:
         """Return whether a leaf has an effect on the world that is complete in the same tick."""
-        return acts(leaf) and not self.takes_time(leaf)
+        return has_world_effect(leaf) and not self.takes_time(leaf)
 
-    def works(self, leaf: BoundNode) -> bool:
+    def always_takes_time(self, leaf: BoundNode) -> bool:
         """Return whether a leaf takes time after every start."""
         return self.takes_time(leaf) and leaf.spec.kind is Kind.ACTION and not leaf.spec.semantics.resumes
 
     def is_work(self, leaf: BoundNode) -> bool:
         """Return whether a leaf has an effect on the world that takes time."""
-        return acts(leaf) and self.works(leaf)
+        return has_world_effect(leaf) and self.always_takes_time(leaf)
 
-    def _of(self, bound: BoundNode) -> OutcomeSets:
+    def _outcome_sets(self, bound: BoundNode) -> OutcomeSets:
         return self._known.get(bound) or self._leaves.get(id(bound.spec)) or self._leaf(bound)
 
     def _analyze(self, tree: BoundTree) -> None:
@@ -139,7 +139,9 @@ class PossibleOutcomes:
                     self._known[node] = self._apply_conditions(node, self._leaf(node))
         for use in tree.uses:
             root = use.subtree.root if use.subtree is not None else None
-            self._known[use] = self._apply_conditions(use, _UNKNOWN if root is None else self._of(root))
+            self._known[use] = self._apply_conditions(
+                use, _UNKNOWN if root is None else self._outcome_sets(root)
+            )
         # Inlined, because this loop dominates the time for a large tree.
         known, leaves, leaf = self._known.get, self._leaves.get, self._leaf
         for parent in tree.parents:
@@ -210,7 +212,7 @@ def is_telling(spec: NodeSpec) -> bool:
     return bool(spec.effects or spec.uses) or outcomes not in _YES_OR_NO
 
 
-def acts(leaf: BoundNode) -> bool:
+def has_world_effect(leaf: BoundNode) -> bool:
     """Return whether a leaf is known to have an effect on the world, apart from the blackboard."""
     spec = leaf.spec
     if spec.is_only_described:

@@ -262,9 +262,9 @@ class _Folding:
         chosen = self.apply_operator(operators.is_chosen, self._failure(node.condition), condition)
         if chosen.is_known:
             return self.values_of(node.then if chosen.values[0] else node.otherwise)
-        return self._either(node.then, node.otherwise)
+        return self._choice_values(node.then, node.otherwise)
 
-    def _either(self, then: Expression, otherwise: Expression) -> _Samples:
+    def _choice_values(self, then: Expression, otherwise: Expression) -> _Samples:
         """Return the possible values of a choice, which always raises an error only if both branches do."""
         before = len(self.errors)
         self.values_of(then)

@@ -22,8 +22,8 @@ _FORMER_KEY = r"(?a) *\$(\{@?[A-Za-z_]\w*\}) *"
 
 def check_classes(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield the first node of each abstract class, whose instantiation would fail."""
-    abstract = {spec.tag: spec for spec in context.bound.specs if spec.absent_methods}
-    for bound in (node for tree in context.bound.trees for node in tree.nodes if abstract):
+    abstract = {spec.tag: spec for spec in context.bound_forest.specs if spec.absent_methods}
+    for bound in (node for tree in context.bound_forest.trees for node in tree.nodes if abstract):
         spec = abstract.pop(bound.spec.tag, None)
         if spec is not None:
             message, hint = f"<{spec.tag}> cannot be created: {_missing_in(spec)}", "define it in the class"
@@ -113,12 +113,12 @@ _SEPARATES = {
 
 def check_names(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield siblings that were explicitly given the same name, and names that look like a path."""
-    for tree in context.trees if context.sound and not context.is_foreign else ():
+    for tree in context.trees if context.is_complete and not context.is_foreign else ():
         yield from _separators(tree.nodes)
         for bound in tree.parents:
             children = bound.children
             if len(children) > 1 and len({child.name for child in children}) < len(children):
-                yield from _same(children)
+                yield from _equal_children(children)
 
 
 def _separators(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
@@ -132,7 +132,7 @@ def _separators(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
         yield bound.element.finding("separator-in-name", message, value="name", hint=hint)
 
 
-def _same(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
+def _equal_children(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
     first: dict[str, BoundNode] = {}
     for child in children:
         if not child.element.attributes.get("name") or child.subtree is not None:

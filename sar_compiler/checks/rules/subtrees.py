@@ -23,7 +23,7 @@ def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
     compared = functools.cache(_compared_strings)
     for tree in context.trees:
         yield from _keys_as_texts(tree, context, compared)
-    if not context.sound:
+    if not context.is_complete:
         return  # an error in a tree may be the reason why it does not use a key, or another tree
     yield from _unused_trees(context)
     keys_of = _keys_of_trees(context.key_accesses)
@@ -38,7 +38,7 @@ def _unused_ports(
     tree: BoundTree, context: CheckContext, keys: frozenset[str] | None
 ) -> Iterator[Diagnostic]:
     """Yield the ports in a tree's model that the tree does not use; users of the tree rely on the model."""
-    model = context.bound.models.subtrees.get(tree.name)
+    model = context.bound_forest.models.subtrees.get(tree.name)
     if model is None or keys is None or context.forest.trees.get(tree.name) is not tree.element:
         return
     for port in model.ports.values():
@@ -52,13 +52,13 @@ def _unused_ports(
 
 def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
     main = context.forest.main_tree()
-    mains = [tree for tree in context.bound.trees if tree.element is main]
+    mains = [tree for tree in context.bound_forest.trees if tree.element is main]
     if not mains or context.forest.main.main_tree_name is None:
         return
     used = set(trees_in(mains[0]))
     # Unused trees may use each other: report only the outermost one.
-    inner = {node.subtree for tree in context.bound.trees for node in tree.subtrees()}
-    for tree in context.bound.trees:
+    inner = {node.subtree for tree in context.bound_forest.trees for node in tree.subtrees()}
+    for tree in context.bound_forest.trees:
         element = tree.element
         is_own = element.source is context.forest.main.source
         if (
@@ -85,7 +85,7 @@ def _keys_as_texts(
     keys = set(context.key_accesses[tree].keys)
     keys.update(key for use in tree.uses for key in use.remapping.keys.values())
     for use, name, text in given:
-        model = context.bound.models.subtrees.get(use.element.attributes.get("ID", ""))
+        model = context.bound_forest.models.subtrees.get(use.element.attributes.get("ID", ""))
         port = model.ports.get(name) if model is not None else None
         if text not in keys or (port is not None and port.direction is Direction.OUTPUT):
             continue
@@ -135,7 +135,7 @@ def _keys_of_trees(accesses: Mapping[BoundTree, KeyAccesses]) -> _KeysOf:
 
 def _texts_of_outputs(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
     """Yield strings in place of the keys to which a tree writes according to its model."""
-    model = context.bound.models.subtrees.get(use.element.attributes.get("ID", ""))
+    model = context.bound_forest.models.subtrees.get(use.element.attributes.get("ID", ""))
     for port in model.ports.values() if model is not None else ():
         text = use.element.attributes.get(port.name)
         if text is not None and port.direction is Direction.OUTPUT and port.name in use.remapping.constants:
@@ -150,7 +150,7 @@ def _unused_arguments(use: BoundNode, context: CheckContext, keys_of: _KeysOf) -
     keys = keys_of(tree)
     if keys is None:
         return
-    model = context.bound.models.subtrees.get(tree.name)
+    model = context.bound_forest.models.subtrees.get(tree.name)
     declared = model.ports if model is not None else ()
     given = {*use.remapping.keys, *use.remapping.constants}
     unused = [
@@ -171,7 +171,7 @@ def _unused_arguments(use: BoundNode, context: CheckContext, keys_of: _KeysOf) -
 
 def _undeclared_arguments(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
     """Yield keys passed to a tree whose model does not declare them, if only the model is known."""
-    model = context.bound.models.subtrees.get(use.spec.tag)
+    model = context.bound_forest.models.subtrees.get(use.spec.tag)
     if model is None or not model.ports:  # a model without ports may only declare that the tree exists
         return
     for name in [*use.remapping.keys, *use.remapping.constants]:

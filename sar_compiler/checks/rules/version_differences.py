@@ -60,7 +60,7 @@ def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
             if not text or bound.values.get(name) is None:
                 continue
             if can_be_converted(text, cpp, context.version):
-                enums = context.bound.models.enums
+                enums = context.bound_forest.models.enums
                 is_open = needs_converter(cpp) and bound.spec.provenance is Provenance.DESCRIBED
                 if is_open and text not in enums:
                     span, meant = bound.element.value_span(name), context.guesses.nearest(text, enums)
@@ -100,7 +100,7 @@ def _report_tags(context: CheckContext, collector: FindingCollector) -> None:
 
 
 def _report_ports(context: CheckContext, collector: FindingCollector) -> None:
-    usual = {id(spec) for spec in context.bound.specs if all(map(str.isidentifier, spec.parameters))}
+    usual = {id(spec) for spec in context.bound_forest.specs if all(map(str.isidentifier, spec.parameters))}
     others = (bound for tree in context.trees for bound in tree.demanding if id(bound.spec) not in usual)
     for bound in dict.fromkeys((*others, *(use for tree in context.trees for use in tree.uses))):
         for name in itertools.filterfalse(str.isidentifier, bound.element.attributes):
@@ -204,7 +204,7 @@ class _FlatPart:
         self._first = ""
         self._is_either = self._is_chosen = self._is_assigned = False
 
-    def take(self, sign: str) -> tuple[str, str] | None:
+    def read_operator(self, sign: str) -> tuple[str, str] | None:
         """Read the next operator; return the error and the hint, or None."""
         if sign == "?" or sign in _ASSIGNMENTS:
             return self._take_single(sign)
@@ -238,7 +238,7 @@ def _operators(script: Script) -> Iterator[OlderReading]:
         sign = token.text if token.kind is TokenKind.SIGN else ""
         if sign in {")", ":"}:
             around.pop()
-        wrong = around[-1].take(sign) if around else None
+        wrong = around[-1].read_operator(sign) if around else None
         if wrong is not None and not (is_refused and wrong is not _BOTH_LATER):
             yield OlderReading(token.start, token.end, *wrong)
             is_refused = is_refused or wrong is not _BOTH_LATER

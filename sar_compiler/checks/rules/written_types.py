@@ -93,7 +93,7 @@ class _TypedPort(NamedTuple):
         return needs_converter(self.cpp) and self.bound.spec.provenance is Provenance.DESCRIBED
 
     @property
-    def shown(self) -> str:
+    def type_text(self) -> str:
         """The type, for a message."""
         return "items" if is_loop_queue(self.cpp) else self.cpp or ANY
 
@@ -175,7 +175,7 @@ class KeyTypeRules:
         # Cache of the possible values of entries, because a copy of a copy is requested often.
         self._values: dict[tuple[Scope, str], _PossibleValues] = {}
 
-    def misfits(self, entry: EntryAccesses) -> Iterator[Diagnostic]:
+    def check_entry(self, entry: EntryAccesses) -> Iterator[Diagnostic]:
         """Yield an entry's values that one of its ports cannot read, or that BehaviorTree.CPP rejects in a tick."""
         first = self._types.get((entry.scope, entry.key))
         if first is None:
@@ -193,7 +193,7 @@ class KeyTypeRules:
             return
         writes = [*self._constants(entry), *self._writes(entry)]
         for write in writes:
-            found = [*self._misfit(write, ports, first)]
+            found = [*self._check_ports(write, ports, first)]
             yield from found
             if found and write.is_item:
                 break
@@ -209,7 +209,7 @@ class KeyTypeRules:
                 yield from self._failing_scripts(entry)
 
     def _port(self, use: EntryAccess) -> _TypedPort | None:
-        bound, name = use.bound, use.access.attribute
+        bound, name = use.node, use.access.attribute
         parameter = bound.spec.parameters.get(name)
         if use.access.place is not None or name not in bound.keys:
             return None
@@ -236,14 +236,14 @@ class KeyTypeRules:
         return _WrittenValue(cpp, literal_value(text), is_shown=True, text=text if cpp == TEXT else None)
 
     def _writes(self, entry: EntryAccesses) -> Iterator[_KeyWrite]:
-        for use in entry.of(*_WRITING):
-            access, semantics = use.access, use.bound.spec.semantics
+        for use in entry.of_kinds(*_WRITING):
+            access, semantics = use.access, use.node.spec.semantics
             port, place = self._port(use), (access.attribute, access.place or access.position_in_braces)
             expression, is_copy = None, False
-            if port is not None and _QUEUE in use.bound.values:
-                for item in _items_of(use.bound, port.cpp):
+            if port is not None and _QUEUE in use.node.values:
+                for item in _items_of(use.node, port.cpp):
                     yield _KeyWrite(
-                        use.bound.element, access.attribute, access.key, place, (item,), is_item=True
+                        use.node.element, access.attribute, access.key, place, (item,), is_item=True
                     )
             if access.place is not None:
                 expression = _assigned_expression(use)
@@ -252,13 +252,13 @@ class KeyTypeRules:
             elif semantics.copies:
                 port, place, is_copy = None, (semantics.copies, None), True
             values = self._values_written(use, port, expression)
-            yield _KeyWrite(use.bound.element, access.attribute, access.key, place, values, port, is_copy)
+            yield _KeyWrite(use.node.element, access.attribute, access.key, place, values, port, is_copy)
 
     def _values_written(
         self, use: EntryAccess, port: _TypedPort | None, expression: Expression | None, depth: int = 0
     ) -> _PossibleValues:
         """Return the values that a use writes: from a script's expression, a copied key or string, or a port."""
-        bound, scope = use.bound, use.instance.scope
+        bound, scope = use.node, use.instance.scope
         source = bound.spec.semantics.copies
         if use.access.place is not None:
             return None if expression is None else self._values_of(expression, scope, depth)
@@ -281,7 +281,7 @@ class KeyTypeRules:
         found = dict.fromkeys(
             self._constant(place.remapping.constants.get(entry.key, "")) for place in entry.given
         )
-        for use in entry.of(*_WRITING):
+        for use in entry.of_kinds(*_WRITING):
             values = self._values_written(use, self._port(use), _assigned_expression(use), depth + 1)
             if values is None or len(found) > _MOST_VALUES:
                 found = {}
@@ -306,7 +306,9 @@ class KeyTypeRules:
             return self._values_in(scope, expression.name, depth + 1)
         return None
 
-    def _misfit(self, write: _KeyWrite, ports: list[_TypedPort], first: EntryType) -> Iterator[Diagnostic]:
+    def _check_ports(
+        self, write: _KeyWrite, ports: list[_TypedPort], first: EntryType
+    ) -> Iterator[Diagnostic]:
         """Yield the first port that does not match the values that a location writes."""
         values, element = write.values, write.element
         if write.port is not None and not is_untyped(write.port.cpp):
@@ -367,7 +369,7 @@ class KeyTypeRules:
         else:
             shown = f"'{values[0].value}'"
         whose = port_label(port.parameter.name, port.bound, write.element)
-        what = f"{write.attribute}: '{write.key}' is {shown} here, and {port.shown} for {whose}"
+        what = f"{write.attribute}: '{write.key}' is {shown} here, and {port.type_text} for {whose}"
         return self._refusal(what, write.element, write.span, port, is_new=is_new)
 
     def _is_text_lost(self, port: _TypedPort, write: _KeyWrite, types: list[str], first: EntryType) -> bool:
@@ -399,7 +401,7 @@ class KeyTypeRules:
             name, element = port.parameter.name, port.bound.element
             if not any(can_be_read(each, port.cpp, self._version) for each in types):
                 line = f"line {writer.element.line}{file_of(writer.element, element)}"
-                what = f"'{port.bound.keys[name]}' is {port.shown} here, but {types[0]} is written to it ({line})"
+                what = f"'{port.bound.keys[name]}' is {port.type_text} here, but {types[0]} is written to it ({line})"
                 yield self._refusal(f"{name}: {what}", element, element.value_span(name), port)
                 return
             if port.is_of_user and set(types) == {TEXT}:
@@ -490,8 +492,8 @@ class KeyTypeRules:
 
 def _has_written(earlier: EntryAccess, later: EntryAccess) -> bool:
     """Return whether a node has certainly written before a later one: both are in one sequence, which a failure ends."""
-    around = earlier.place.around
-    if around is None or around is not later.place.around:
+    around = earlier.position.around
+    if around is None or around is not later.position.around:
         return False
     return around.bound.spec.semantics.is_sequence and comes_first(earlier, later)
 
@@ -589,7 +591,7 @@ def _assigned_expression(use: EntryAccess) -> Expression | None:
     """Return the expression that a script assigns to a key unchanged; None for any other use."""
     if use.access.place is None:
         return None
-    for name, script in use.bound.scripts():
+    for name, script in use.node.scripts():
         statement = script.by_start.get(use.access.place[0]) if name == use.access.attribute else None
         if isinstance(statement, Assignment) and statement.operator in _SETTING:
             return statement.value

@@ -2,7 +2,7 @@
 
 from textwrap import dedent
 
-from sar_compiler.analysis.simulate.scenario_files import ScenarioSimulation, ScenarioStage, understand
+from sar_compiler.analysis.simulate.scenario_files import ScenarioSimulation, ScenarioStage, load_scenario
 from sar_compiler.analysis.simulate.scenario_run import ScenarioPlayer, ScenarioRun, failures
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import default_registry
@@ -28,13 +28,13 @@ def stage(body: str = PATROL) -> ScenarioStage:
 
 def read(text: str, body: str = PATROL) -> ScenarioSimulation:
     """Read a scenario from its text."""
-    return understand(parse_yaml(dedent(text), "scenario.yaml", "write something"), stage(body))
+    return load_scenario(parse_yaml(dedent(text), "scenario.yaml", "write something"), stage(body))
 
 
 def played(text: str, body: str = PATROL) -> ScenarioRun:
     """Play a scenario to its end."""
     play = read(text, body)
-    return ScenarioPlayer(play.simulated, play.scenario).go()
+    return ScenarioPlayer(play.simulated, play.scenario).run_to_end()
 
 
 def missed(text: str, body: str = PATROL) -> list[tuple[str, str, int]]:

@@ -16,7 +16,7 @@ def names(nodes):
 
 
 def unseen(collected):
-    return {node.bound.name: node.unseen for node in collected.unseen}
+    return {node.bound.name: node.unseen_outcomes for node in collected.nodes_with_unseen_outcomes}
 
 
 TRY = "<Selector><NavigateToZone/><Sequence><DetectSurvivor/><AdvanceZone/></Sequence></Selector>"

@@ -11,7 +11,7 @@ from sar_compiler.analysis.simulate.scenario_files import (
     Scenario,
     ScenarioSimulation,
     ScenarioStage,
-    understand,
+    load_scenario,
 )
 from sar_compiler.analysis.simulate.scenario_run import Player, ScenarioPlayer, failures
 from sar_compiler.documents.yaml_files import parse_yaml
@@ -38,7 +38,7 @@ ENDS = ("tick == 20", "n == 3", "root == 'SUCCESS'", "time > 1 || b == 0")
 
 def understood(stage: ScenarioStage, text: str) -> ScenarioSimulation:
     """Compile a tree for a scenario, with lists and a queue among its keys."""
-    play = understand(parse_yaml(text, "scenario.yaml", ""), stage)
+    play = load_scenario(parse_yaml(text, "scenario.yaml", ""), stage)
     for key, value in entries().items():
         play.simulated.compiled.instance.scope.resolve(key).write(value)
     return play
@@ -85,5 +85,5 @@ def test_a_tree_that_is_used_again_plays_every_run_as_a_fresh_one_does(skips):
         for seed in (0, 1, 0):
             fresh = understood(stage, text)
             player = ScenarioPlayer(fresh.simulated, by_chance(fresh.scenario, seed))
-            player.go()
+            player.run_to_end()
             assert seen(tree.play(by_chance(play.scenario, seed))) == seen(player)

@@ -210,19 +210,19 @@ def test_what_cannot_be_breaks_the_run_off_and_is_the_only_failure(text, body, m
 def test_a_node_that_raises_something_of_its_own_breaks_the_run_off(monkeypatch):
     play = read("name: x", DRIVE)
     monkeypatch.setattr(play.simulated.leaves[0], "initialise", lambda: 1 / 0)
-    run = ScenarioPlayer(play.simulated, play.scenario).go()
+    run = ScenarioPlayer(play.simulated, play.scenario).run_to_end()
     assert run.trouble == "ZeroDivisionError: division by zero"
 
 
 def test_the_same_stage_plays_any_number_of_scenarios():
     here = stage()
-    runs = [ScenarioPlayer(play.simulated, play.scenario).go() for play in (here.play(), here.play())]
+    runs = [ScenarioPlayer(play.simulated, play.scenario).run_to_end() for play in (here.play(), here.play())]
     assert [run.simulated.fact_values()["zones_left"] for run in runs] == [2, 2]
 
 
 def by_chance(script, seed=0, ticks=200):
     play = read(f"until: tick == {ticks}\nleaves:\n  NavigateToZone: {script}", DRIVE)
-    return ScenarioPlayer(play.simulated, replace(play.scenario, seed=seed)).go()
+    return ScenarioPlayer(play.simulated, replace(play.scenario, seed=seed)).run_to_end()
 
 
 def test_a_step_with_a_chance_is_taken_now_and_then_and_else_the_next_one():
@@ -248,13 +248,13 @@ def test_a_time_between_two_durations_is_another_one_each_time():
 def test_what_was_chosen_is_kept_with_whether_it_is_usual():
     play = read("until: tick == 3\nleaves:\n  NavigateToZone: [aborted, {answer: arrived, after: 9s}]", DRIVE)
     player = ScenarioPlayer(play.simulated, play.scenario)
-    player.go()
+    player.run_to_end()
     assert [each[1:] for each in player.scripted.choices] == [("aborted", 0.0, False), ("arrived", 9.0, True)]
 
 
 def test_a_leaf_of_which_nothing_is_said_may_answer_what_is_not_usual():
     play = read("until: tick == 400", DRIVE)
-    run = ScenarioPlayer(play.simulated, replace(play.scenario, unusual=0.25)).go()
+    run = ScenarioPlayer(play.simulated, replace(play.scenario, unusual=0.25)).run_to_end()
     said = answers(run, "NavigateToZone")
     assert set(said) == {"arrived", "aborted", "unavailable"}
     assert 70 <= said.count("aborted") + said.count("unavailable") <= 130

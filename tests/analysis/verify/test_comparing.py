@@ -38,8 +38,8 @@ def test_what_is_known_to_hold_is_best_and_what_is_known_not_to_is_worst(before,
 def test_a_property_that_only_one_tree_can_break_is_among_the_answers():
     properties = "properties: {p: {never: B starts}}"
     with_b, without = verified("<Sequence><A/><B/></Sequence>", properties), verified("<A/>", properties)
-    last = VerificationComparison(with_b, without).answers[-1]
+    last = VerificationComparison(with_b, without).verdicts[-1]
     assert last.before is not None
     assert (last.question, last.before.outcome, last.now) == ("p", BROKEN, None)
-    assert not VerificationComparison(with_b, without).worse
-    assert VerificationComparison(without, with_b).worse
+    assert not VerificationComparison(with_b, without).is_worse
+    assert VerificationComparison(without, with_b).is_worse

@@ -49,7 +49,7 @@ class Case:
         prepared = PreparedTree.prepare(self.prepared())
         properties = properties_of(self.file, prepared, TAGS)
         watched = [number for number, name in enumerate(properties.names) if name == question]
-        return TreeStepper(prepared, properties.only(watched).rules, meets=False), bool(watched)
+        return TreeStepper(prepared, properties.select(watched).rules, meets=False), bool(watched)
 
     def holds_against(self, question, trace):
         """Return whether a run is one of the tree as it is in which something does not hold."""
@@ -61,7 +61,7 @@ class Case:
             for state, loop, waited in ways:
                 start = state if number == first and trace.loop else loop
                 for step in stepper.ticks(state):
-                    played = stepper.played(number + 1)
+                    played = stepper.tick_record(number + 1)
                     if played != record:
                         continue
                     waits = waited & step.waits[0] if number >= first else waited
@@ -219,7 +219,7 @@ def test_a_branch_may_be_a_subtree():
         "properties: {}",
         other='<Sequence><Script code="k := 0"/><A/><Script code="k += 1"/></Sequence>',
     ).verified(10, 100_000)
-    assert (found.searches, found.proved) == (4, True)
+    assert (found.searches, found.is_proved) == (4, True)
 
 
 def test_a_branch_that_is_skipped_is_asked_again():

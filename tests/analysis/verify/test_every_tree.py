@@ -5,7 +5,7 @@ from tests.analysis.verify.stage import BROKEN, PROVED, UNDECIDED, outcome, told
 
 
 def test_a_plain_sequence_passes_all_of_it():
-    assert verified("<Sequence><A/><B/></Sequence>").proved
+    assert verified("<Sequence><A/><B/></Sequence>").is_proved
 
 
 def test_a_leaf_behind_one_that_always_fails_never_has_its_turn():
@@ -61,7 +61,7 @@ def test_to_try_again_without_a_bound_is_a_livelock():
 
 
 def test_to_try_again_with_a_bound_is_none():
-    assert verified('<RetryUntilSuccessful num_attempts="3"><A/></RetryUntilSuccessful>').proved
+    assert verified('<RetryUntilSuccessful num_attempts="3"><A/></RetryUntilSuccessful>').is_proved
 
 
 def test_two_leaves_that_cut_each_other_off_are_a_livelock():
@@ -73,7 +73,7 @@ def test_two_leaves_that_cut_each_other_off_are_a_livelock():
 
 def test_a_timer_is_up_one_day():
     verification = verified('<Sequence><Sleep msec="100"/><Delay delay_msec="50"><A/></Delay></Sequence>')
-    assert verification.proved
+    assert verification.is_proved
 
 
 def test_the_run_to_a_dead_end_stops_at_the_last_end_that_there_is():
@@ -87,7 +87,7 @@ def test_the_run_to_a_dead_end_stops_at_the_last_end_that_there_is():
 def test_a_time_out_ends_the_wait_for_a_leaf():
     body = '<Timeout msec="100"><A/></Timeout>'
     answers = "answers: {A: [RUNNING]}"
-    assert verified(body, answers).proved
+    assert verified(body, answers).is_proved
     assert outcome(verified("<A/>", answers), AN_END) is BROKEN
 
 
@@ -101,7 +101,7 @@ def test_a_timer_may_be_up_before_and_after_any_answer():
 
 def test_a_finished_one_shot_stays_finished():
     verification = verified('<A oneshot="ON_COMPLETION"/>', "properties: {p: {at_most_once: A SUCCESS}}")
-    assert verification.proved
+    assert verification.is_proved
     assert outcome(verified("<A/>", "properties: {p: {at_most_once: A SUCCESS}}"), "p") is BROKEN
 
 

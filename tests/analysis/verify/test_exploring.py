@@ -55,7 +55,7 @@ def test_the_bound_ends_the_exploration_and_says_so():
 
 def test_what_was_not_gone_through_has_no_ticks():
     graph = explored({0: [1, 2], 1: [3, 4]}, max_states=3)
-    assert (graph.expanded, graph.ticks(1)) == (1, [])
+    assert (graph.expanded_count, graph.ticks(1)) == (1, [])
 
 
 def test_a_bound_that_is_just_enough_is_no_bound():

@@ -56,7 +56,7 @@ def graph_of(binding, properties=None, *, meets):
     wanted = properties_of(file, prepared, TAGS)
     stepper = TreeStepper(prepared, wanted.rules, meets=meets)
     graph = explore(stepper.steps, 3000)
-    ticks = [set(graph.ticks(state)) for state in range(graph.expanded)]
+    ticks = [set(graph.ticks(state)) for state in range(graph.expanded_count)]
     error = graph.error and (graph.error.source, graph.error.path)
     return list(graph.states), ticks, graph.breaches, bytes(graph.ends), stepper.ran, error, rounds_of(graph)
 
@@ -91,7 +91,7 @@ def test_where_ticks_meet_that_have_broken_other_properties_nothing_is_lost(body
 def test_leaves_that_are_tried_again_in_one_tick_do_not_multiply():
     again = '<RetryUntilSuccessful num_attempts="3"><A/></RetryUntilSuccessful>'
     found = verified(f"<Sequence>{again * 40}</Sequence>")
-    assert found.proved
+    assert found.is_proved
     assert found.states == 40 * 5 + 3
 
 
@@ -121,9 +121,9 @@ def test_a_leaf_that_begins_and_ends_in_a_tick_leaves_nothing_behind():
     trail.begin(0)
     leaf = trail.bit(7)
     trail.start(leaf)
-    trail.go_on(leaf)
+    trail.mark_running(leaf)
     assert trail.waits == (0, leaf, leaf)
-    trail.end(leaf)
+    trail.mark_ended(leaf)
     assert trail.waits == (0, 0, leaf)
 
 
@@ -131,9 +131,9 @@ def test_a_leaf_that_runs_on_is_waited_for_until_it_ends():
     trail = Trail({}, [], lambda watched, _: (watched, 0), EntryCells())
     trail.begin(0)
     leaf = trail.bit(7)
-    trail.go_on(leaf)
+    trail.mark_running(leaf)
     assert trail.going_on == leaf
-    trail.end(leaf)
+    trail.mark_ended(leaf)
     assert trail.going_on == 0
 
 

@@ -21,7 +21,7 @@ def after_all(monitors, state, events):
     """Return the state after some events, and the monitors that they break."""
     broken = 0
     for event in events:
-        state, wrong = monitors.after(state, event)
+        state, wrong = monitors.next_state(state, event)
         broken |= wrong
     return state, broken
 
@@ -30,7 +30,7 @@ def broken_at(form, events, owes=False):
     """Return the places at which events break a property."""
     monitors, state, places = MonitorSet([PropertyMonitor(form, ROLES, owes)]), MonitorSet.start, []
     for place, event in enumerate(events.split()):
-        state, broken = monitors.after(state, EVENTS[event])
+        state, broken = monitors.next_state(state, EVENTS[event])
         if broken:
             places.append(place)
     return places
@@ -62,12 +62,16 @@ def test_what_must_come_one_day_is_owed_until_it_comes():
     monitors = MonitorSet([PropertyMonitor(PropertyPattern.AFTER, {0: MAIN, 1: OTHER}, owes=True)])
     after_main, _ = after_all(monitors, MonitorSet.start, (0, 3))
     after_other, _ = after_all(monitors, after_main, (3, 1))
-    assert [monitors.owed(state) for state in (MonitorSet.start, after_main, after_other)] == [0, 1, 0]
+    assert [monitors.pending_monitors(state) for state in (MonitorSet.start, after_main, after_other)] == [
+        0,
+        1,
+        0,
+    ]
 
 
 def test_what_must_come_before_something_is_not_owed_for_ever():
     monitors = MonitorSet([PropertyMonitor(PropertyPattern.AFTER, ROLES)])
-    assert monitors.owed(after_all(monitors, MonitorSet.start, (0,))[0]) == 0
+    assert monitors.pending_monitors(after_all(monitors, MonitorSet.start, (0,))[0]) == 0
 
 
 def test_the_order_of_events_in_one_tick_counts():

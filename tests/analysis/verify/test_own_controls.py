@@ -42,7 +42,7 @@ def ticks_of(body):
     """Return how many ticks there are between the states; how many steps they share depends on the nodes."""
     simulated = compile_simulated(own_binding(body), {}, all_runs=True)
     graph = Explored(simulated, _MOST_STATES, forgets=True).graph
-    return sum(len(graph.ticks(state)) for state in range(graph.expanded))
+    return sum(len(graph.ticks(state)) for state in range(graph.expanded_count))
 
 
 def answers(body):
@@ -114,7 +114,7 @@ def test_where_ticks_meet_in_the_middle_of_ones_own_nodes_nothing_is_lost(body):
 def test_a_recovery_that_is_tried_often_does_not_multiply_what_its_leaves_answer():
     parts = "<Sequence><A/><B/></Sequence><Fallback><A/><B/></Fallback>"
     found = verified(f'<OwnRecovery retries="6">{parts}</OwnRecovery>')
-    assert found.proved
+    assert found.is_proved
     assert found.complete
 
 
@@ -156,7 +156,7 @@ def test_a_time_that_is_up_at_once_is_never_waited_for():
 
 def test_what_a_cell_holds_is_part_of_the_state_until_the_node_has_ended():
     endless = "<KeepRunningUntilFailure>{}</KeepRunningUntilFailure>"
-    assert verified("<OwnCount><A/></OwnCount>").proved
+    assert verified("<OwnCount><A/></OwnCount>").is_proved
     assert verified(endless.format("<OwnCount><AlwaysSuccess/></OwnCount>")).states == 2
 
 

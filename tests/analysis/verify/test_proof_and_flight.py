@@ -169,7 +169,7 @@ class Proof:
 
     def _events(self) -> tuple[Any, ...]:
         """Return the events of the last tick."""
-        return told(self._stepper.played().events)
+        return told(self._stepper.tick_record().events)
 
     def _outcome(self, tick) -> str:
         return WORDS[tick.outcome] if tick.error is None else f"{type(tick.error).__name__}: {tick.error}"

@@ -137,8 +137,8 @@ def test_an_end_can_be_something_else_than_the_end_of_the_root():
 
 def test_an_idle_tree_is_one_that_every_tick_leaves_as_it_is():
     tree = '<A oneshot="ON_COMPLETION"/>'
-    assert verified(tree, "end: idle").proved
-    assert not verified("<A/>", "end: idle").proved
+    assert verified(tree, "end: idle").is_proved
+    assert not verified("<A/>", "end: idle").is_proved
 
 
 def test_a_leaf_is_named_by_its_name_its_tag_or_its_path():

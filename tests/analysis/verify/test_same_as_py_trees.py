@@ -30,7 +30,7 @@ def looked_at(simulated):
     return (
         tuple(node.status for node in simulated.root.iterate()),
         values(simulated.compiled.board),
-        values(simulated.facts.board),
+        values(simulated.current_facts.board),
     )
 
 
@@ -62,7 +62,7 @@ class Explored:
         return (
             tuple(STATUSES[cells[index]] for index in self._order),
             values(self._simulated.compiled.board),
-            values(self._simulated.facts.board),
+            values(self._simulated.current_facts.board),
         )
 
 
@@ -133,7 +133,7 @@ def test_the_run_that_is_told_leads_py_trees_to_the_same_state(binding):
     explored = Explored(simulated_tree(binding), _MOST_STATES)
     space = StateSpace(explored.stepper, explored.graph)
     for number in range(0, len(explored.graph.states), 7):
-        trace = space.to(number)
+        trace = space.trace_to(number)
         simulated = simulated_tree(binding)
         simulated.policy = Repeating(trace)
         for _ in trace.ticks:

@@ -32,12 +32,12 @@ def test_a_value_that_is_needed_and_not_known_leaves_open_what_depends_on_it():
 def test_the_hint_decides():
     properties = 'answers: {M: [{status: SUCCESS, then: "d := 2.5"}, FAILURE]}'
     found = verified(f'<Sequence>{MEASURES}<ScriptCondition code="d &gt; 1"/><A/></Sequence>', properties)
-    assert found.proved
+    assert found.is_proved
 
 
 def test_a_key_that_is_only_handed_from_leaf_to_leaf_leaves_nothing_open():
     copied = '<SetBlackboard value="{d}" output_key="e"/>'
-    assert verified(f"<Sequence>{MEASURES}{copied}<A/></Sequence>").proved
+    assert verified(f"<Sequence>{MEASURES}{copied}<A/></Sequence>").is_proved
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_a_value_from_before_is_not_what_the_leaf_has_written():
 
 def test_a_value_that_is_written_afterwards_is_known():
     after = '<Script code="d := 2"/><ScriptCondition code="d == 2"/>'
-    assert verified(f"<Sequence><ForceSuccess>{MEASURES}</ForceSuccess>{after}</Sequence>").proved
+    assert verified(f"<Sequence><ForceSuccess>{MEASURES}</ForceSuccess>{after}</Sequence>").is_proved
 
 
 def test_a_key_that_is_read_before_its_leaf_has_run_is_an_error_all_the_same():
