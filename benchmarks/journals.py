@@ -92,8 +92,8 @@ def write_journal(folder: Path, entries: int) -> tuple[Path, Path]:
             simulated.clock.advance(_PERIOD_SEC)
             if tick % _TICKS_A_FACT == 0:
                 # A fact is written at once, with all that waits: a robot never has so many entries in a second.
-                journal.note("photo_taken", point=f"point {tick}")
-        journal.end(Ending.OVER, 1)
+                journal.record_event("photo_taken", point=f"point {tick}")
+        journal.end_run(Ending.OVER, 1)
     return tree, path
 
 

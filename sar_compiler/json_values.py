@@ -49,10 +49,10 @@ def json_value(text: str) -> Any:
 
 def json_data(value: object) -> Any:
     """Return a value in the form that a file of JSON returns: JSON values, arrays as lists, others as their text."""
-    return json_value(json_text(value, default=_plain))
+    return json_value(json_text(value, default=_to_json))
 
 
-def _plain(value: Any) -> Any:
+def _to_json(value: Any) -> Any:
     return [*value] if hasattr(value, "__iter__") else str(value)
 
 

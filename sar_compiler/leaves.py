@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.values import Milliseconds as Milliseconds
     from sar_compiler.nodes.values import Seconds as Seconds
     from sar_compiler.nodes.values import at_least as at_least
-    from sar_compiler.nodes.values import sensible as sensible
+    from sar_compiler.nodes.values import plausible_number as plausible_number
     from sar_compiler.ros.clock import Deadline as Deadline
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf as ActionLeaf
     from sar_compiler.ros.leaves.action_questions import ActionQueries as ActionQueries

@@ -143,7 +143,7 @@ class FileContent(NamedTuple):
     def __repr__(self) -> str:
         return f"<content of {self.path}>"
 
-    def whole(self) -> bytes:
+    def read_bytes(self) -> bytes:
         """Return the bytes of the whole file.
 
         Raises:
@@ -163,7 +163,7 @@ class FileContent(NamedTuple):
             UnreadableFileError: If it is larger than its kind's limit, or not UTF-8.
         """
         try:
-            return self.whole().decode("utf-8-sig")
+            return self.read_bytes().decode("utf-8-sig")
         except UnicodeDecodeError as error:
             raise UnreadableFileError(self.path, f"it is not UTF-8 text (byte {error.start})") from error
 
@@ -181,7 +181,7 @@ class NamedPath(_PathBase):
     beneath: tuple[Path, ...] | None = None
 
     @classmethod
-    def within(cls, path: Path, folders: Iterable[Path]) -> "NamedPath":
+    def confined_to(cls, path: Path, folders: Iterable[Path]) -> "NamedPath":
         """Return a path of a file that must be below one of some folders."""
         named = cls(path)
         named.beneath = tuple(folders)
@@ -343,7 +343,7 @@ def confine(folders: Iterable[Path], said: str) -> None:
     _confinement = _Confinement(tuple(folders), said)
 
 
-def admit(path: Path) -> None:
+def allow_reading(path: Path) -> None:
     """Let a confined process read a file, or the files in a folder, named by an installed component: a mission, a ROS package."""
     global _confinement  # noqa: PLW0603 - as above
     if _confinement is not None:
@@ -539,7 +539,7 @@ def folder_entries(folder: Path) -> list[Path]:
 
 
 def _entries(folder: Path) -> list[Path]:
-    with _words(folder):
+    with _convert_system_errors(folder):
         if _confinement is None:
             return sorted(folder.iterdir())
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
@@ -570,7 +570,7 @@ def _read_once(stream: TextIO | None, limit: int) -> bytes:
 
 
 @contextmanager
-def _words(path: Path) -> Iterator[None]:
+def _convert_system_errors(path: Path) -> Iterator[None]:
     """Convert errors of the system to errors about a file."""
     try:
         yield
@@ -588,7 +588,7 @@ def _open_regular(path: Path, kind: FileKind) -> Iterator[tuple[int, Path]]:
     limits = [] if kind.is_installed or _confinement is None else [_confinement]
     if isinstance(path, NamedPath) and path.beneath is not None:
         limits.append(_Confinement(path.beneath, ", ".join(dict.fromkeys(map(str, path.beneath)))))
-    with _words(path):
+    with _convert_system_errors(path):
         descriptor, real = _open(path, limits)
         try:
             yield descriptor, real

@@ -100,7 +100,7 @@ class RunOutput:
         self.lost = False
         self.leave: Callable[[], object] = lambda: None
 
-    def show(self, text: str) -> None:
+    def print_momentary(self, text: str) -> None:
         """Print a text of momentary interest; nothing once standard output is closed."""
         if not self.lost:
             self._try(lambda: print_text(text, flush=True))
@@ -110,9 +110,9 @@ class RunOutput:
         if not self.lost:
             self._try(lambda: _write(text))
 
-    def say(self, text: str) -> None:
+    def print_important(self, text: str) -> None:
         """Print an important text; on standard error once standard output is closed."""
-        self.show(text)
+        self.print_momentary(text)
         if self.lost:
             print_error(text)
 

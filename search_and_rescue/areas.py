@@ -56,7 +56,7 @@ def read_areas(
     total = math.fsum(area.poa for area in areas.values())
     if len(reader.problems) == mistakes and total > 1.0 + ROUNDING:
         text = f"the zones' poa sum to {total:g}: write 1 at most, less if the person may be elsewhere"
-        reader.report(f"zones.{zones[0]['id']}.poa", text)
+        reader.report_error(f"zones.{zones[0]['id']}.poa", text)
     return areas
 
 
@@ -106,7 +106,9 @@ def _ground(reader: ParameterReader, prefix: str, fence: Geofence) -> Ground | N
         return Ground(polygon, *_sensor(reader, prefix))
     for name in _SENSOR:
         if f"{prefix}.{name}" in reader.parameters:
-            reader.report(f"{prefix}.{name}", f"has no effect without a polygon: add {prefix}.{_POLYGON}")
+            reader.report_error(
+                f"{prefix}.{name}", f"has no effect without a polygon: add {prefix}.{_POLYGON}"
+            )
     return None
 
 
@@ -115,11 +117,11 @@ def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
     width_key, range_key, visibility_key = (f"{prefix}.{name}" for name in _SENSOR)
     visibility = reader.parameters.get(visibility_key, "medium")
     if visibility not in SWEEP_FACTORS:
-        reader.report(visibility_key, f"must be {', '.join(SWEEP_FACTORS)}, but is {visibility!r}")
+        reader.report_error(visibility_key, f"must be {', '.join(SWEEP_FACTORS)}, but is {visibility!r}")
         visibility = "medium"
     if width_key not in reader.parameters and range_key not in reader.parameters:
         text = f"is missing: add {range_key} (how far a survivor can be seen) or the sweep width, in metres"
-        reader.report(width_key, text)
+        reader.report_error(width_key, text)
         return 1.0, 1.0
     per_range = sweep_width_of(1.0, str(visibility))
     mistakes = len(reader.problems)
@@ -127,7 +129,7 @@ def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
     reach = reader.positive(range_key, width / per_range, FARTHEST_SEEN_M)
     if len(reader.problems) == mistakes and width > 2 * reach:
         text = f"is {width:g} m, wider than twice {range_key}: write {2 * reach:g} at most"
-        reader.report(width_key, text)
+        reader.report_error(width_key, text)
     return width, reach
 
 
@@ -140,12 +142,12 @@ def _polygon(reader: ParameterReader, key: str, fence: Geofence) -> Corners:
     corners = tuple(zip(numbers[::2], numbers[1::2], strict=False))
     if len(numbers) % 2 or len(corners) < LEAST_CORNERS:
         text = f"must contain x and y of three or more corners, [x1, y1, x2, y2, x3, y3], but contains {len(numbers)} numbers"
-        reader.report(key, text)
+        reader.report_error(key, text)
     elif _are_degrees(reader.parameters, corners):
         text = "looks like degrees: write metres in the frame `map`, or give a GeoJSON file as areas_file"
-        reader.report(key, text)
+        reader.report_error(key, text)
     elif objection := outline_objection(corners, fence):
-        reader.report(key, objection)
+        reader.report_error(key, objection)
     return corners if len(reader.problems) == mistakes else ()
 
 

@@ -63,7 +63,7 @@ def read_areas_file(reader: ParameterReader) -> None:
         try:
             _add_zones(reader, file)
         except _AreasFileError as error:
-            reader.report(AREAS_FILE, str(error), file.place(*error.path))
+            reader.report_error(AREAS_FILE, str(error), file.place(*error.path))
     if len(reader.problems) > before and _ORDER not in reader.parameters:
         # Missing zones are not a second error then.
         reader.complain()
@@ -89,7 +89,7 @@ def _add_zones(reader: ParameterReader, file: "JsonFile") -> None:
             name = _name(at, feature, zones)
             zones[name] = at, _zone(feature, origin, f"feature {at + 1} ({name!r})")
         except _AreasFileError as error:
-            reader.report(AREAS_FILE, str(error), file.place(_FEATURES, at, *error.path))
+            reader.report_error(AREAS_FILE, str(error), file.place(_FEATURES, at, *error.path))
 
     for at, feature in areas.items():
         add(at, feature)
@@ -153,7 +153,7 @@ def _origin(reader: ParameterReader) -> tuple[float, float, float] | None:
     values = [reader.number(key, math.nan if key not in reader.parameters else None) for key in _GEOREFERENCE]
     if any(math.isnan(value) for value in values):
         text = f"is in degrees: add the map's georeference, {', '.join(_GEOREFERENCE)}"
-        reader.report(AREAS_FILE, text)
+        reader.report_error(AREAS_FILE, text)
         return None
     return values[0], values[1], values[2]
 

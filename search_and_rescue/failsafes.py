@@ -16,9 +16,9 @@ from sar_compiler.leaves import (
     TopicLeaf,
     Use,
     battery_share,
+    plausible_number,
     register,
     robot_estimate,
-    sensible,
 )
 from sar_compiler.missions import BATTERY
 from search_and_rescue.homing_estimates import HomingEstimator
@@ -160,7 +160,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         max_age_sec: Maximum silence of the topic, seconds of the node's clock.
     """
 
-    at_least: Annotated[float, sensible(0, 1)] = 0.2
+    at_least: Annotated[float, plausible_number(0, 1)] = 0.2
     topic: str = "battery_state"
     max_age_sec: Seconds = 30.0
     homing: HomingEstimator | None = None
@@ -189,7 +189,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         share = battery_share(message)
         if not self._is_limit_told:  # for the gauge
             self._is_limit_told = True
-            self.record.journal.watch(BATTERY, share=share, at_least=self.at_least)
+            self.record.journal.record_observation(BATTERY, share=share, at_least=self.at_least)
         low = f"the battery is at {share:.0%}, below {self.at_least:.0%}"
         return self._judge(low if share < self.at_least else "")
 

@@ -88,9 +88,9 @@ def read_hidden_survivor(reader: ParameterReader, areas: Mapping[str, SearchExpe
     """Read `hidden_survivor`: whether the simulator hides a survivor according to the probabilities of the areas."""
     hides = reader.switch(HIDDEN, default=False)
     if hides and not areas:
-        reader.report(HIDDEN, "needs poa and pod of the zones, which place the survivor")
+        reader.report_error(HIDDEN, "needs poa and pod of the zones, which place the survivor")
     if hides and any(key.partition(".")[0] == "survivors" for key in reader.parameters):
-        reader.report(
+        reader.report_error(
             HIDDEN, "places a survivor at random, while survivors has fixed positions: remove one of them"
         )
     return hides

@@ -267,7 +267,7 @@ def read_homing(
     reader: ParameterReader, zones: ZoneManager, sweeps: SweepStates, speed_mps: float
 ) -> HomingEstimator:
     """Read the parameters `energy.{per_m,per_sec,wrong_by,reserve}`, which all have defaults."""
-    reader.only(ENERGY, _NAMES)
+    reader.report_unknown_names(ENERGY, _NAMES)
     prior = ConsumptionRates(
         *(reader.positive(f"{ENERGY}.{name}", getattr(PRIOR, name)) for name in ConsumptionRates._fields)
     )
@@ -286,12 +286,12 @@ def read_charging(reader: ParameterReader, fence: Geofence) -> dict[str, MapPose
     places = dict[str, MapPose]()
     for name, given in reader.group(CHARGING, _POSE).items():
         for missing in sorted({"x", "y"} - given):
-            reader.report(
+            reader.report_error(
                 f"{CHARGING}.{name}.{missing}", "is missing: add x and y of the charging place in metres"
             )
         x, y, yaw = (reader.number(f"{CHARGING}.{name}.{axis}", 0.0) for axis in _POSE)
         if not fence.contains(x, y):
-            reader.report(f"{CHARGING}.{name}.x", f"is at ({x:g}, {y:g}), outside the geofence")
+            reader.report_error(f"{CHARGING}.{name}.x", f"is at ({x:g}, {y:g}), outside the geofence")
         places[name] = MapPose(x=x, y=y, yaw=yaw)
     return places
 
@@ -299,5 +299,5 @@ def read_charging(reader: ParameterReader, fence: Geofence) -> dict[str, MapPose
 def _share(reader: ParameterReader, name: str, default: float) -> float:
     value = reader.number(f"{ENERGY}.{name}", default)
     if value == 1.0:
-        reader.report(f"{ENERGY}.{name}", "is 1: write a share from 0 to below 1")
+        reader.report_error(f"{ENERGY}.{name}", "is 1: write a share from 0 to below 1")
     return value

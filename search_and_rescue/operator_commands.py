@@ -51,7 +51,7 @@ class OperatorCommands:
 
     def give(self, command: str) -> None:
         """Record a command that changes the mission's mode: `pause`, `resume`, `go_home` or `abort`."""
-        self.journal.note(
+        self.journal.record_event(
             search_events.COMMAND_GIVEN, command=command, by=self.author.name, reason=self.author.reason
         )
 

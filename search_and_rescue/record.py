@@ -332,7 +332,7 @@ class MissionRecord:
 
     def zone_started(self, zone_id: str) -> None:
         """Record that the robot starts for a zone."""
-        self.journal.note(search_events.ZONE_STARTED, zone=zone_id)
+        self.journal.record_event(search_events.ZONE_STARTED, zone=zone_id)
 
     def zone_searched(self, zone_id: str, survivor: tuple[float, float] | None) -> None:
         """Record that a zone was searched.
@@ -341,7 +341,7 @@ class MissionRecord:
             zone_id: The zone.
             survivor: x and y of the detected survivor in the frame `map`, metres; None if none was detected.
         """
-        self.journal.note(search_events.ZONE_SEARCHED, zone=zone_id, survivor=survivor)
+        self.journal.record_event(search_events.ZONE_SEARCHED, zone=zone_id, survivor=survivor)
 
     def survivor_unplaced(self, zone_id: str, reason: str) -> None:
         """Record that a search detected a survivor at an impossible position; the next search of the zone replaces this.
@@ -351,11 +351,11 @@ class MissionRecord:
             reason: Why the position is impossible, in words.
         """
         if reason != self.zone_record(zone_id).unplaced:
-            self.journal.note(search_events.SURVIVOR_UNPLACED, zone=zone_id, reason=reason)
+            self.journal.record_event(search_events.SURVIVOR_UNPLACED, zone=zone_id, reason=reason)
 
     def alarmed(self, reason: str) -> None:
         """Record a reason to end the mission early, in words."""
-        self.journal.note(search_events.ALARMED, reason=reason)
+        self.journal.record_event(search_events.ALARMED, reason=reason)
 
     def home_first(self, zone_id: str, reason: str, to: str = "", **figures: float | None) -> None:
         """Record that the robot goes home, or to a charging place, before the next zone.
@@ -366,22 +366,24 @@ class MissionRecord:
             to: The charging place; empty for home.
             figures: The figures of the decision.
         """
-        self.journal.note(
+        self.journal.record_event(
             search_events.HOME_FIRST, zone=zone_id, reason=reason, **figures, **({"to": to} if to else {})
         )
 
     def charging_reached(self, place: str) -> None:
         """Record the arrival at a charging place."""
-        self.journal.note(search_events.CHARGING_REACHED, place=place)
+        self.journal.record_event(search_events.CHARGING_REACHED, place=place)
 
     def charged(self, share: float) -> None:
         """Record that the battery suffices again, with its charge as a share of a full one."""
-        self.journal.note(search_events.CHARGED, share=round(share, 4))
+        self.journal.record_event(search_events.CHARGED, share=round(share, 4))
 
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
         """Record the name assigned to the survivor at a position (replaces an earlier name)."""
         possibly = self._near(self._place_of(x, y), x, y)
-        self.journal.note(search_events.SURVIVOR_NAMED, survivor=survivor_id, x=x, y=y, possibly=possibly)
+        self.journal.record_event(
+            search_events.SURVIVOR_NAMED, survivor=survivor_id, x=x, y=y, possibly=possibly
+        )
 
     def survivor(self, survivor_id: str) -> FoundSurvivor | None:
         """Return the survivor of a name; None if there is none."""
@@ -405,25 +407,27 @@ class MissionRecord:
             standing: The verdict.
             same_as: The name of the survivor that it is merged with.
         """
-        self.journal.note(
+        self.journal.record_event(
             search_events.SURVIVOR_JUDGED, survivor=survivor_id, standing=standing.value, same_as=same_as
         )
 
     def report_sent(self, survivor_id: str) -> None:
         """Record that the report of a survivor is about to be sent."""
-        self.journal.note(search_events.REPORT_SENT, survivor=survivor_id)
+        self.journal.record_event(search_events.REPORT_SENT, survivor=survivor_id)
 
     def record_acknowledgement(self, survivor_id: str) -> None:
         """Record the base station's acknowledgement; the report is no longer stored."""
-        self.journal.note(search_events.REPORT_ACKNOWLEDGED, survivor=survivor_id)
+        self.journal.record_event(search_events.REPORT_ACKNOWLEDGED, survivor=survivor_id)
 
     def report_kept(self, report: SurvivorReport) -> None:
         """Record that the report of a survivor is stored for later delivery."""
-        self.journal.note(search_events.REPORT_KEPT, survivor=report.survivor_id, x=report.x, y=report.y)
+        self.journal.record_event(
+            search_events.REPORT_KEPT, survivor=report.survivor_id, x=report.x, y=report.y
+        )
 
     def base_reached(self) -> None:
         """Record the arrival at the base station."""
-        self.journal.note(search_events.BASE_REACHED)
+        self.journal.record_event(search_events.BASE_REACHED)
 
     def was_reported(self, survivor_id: str) -> bool:
         """Return whether an earlier run named a survivor and received the base station's acknowledgement."""

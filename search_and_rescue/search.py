@@ -116,7 +116,7 @@ class Search(MissionRun):
         self._zones_at_start = zones.total_zones()
         self._share(Journal(apply=self.apply))
 
-    def greeting(self) -> list[str]:
+    def start_lines(self) -> list[str]:
         """Return log lines with the zones, the base station, and the order of visits."""
         base = self.zones.base_pose()
         return [
@@ -157,7 +157,7 @@ class Search(MissionRun):
             JournalError: If the events are not those of a search.
         """
         journal.attach(self, self.kinds)
-        self.record.before = ResumedOutcomes.of(journal.facts())
+        self.record.before = ResumedOutcomes.of(journal.earlier_events())
         self._share(journal)
 
     def _share(self, journal: Journal) -> None:
@@ -325,12 +325,12 @@ class Search(MissionRun):
         say = _SENTENCES.get(fact.kind)
         return say(**fact.data) if say is not None else ""
 
-    def facts(self) -> dict[str, int]:
+    def initial_facts(self) -> dict[str, int]:
         """Return the number of zones."""
         return {"zones_left": self.zones.total_zones()}
 
     def facts_added(self) -> dict[str, int]:
-        """Return the number of zones added by commands since the first call of `facts`."""
+        """Return the number of zones added by commands since the first call of `initial_facts`."""
         return {"zones_left": self.zones.total_zones() - self._zones_at_start}
 
     def limits(self) -> dict[str, int]:

@@ -132,7 +132,7 @@ class SweepStates:
     def plan(self, zone: str, pattern: str, spacing: float, pieces: Sequence[MapPose]) -> None:
         """Record the pieces of a sweep; open pieces of an earlier plan are dropped."""
         places = [[round(pose[axis], 3) for axis in ("x", "y", "yaw")] for pose in pieces]
-        self.journal.note(
+        self.journal.record_event(
             search_events.SWEEP_PLANNED, zone=zone, pattern=pattern, spacing=round(spacing, 3), pieces=places
         )
 
@@ -146,7 +146,7 @@ class SweepStates:
         """
         sweep, raster = self.of(zone), self.raster(zone, obstacles)
         gaps = [list(map(list, each)) for each in raster.gaps(until_pod)] if sweep.left <= 1 else []
-        self.journal.note(
+        self.journal.record_event(
             search_events.PIECE_SWEPT,
             zone=zone,
             piece=sweep.done,
@@ -161,7 +161,9 @@ class SweepStates:
 
     def skip(self, zone: str, reason: str) -> None:
         """Record that the current piece is skipped, with the reason."""
-        self.journal.note(search_events.PIECE_SKIPPED, zone=zone, piece=self.of(zone).done, reason=reason)
+        self.journal.record_event(
+            search_events.PIECE_SKIPPED, zone=zone, piece=self.of(zone).done, reason=reason
+        )
 
     def apply(self, fact: JournalEntry) -> None:
         """Update the state from an event.

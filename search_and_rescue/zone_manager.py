@@ -168,7 +168,7 @@ class ZoneManager:
 
     def choose(self, zone_id: str) -> None:
         """Choose the current zone; the other zones keep their order."""
-        self.journal.note(search_events.ZONE_CHOSEN, zone=zone_id)
+        self.journal.record_event(search_events.ZONE_CHOSEN, zone=zone_id)
 
     def poa_map(self) -> PoaMap:
         """Return the probabilities after the searches so far; without areas if no probabilities are given."""
@@ -176,7 +176,7 @@ class ZoneManager:
 
     def hint(self, zone_id: str, ratio: float) -> None:
         """Record a hint on a zone as a likelihood ratio."""
-        self.journal.note(search_events.HINT_GIVEN, zone=zone_id, ratio=ratio)
+        self.journal.record_event(search_events.HINT_GIVEN, zone=zone_id, ratio=ratio)
 
     def nearest(self, x: float, y: float, among: Collection[str] = ()) -> str:
         """Return the zone with probabilities whose pose is nearest to a position; empty if there is none.
@@ -289,7 +289,7 @@ class ZoneManager:
 
     def add(self, zone: Zone) -> None:
         """Add a zone at the end of the plan."""
-        self.journal.note(search_events.ZONE_ADDED, **zone)
+        self.journal.record_event(search_events.ZONE_ADDED, **zone)
 
     def draw(self, zone: Zone, ground: "Ground", area: SearchExpectation | None) -> float:
         """Add a zone with a polygon at the end of the plan, or change an existing one.
@@ -306,7 +306,7 @@ class ZoneManager:
         room = 1.0 - area.poa if area is not None else 1.0
         shrunk = room / before if before > room + ROUNDING else 1.0
         places = [list(corner) for corner in ground.polygon]
-        self.journal.note(
+        self.journal.record_event(
             search_events.AREA_DRAWN,
             zone=zone["id"],
             x=zone["x"],
@@ -323,12 +323,12 @@ class ZoneManager:
     def advance(self) -> None:
         """Advance to the next zone; past the last zone, do nothing."""
         if self.has_remaining():
-            self.journal.note(search_events.ZONE_VISITED, zone=self._zones[self._index]["id"])
+            self.journal.record_event(search_events.ZONE_VISITED, zone=self._zones[self._index]["id"])
 
     def postpone(self) -> None:
         """Move the current zone to the end of the plan; past the last zone, do nothing."""
         if self.has_remaining():
-            self.journal.note(search_events.ZONE_POSTPONED, zone=self._zones[self._index]["id"])
+            self.journal.record_event(search_events.ZONE_POSTPONED, zone=self._zones[self._index]["id"])
 
     def times_postponed(self) -> int:
         """Return how often the current zone was postponed.
@@ -346,7 +346,9 @@ class ZoneManager:
         """
         if self.has_remaining():
             zone_id, attempts = self._zones[self._index]["id"], self.times_postponed() + 1
-            self.journal.note(search_events.ZONE_ABANDONED, zone=zone_id, attempts=attempts, reason=reason)
+            self.journal.record_event(
+                search_events.ZONE_ABANDONED, zone=zone_id, attempts=attempts, reason=reason
+            )
 
     def abandoned_zones(self) -> list[Zone]:
         """Return the abandoned zones in the order of abandonment."""
@@ -538,7 +540,7 @@ def read_fence(reader: ParameterReader) -> Geofence:
     corners = list(zip(numbers[::2], numbers[1::2], strict=False))
     if numbers and (len(numbers) % 2 or len(corners) < _LEAST_CORNERS):
         text = f"must contain x and y of three or more corners, [x1, y1, x2, y2, x3, y3], but contains {len(numbers)} numbers"
-        reader.report(_GEOFENCE, text)
+        reader.report_error(_GEOFENCE, text)
         return Geofence()
     return Geofence(corners)
 

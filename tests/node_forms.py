@@ -63,8 +63,8 @@ def forms(registry: Registry | None = None) -> list[Form]:
 
 def _forms_of(spec: NodeSpec) -> Iterator[Form]:
     samples = {p.name: _samples(p) for p in spec.parameters.values() if p.role is ParameterRole.ATTRIBUTE}
-    samples = {name: texts for name, texts in samples.items() if name not in spec.fixed}
-    usual = {p.name: samples[p.name][0] for p in spec.required}
+    samples = {name: texts for name, texts in samples.items() if name not in spec.implied_values}
+    usual = {p.name: samples[p.name][0] for p in spec.required_attributes}
     seen: set[tuple[tuple[str, str], ...]] = set()
     for name, text in [("", ""), *((name, text) for name, texts in samples.items() for text in texts)]:
         written = {**usual, **({name: text} if name else {})}

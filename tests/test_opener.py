@@ -49,14 +49,14 @@ def test_a_content_comes_with_where_it_lies_and_which_file_it_is(folder):
 
 def test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on():
     Path("file").write_bytes(b"x" * 10)
-    assert read_file("file", SMALL).whole() == b"x" * 10
+    assert read_file("file", SMALL).read_bytes() == b"x" * 10
     Path("file").write_bytes(b"x" * 1000)
     content = read_file("file", SMALL)
     assert len(content.data) == 11
     with pytest.raises(
         UnreadableFileError, match=r"cannot read file: it is larger than 0 MiB, the limit of a small file"
     ):
-        content.whole()
+        content.read_bytes()
 
 
 def test_a_text_is_utf_8_without_its_mark_or_says_which_byte_is_not():
@@ -114,24 +114,24 @@ def links(folder):
 class TestBeneathAFolder:
     @pytest.mark.parametrize("path", INSIDE)
     def test_links_that_stay_inside_are_followed(self, path, folder):
-        named = NamedPath.within(Path(path), [folder / "inside"])
+        named = NamedPath.confined_to(Path(path), [folder / "inside"])
         assert read_file(named, DOCUMENT).data == b"open"
 
     @pytest.mark.parametrize("path", OUTSIDE)
     def test_what_leads_outside_is_not_read_whether_it_is_there_or_not(self, path, folder):
-        named = NamedPath.within(Path(path), [folder / "inside"])
+        named = NamedPath.confined_to(Path(path), [folder / "inside"])
         with pytest.raises(PathOutsideError, match=f"it is outside {folder}/inside$"):
             read_file(named, DOCUMENT)
 
     def test_a_pipe_of_the_shell_lies_in_no_folder(self, folder):
         reading, writing = os.pipe()
         with pytest.raises(PathOutsideError):
-            read_file(NamedPath.within(Path(f"/dev/fd/{reading}"), [folder]), DOCUMENT)
+            read_file(NamedPath.confined_to(Path(f"/dev/fd/{reading}"), [folder]), DOCUMENT)
         os.close(reading)
         os.close(writing)
 
     def test_another_process_is_told_the_folders_as_well(self, folder):
-        named = pickle.loads(pickle.dumps(NamedPath.within(Path("secret"), [folder / "inside"])))  # noqa: S301
+        named = pickle.loads(pickle.dumps(NamedPath.confined_to(Path("secret"), [folder / "inside"])))  # noqa: S301
         assert named == Path("secret")
         with pytest.raises(PathOutsideError):
             read_file(named, DOCUMENT)
@@ -140,7 +140,7 @@ class TestBeneathAFolder:
     def test_where_the_system_has_no_handles_the_same_is_read(self, path, folder, monkeypatch):
         monkeypatch.setattr(opener, "_HANDLE_ONLY", None)
         monkeypatch.setattr(opener, "_DESCRIPTORS", folder / "no_proc")
-        named = NamedPath.within(Path(path), [folder / "inside"])
+        named = NamedPath.confined_to(Path(path), [folder / "inside"])
         if path in INSIDE:
             assert read_file(named, DOCUMENT).data == b"open"
         else:
@@ -160,7 +160,7 @@ def test_a_link_that_appears_after_its_path_was_resolved_is_not_followed(folder,
     Path(exchanged).symlink_to(outside / "file" if exchanged.endswith("file") else outside)
     monkeypatch.setattr(os.path, "realpath", lambda _: resolved)
     with pytest.raises(UnreadableFileError, match="repeatedly replaced"):
-        read_file(NamedPath.within(Path("inside/file"), [folder / "inside"]), DOCUMENT)
+        read_file(NamedPath.confined_to(Path("inside/file"), [folder / "inside"]), DOCUMENT)
 
 
 @pytest.mark.parametrize("has_handles", [True, False])
@@ -183,7 +183,7 @@ def test_what_is_exchanged_between_the_check_and_the_opening_is_never_read_outsi
 
     thread = threading.Thread(target=exchange)
     thread.start()
-    named, read = NamedPath.within(Path("inside/file"), [folder / "inside"]), {b"open": 0, b"": 0}
+    named, read = NamedPath.confined_to(Path("inside/file"), [folder / "inside"]), {b"open": 0, b"": 0}
     try:
         while read[b"open"] < 200 or len(rounds) < 200:
             # Between opening it anew and writing into it the file is empty.

@@ -209,7 +209,7 @@ def _attributes(spec: NodeSpec) -> Iterator[str]:
     items = [
         f"- `{each.name}` ({_type(each)}, {_default(each)}): {each.doc}"
         for each in spec.attributes
-        if each.role is not ParameterRole.NAME and each.name not in spec.fixed
+        if each.role is not ParameterRole.NAME and each.name not in spec.implied_values
     ]
     if items:
         yield "\n".join(["Attributes:\n", *items]).replace("<", "\\<")
@@ -218,7 +218,7 @@ def _attributes(spec: NodeSpec) -> Iterator[str]:
 def _type(parameter: Parameter) -> str:
     if parameter.role is ParameterRole.REFERENCE:
         return f"name of a {parameter.target_name}"
-    direction = f"{parameter.direction.words.partition(',')[0]}, " if parameter.direction else ""
+    direction = f"{parameter.direction.message_name.partition(',')[0]}, " if parameter.direction else ""
     return f"{direction}{parameter.value_type.label}"
 
 

@@ -202,7 +202,7 @@ class AgentTools:
 
     async def explain(self, code: str) -> ToolAnswer:
         """Explain a kind of finding, with an example that has it and one that does not."""
-        return _answer(*await self._access.run("explain", [], code))
+        return _tool_answer(*await self._access.run("explain", [], code))
 
     async def simulate(
         self,
@@ -253,7 +253,7 @@ class AgentTools:
 
     async def convert(self, file: str, to: Literal["xml", "yaml", "btcpp"]) -> ToolAnswer:
         """Convert a tree file to another format; btcpp is XML for BehaviorTree.CPP 4 and Groot2."""
-        return _answer(
+        return _tool_answer(
             *await self._access.run("convert", [*self._project, f"--to={to}"], self._access.path(file))
         )
 
@@ -267,7 +267,7 @@ class AgentTools:
         """
         named = {"properties": self._optional(properties), "params": self._optional(params)}
         given = ["--propose", *_options(tree=tree, **named)]
-        return _answer(
+        return _tool_answer(
             *await self._access.run("approve", [*self._project, *given], self._access.path(file)),
             is_json=True,
         )
@@ -276,10 +276,12 @@ class AgentTools:
         return None if name is None else self._access.path(name)
 
     async def _data(self, command: str, options: Sequence[str], *words: str) -> ToolAnswer:
-        return _answer(*await self._access.run(command, [*options, "--format=json"], *words), is_json=True)
+        return _tool_answer(
+            *await self._access.run(command, [*options, "--format=json"], *words), is_json=True
+        )
 
 
-def _answer(status: int, output: str, notes: str, *, is_json: bool = False) -> ToolAnswer:
+def _tool_answer(status: int, output: str, notes: str, *, is_json: bool = False) -> ToolAnswer:
     """Return the result of a tool: whether it succeeded, the output, and further messages such as findings."""
     return {"ok": status == OK, "output": json.loads(output or "null") if is_json else output, "notes": notes}
 

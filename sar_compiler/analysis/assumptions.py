@@ -115,8 +115,8 @@ def _read_answers(value: Value, words: LeafVocabulary) -> dict[str, tuple[Answer
     for key, inner in value.entries or ():
         leaves = words.find(key)
         specs = list({id(spec): spec for spec in map(words.spec, leaves)}.values())
-        kept = [item for item in inner.listed if "answer" in item.mapping]
-        options = [_parse_outcome(words.document, item, specs) for item in inner.listed if item not in kept]
+        kept = [item for item in inner.as_list if "answer" in item.mapping]
+        options = [_parse_outcome(words.document, item, specs) for item in inner.as_list if item not in kept]
         declared = _declared_outcomes(words, key, kept, leaves, specs) if kept else ()
         found = tuple(dict.fromkeys((*declared, *(option for option in options if option is not None))))
         _check_probabilities(words.document, inner, found)
@@ -166,7 +166,7 @@ def _probability(
 def _interval(document: Document, value: Value | None) -> tuple[float, float] | None:
     if value is None:
         return None
-    numbers = [float(each.data) for each in value.listed]
+    numbers = [float(each.data) for each in value.as_list]
     if numbers[-1] < numbers[0]:
         document.report("wrong-value", "an interval goes from the lower to the higher number", value)
     return numbers[0], numbers[-1]
@@ -200,7 +200,7 @@ def check_answers(value: Value | None, words: LeafVocabulary) -> None:
         value: The value of the file's `answers:`, if it has any.
         words: The vocabulary of the tree, simulated with all its assumptions.
     """
-    items = [item for _, inner in (value.entries if value else None) or () for item in inner.listed]
+    items = [item for _, inner in (value.entries if value else None) or () for item in inner.as_list]
     for item in items:
         for part in [
             item.mapping[name] for name in ("when", "then") if item.entries and name in item.mapping
@@ -307,7 +307,7 @@ def _replacement_fault(spec: NodeSpec, nodes: Sequence[BoundNode]) -> str:
     """Return why a node cannot replace some others; empty if it can."""
     if spec.kind.is_leaf:
         return "it is a leaf"
-    needed = [each.name for each in (*spec.required, *spec.references) if each.required]
+    needed = [each.name for each in (*spec.required_attributes, *spec.references) if each.required]
     if needed:
         return f"it needs {', '.join(dict.fromkeys(needed))}, but gets only defaults here"
     least, most = spec.child_count

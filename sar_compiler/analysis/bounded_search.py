@@ -89,7 +89,7 @@ class LocatedName(str):
 
 def mark(binding: Binding) -> None:
     """Replace the names in a bound tree with names that carry their nodes."""
-    for bound in binding.nodes():
+    for bound in binding.all_nodes():
         name = LocatedName(bound.name)
         name.bound = bound
         bound.name = name
@@ -139,7 +139,7 @@ def findings_of_runs(
             return None
         return place.element.source.path, _span(error, place)
 
-    described = {bound.name for bound in binding.nodes() if bound.spec.is_only_described}
+    described = {bound.name for bound in binding.all_nodes() if bound.spec.is_only_described}
     found = []
     for raised in _search(stepper.steps, lambda: budget.charge(cost), place_of):
         ticks = [
@@ -228,7 +228,7 @@ class _SimulationDoubts:
     """Detects errors that may not occur in real runs, because the simulation lacks real values."""
 
     def __init__(self, binding: Binding) -> None:
-        accesses = [access for tree in binding.trees() for access in key_accesses_of(tree).accesses]
+        accesses = [access for tree in binding.used_trees() for access in key_accesses_of(tree).accesses]
         self._all = {access.key for access in accesses}
         writing = (AccessKind.WRITE, AccessKind.BOTH)
         self._written = {access.key for access in accesses if access.kind in writing}
@@ -254,7 +254,7 @@ def _faulty_node(error: Exception, binding: Binding) -> BoundNode:
         if isinstance(name, LocatedName):
             return name.bound
     if isinstance(error, PortError):
-        reading = [bound for bound in binding.nodes() if error.port in bound.keys]
+        reading = [bound for bound in binding.all_nodes() if error.port in bound.keys]
         if reading:
             return next((each for each in reading if each.keys[error.port] == error.source), reading[0])
     assert binding.main.root is not None  # noqa: S101 - a tree without a root has errors
@@ -290,7 +290,7 @@ class FaultyAttributes:
     """
 
     def __init__(self, binding: Binding, findings: Iterable[Diagnostic]) -> None:
-        self._trees = {bound: tree for tree in binding.trees() for bound in tree.nodes}
+        self._trees = {bound: tree for tree in binding.used_trees() for bound in tree.nodes}
         told = [each for each in findings if each.code in _CODES]
         self._attributes = {
             (bound, attribute) for bound in self._trees for attribute in _attributes_of(bound, told)

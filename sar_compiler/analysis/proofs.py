@@ -21,7 +21,7 @@ from sar_compiler.analysis.verify.properties import PropertyFile, read_property_
 from sar_compiler.documents.located import Document
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.opener import admit
+from sar_compiler.opener import allow_reading
 from sar_compiler.parts import is_part_installed
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.runtime.answers import Fact
@@ -104,10 +104,10 @@ def default_properties(tree: ProjectTree, binding: Binding) -> Path | None:
     mission = mission_of(tree, binding)
     if mission is None:
         return None
-    specs = [bound.spec for bound in binding.nodes() if bound.spec.kind.is_leaf]
+    specs = [bound.spec for bound in binding.all_nodes() if bound.spec.kind.is_leaf]
     path = mission.default_properties({spec.cls for spec in specs if spec.cls and not spec.signature.factory})
     if path is not None:
-        admit(path)
+        allow_reading(path)
     return path
 
 

@@ -88,14 +88,16 @@ def _finding(bound: BoundNode) -> Diagnostic:
 
 def described_parents(binding: Binding) -> list[BoundNode]:
     """Return the controls and decorators of a tree that only a model describes."""
-    return [node for node in binding.nodes() if node.spec.is_only_described and not node.spec.kind.is_leaf]
+    return [
+        node for node in binding.all_nodes() if node.spec.is_only_described and not node.spec.kind.is_leaf
+    ]
 
 
 def self_ticking_parents(binding: Binding) -> list[BoundNode]:
     """Return the controls and decorators whose behaviour only users' py_trees classes define."""
     return [
         node
-        for node in binding.nodes()
+        for node in binding.all_nodes()
         if not node.spec.kind.is_leaf and node.spec.cls is not None and not is_known_class(node.spec.cls)
     ]
 
@@ -160,7 +162,7 @@ def replace_nodes(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
         binding: The tree, which is changed.
         controls: The replacement for each tag; it can have the children of all nodes with that tag.
     """
-    for tree in binding.trees():
+    for tree in binding.used_trees():
         for node in tree.nodes:
             if node.spec.tag in controls:
                 node.spec, node.values, node.keys = controls[node.spec.tag], {}, {}
@@ -369,11 +371,11 @@ class SimulationBuilder(Builder):
         said = [
             key for key, answers in assumptions.answers.items() if any(a.status == "SKIPPED" for a in answers)
         ]
-        skipped = [node for node in binding.nodes() if needs_stub(node.spec) and _may_name(said, node)]
+        skipped = [node for node in binding.all_nodes() if needs_stub(node.spec) and _may_name(said, node)]
         if skipped:
             # A class that takes this for an interruption depends on more than the tree.
-            self._skipping = SkipAnalysis(binding.trees(), skipped)
-            report_misread_skips(binding.trees(), collector, skipped)
+            self._skipping = SkipAnalysis(binding.used_trees(), skipped)
+            report_misread_skips(binding.used_trees(), collector, skipped)
         self.facts = Scope(Board("facts"))
         self.disputes: dict[str, str] = {}
         self._assumptions = assumptions
@@ -387,9 +389,9 @@ class SimulationBuilder(Builder):
     def prepare(self, instance: TreeInstance) -> None:
         """Set the identifiers of an instance's leaves, and check the nodes' arguments."""
         for bound in instance.tree.nodes:
-            if bound.spec.kind.is_leaf or bound.spec.asks:
-                self._names[instance, bound] = self._identifiers.take(bound.name)
-            if needs_stub(bound.spec) or bound.spec.asks:
+            if bound.spec.kind.is_leaf or bound.spec.has_world_leaf:
+                self._names[instance, bound] = self._identifiers.assign(bound.name)
+            if needs_stub(bound.spec) or bound.spec.has_world_leaf:
                 path = self._places.path(instance, bound)
                 said = self._said[instance, bound] = answers_for(self._assumptions.answers, path, bound.spec)
                 self._numbers[instance, bound] = self._numbers_in(said, instance, bound)
@@ -426,7 +428,7 @@ class SimulationBuilder(Builder):
     def _make(self, instance: TreeInstance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
         if needs_stub(bound.spec):
             return self._stub(instance, bound)
-        if not bound.spec.asks:
+        if not bound.spec.has_world_leaf:
             return super()._make(instance, bound, children)
         made = super()._make(instance, bound, children)
         assert isinstance(made, EngineParent)  # noqa: S101 - a stand-in is one of ours
@@ -518,7 +520,7 @@ class NodePaths:
     """The paths of the nodes of a bound tree."""
 
     def __init__(self, binding: Binding) -> None:
-        self._around = {child: node for node in binding.nodes() for child in node.children}
+        self._around = {child: node for node in binding.all_nodes() for child in node.children}
 
     def path(self, instance: TreeInstance, bound: BoundNode) -> tuple[str, ...]:
         """Return the names of a node and its ancestors, from the root down."""

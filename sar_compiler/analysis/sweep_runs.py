@@ -93,7 +93,7 @@ class ScenarioRuns:
             return []
         document = document_from_data({"count": list(self.counted)}, "--count", "")
         words = LeafVocabulary(document, simulated)
-        found = [words.parse_event(item) for item in document.root.mapping["count"].listed]
+        found = [words.parse_event(item) for item in document.root.mapping["count"].as_list]
         document.raise_findings()
         return [each for each in found if each is not None]
 

@@ -40,7 +40,7 @@ def _start_values(
     values, _, begun = start_without_ros(tree, Path(params), binding)
     for text in begun.notes:
         tree.note(text if text.startswith(f"{params}:") else f"{params}: {text}")
-    return StartValues(values, begun.mission.facts(), 1.0 / begun.parameters.tick_rate_hz)
+    return StartValues(values, begun.mission.initial_facts(), 1.0 / begun.parameters.tick_rate_hz)
 
 
 def stage_of(

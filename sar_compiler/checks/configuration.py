@@ -184,19 +184,19 @@ def _read_table(path: Path, table: tuple[str, ...]) -> Configuration | None:
         return None if table else NOTHING_DECIDED
     held = document.validate("settings", found)
     said, entries = held.data, held.mapping
-    written = entries[_MODELS].listed if _MODELS in entries else ()
+    written = entries[_MODELS].as_list if _MODELS in entries else ()
     palettes = tuple(each.text or "" for each in written if is_palette_name(each.text or ""))
     files = [each for each in written if not is_palette_name(each.text or "")]
     models = _paths(path, document, files, _MODELS, "--model")
-    folders = entries[_INCLUDE_PATH].listed if _INCLUDE_PATH in entries else ()
+    folders = entries[_INCLUDE_PATH].as_list if _INCLUDE_PATH in entries else ()
     include_path = _paths(path, document, folders, _INCLUDE_PATH, "--include-path")
     project = entries.get(_PROJECT)
     trees = project.mapping.get(_TREES) if project is not None else None
-    listed = trees.listed if trees is not None else ()
+    listed = trees.as_list if trees is not None else ()
     patterns = tuple(str(each.data) for each in listed)
     _paths(path, document, listed, _TREES, "")
     document.raise_findings()
-    modules = entries[_NODES].listed if _NODES in entries else ()
+    modules = entries[_NODES].as_list if _NODES in entries else ()
     language = said.get("language", {})
     return Configuration(
         tuple(said.get(_NODES, ())),
@@ -245,7 +245,7 @@ def path_inside(
     # Links are resolved; a loop of links is reported when the path is read.
     if "\0" not in text and real_path(folder / text).is_relative_to(around):
         # Checked again when the file is opened, because a link may change until then.
-        return NamedPath.within(folder / text, (around,))
+        return NamedPath.confined_to(folder / text, (around,))
     where = "folder" if find_repository(around) is None else "repository"
     message = f"{name}: '{text}' is outside the {where} of this file"
     document.report("setting-outside", message, value, hint=f"move it into the {where}{otherwise}")

@@ -256,7 +256,7 @@ def _node_type(specs: Sequence[NodeSpec]) -> _NodeType | None:
     required = []
     for name, choices in attributes_by_name(specs).items():
         spec, parameter = choices[0]
-        if name in spec.fixed:
+        if name in spec.implied_values:
             attributes[name] = _Texts(tuple(spec.fixed_value_names(parameter)))
         elif parameter.role is not ParameterRole.ATTRIBUTE:
             attributes[name] = _ANY if parameter.role is ParameterRole.NAME else _NAME

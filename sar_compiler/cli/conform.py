@@ -71,7 +71,7 @@ def _compared_run(
     from sar_compiler.reports.compared_runs import ComparedRun
     from sar_compiler.reports.journals import journal_state
 
-    with JournalFile.reading(place) as file:
+    with JournalFile.open_snapshot(place) as file:
         state = MissionState.from_stream(file.last_run(without=(*OF_ROBOT, STATUS)))
     state.update_process(is_gone=not file.is_written)
     compared = ComparedRun(place, state.runs[-1].number if state.runs else 0, journal_state(state), None)
@@ -93,7 +93,7 @@ def _palettes_of(place: Path) -> list[Path]:
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.reports.explanation import palettes_of
 
-    with JournalFile.reading(place) as file:
+    with JournalFile.open_snapshot(place) as file:
         runs = file.runs()
     return palettes_of(runs[-1].about) if runs else []
 

@@ -93,7 +93,7 @@ def _show(options: argparse.Namespace) -> None:
     from sar_compiler.reports.why import FailureAnalysis, likeliest_cause
 
     # Checking the lock releases the locks of other readers of the file in this process.
-    with JournalFile.reading(options.journal) as file:
+    with JournalFile.open_snapshot(options.journal) as file:
         inquiry = FailureAnalysis.from_stream(file.last_run(without=OF_ROBOT, is_condensed=True))
         state, show_all = inquiry.state, options.all
         state.update_process(is_gone=not file.is_written)

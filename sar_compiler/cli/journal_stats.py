@@ -47,8 +47,8 @@ def _statistics(journals: Sequence[Path]) -> "RunStatistics":
 
     found, first = RunStatistics(), None
     for place in journals:
-        with JournalFile.reading(place) as file:
-            nodes = node_identities(file.about().get("tree"))
+        with JournalFile.open_snapshot(place) as file:
+            nodes = node_identities(file.description().get("tree"))
             first = nodes if first is None else first
             if nodes != first:
                 raise JournalError(

@@ -52,4 +52,4 @@ def _watch_run(options: argparse.Namespace) -> None:
 
     topic, groot2 = options.topic, options.groot2
     with open_live_run(topic, groot2, workspace(options), options.tree, print_note) as run:
-        watch_entries(topic or groot2, run.news, options.web_port, opens=options.open)
+        watch_entries(topic or groot2, run.read_new, options.web_port, opens=options.open)

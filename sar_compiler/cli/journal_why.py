@@ -56,7 +56,7 @@ def print_explanation(options: argparse.Namespace) -> int:
         else:
             print_text(refused.text)
         return OK
-    with JournalFile.reading(options.journal) as file:
+    with JournalFile.open_snapshot(options.journal) as file:
         # Its code never checks whether to stop.
         budget = budget_of(options, patience_sec=0.0)
         explained = Explanation.explain(
@@ -82,5 +82,5 @@ def _difference(place: Path, other_place: Path) -> "RunDifference | None":
     from sar_compiler.reports.explanation import tree_entries
     from sar_compiler.reports.why import first_difference
 
-    with JournalFile.reading(place) as file, JournalFile.reading(other_place) as other:
+    with JournalFile.open_snapshot(place) as file, JournalFile.open_snapshot(other_place) as other:
         return first_difference(tree_entries(file), tree_entries(other))

@@ -158,7 +158,7 @@ def _print_outcome(output: RunOutput, form: str, outcome: "RunOutcome") -> None:
     if form == "text":
         head = f"Journal hash (verify with sar-journal check --head): {outcome.head}" if outcome.head else ""
         for text in filter(None, (*outcome.summary, head, outcome.cause and f"  {outcome.cause}")):
-            output.say(text)
+            output.print_important(text)
     elif outcome.summary:
         said = {"status": outcome.status, "reason": outcome.reason, "duration": outcome.duration_sec}
         said |= {"ticks": outcome.ticks}
@@ -166,7 +166,7 @@ def _print_outcome(output: RunOutput, form: str, outcome: "RunOutcome") -> None:
         said |= {"figures": outcome.figures}
         said |= {} if outcome.verdicts is None else {"properties": outcome.verdicts}
         said |= {"head": outcome.head} if outcome.head else {}
-        output.say(json_text(said))
+        output.print_important(json_text(said))
     for message in outcome.messages:
         print_error(f"{PROG}: {message}")
 

@@ -39,7 +39,7 @@ def requested_extensions(options: Namespace) -> "Iterator[MakeExtension]":
         from sar_compiler.reports.run_report import RunReport
 
         yield lambda run: RunReport(
-            options.report, run.parameters.georeference, run.journal.earlier(), run.journal.place.parent
+            options.report, run.parameters.georeference, run.journal.earlier(), run.journal.path.parent
         )
     if (file := options.record) is not None:
         from sar_compiler.ros.mission_recording import MissionRecording

@@ -226,7 +226,7 @@ def parse_variation(text: str) -> Variation:
     name, sign, listed = text.partition("=")
     values: list[tuple[str, object]] = []
     with contextlib.suppress(TreeError):
-        items = parse_yaml(f"[{listed}]", "", "").root.listed
+        items = parse_yaml(f"[{listed}]", "", "").root.as_list
         values = [(f"[{listed}]"[item.start : item.end], item.data) for item in items]
     if not (name.strip() and sign and values):
         raise argparse.ArgumentTypeError(f"'{text}' is not NAME=VALUE,VALUE, such as tries=1,2,3")

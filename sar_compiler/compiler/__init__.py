@@ -106,7 +106,7 @@ class Origins(Mapping[UUID, Origin]):
             and any(answer.label for answer in each.bound.spec.answers)
         }
 
-    def place(self, behaviour: UUID) -> str | None:
+    def location(self, behaviour: UUID) -> str | None:
         """Return the file and line of a behaviour's element; None if the behaviour was not built from a file."""
         made = self._by_id.get(behaviour)
         return None if made is None else made.bound.element.file_and_line
@@ -135,7 +135,7 @@ def file_and_line_of(behaviour: Behaviour) -> str | None:
         around.append(each)
         origins = _of_trees[each]() if each in _of_trees else None
         if origins is not None:
-            places = (origins.place(inner.id) for inner in around)
+            places = (origins.location(inner.id) for inner in around)
             return next((place for place in places if place is not None), None)
         each = each.parent
     return None
@@ -152,7 +152,7 @@ def _attributes(instance: TreeInstance, bound: BoundNode, known: Mapping[str, An
             elif name in bound.values:
                 attributes[name] = bound.values[name]
             elif parameter.direction is None:
-                attributes[name] = bound.spec.fixed.get(name, parameter.default)
+                attributes[name] = bound.spec.implied_values.get(name, parameter.default)
     for parameter in bound.spec.references:
         target = instance.target_of(bound, parameter.name)
         if target is not None:
@@ -209,7 +209,7 @@ class Arguments:
         if not (spec.ports or spec.handed_over or bound.keys):
             return {"name": bound.name, **spec.plain_defaults, **bound.values}
         arguments: dict[str, Any] = {"name": bound.name, **spec.plain_defaults}
-        for parameter in spec.plain:
+        for parameter in spec.constant_attributes:
             if parameter.name in bound.keys or parameter.name in bound.values:
                 arguments[parameter.name] = self.fixed_value(instance, bound, parameter)
         for parameter in spec.ports:
@@ -237,7 +237,9 @@ class Arguments:
             self._check_mission_parameter(bound, parameter, bound.keys[name], instance.scope)
             written = parameter.direction is _OUTPUT
             arguments[name] = (
-                Output(entry, kind) if written else cls(entry, value_type.fit, name, value_type.kept)
+                Output(entry, kind)
+                if written
+                else cls(entry, value_type.fit, name, value_type.unchanged_type)
             )
         elif name in bound.values:
             arguments[name] = cls(bound.values[name], name=name)
@@ -362,7 +364,7 @@ class Builder:
         self.constructions: list[Construction] = []
         self._source = arguments
         self._collector = collector
-        self._skipping = SkipAnalysis(binding.trees())
+        self._skipping = SkipAnalysis(binding.used_trees())
         # Targets of references may be built before their turn, so they are kept.
         self._targets: set[BoundNode] = set()
         self._built: dict[tuple[TreeInstance, BoundNode], Behaviour] = {}
@@ -388,7 +390,7 @@ class Builder:
         """Report a node without a class."""
         report_without_class(bound, self._collector)
 
-    def place(self, instance: TreeInstance, bound: BoundNode) -> Behaviour:
+    def build(self, instance: TreeInstance, bound: BoundNode) -> Behaviour:
         """Build a node with its wrappers and descendants; iteratively, since trees may be deep."""
         left: Iterator[_NodeInInstance] = iter([(instance, bound)])
         children: list[Behaviour] = []
@@ -398,7 +400,7 @@ class Builder:
             for inner, node in left:
                 if node.children or node.subtree is not None:
                     waiting.append((inner, node, left, children))
-                    left, children = self._below(inner, node), []
+                    left, children = self._child_nodes(inner, node), []
                     break
                 children.append(self._with_wrappers(inner, node, []))
             else:
@@ -409,7 +411,7 @@ class Builder:
                 children = siblings
 
     @staticmethod
-    def _below(instance: TreeInstance, bound: BoundNode) -> "Iterator[_NodeInInstance]":
+    def _child_nodes(instance: TreeInstance, bound: BoundNode) -> "Iterator[_NodeInInstance]":
         if bound.subtree is not None:
             inner = instance.inner[bound]
             assert inner.tree.root is not None  # noqa: S101 - else there are findings
@@ -444,7 +446,7 @@ class Builder:
     ) -> Behaviour:
         if (instance, bound) not in self._built:
             if children is None:
-                children = [self.place(*below) for below in self._below(instance, bound)]
+                children = [self.build(*below) for below in self._child_nodes(instance, bound)]
             self._built[instance, bound] = self._make(instance, bound, children)
         return self._built[instance, bound]
 
@@ -460,8 +462,8 @@ class Builder:
             (arguments["child"],) = children
         elif spec.structure:
             arguments[spec.structure] = children if spec.kind is Kind.CONTROL else children[0]
-        if spec.renamed:
-            arguments = {spec.renamed.get(name, name): value for name, value in arguments.items()}
+        if spec.constructor_names:
+            arguments = {spec.constructor_names.get(name, name): value for name, value in arguments.items()}
         try:
             behaviour: Behaviour = self._maker(bound)(**arguments)
             if not hasattr(behaviour, "id"):
@@ -486,7 +488,7 @@ class Builder:
         """Return the values of plain attributes that came from the blackboard."""
         if not bound.keys:
             return None
-        return {parameter.name: arguments[parameter.name] for parameter in bound.spec.plain}
+        return {parameter.name: arguments[parameter.name] for parameter in bound.spec.constant_attributes}
 
     def _maker(self, bound: BoundNode) -> Any:
         """Return the factory of a node: a class of this project if py_trees' class would misinterpret a skip.
@@ -508,7 +510,7 @@ class PreviewBuilder(Builder):
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:
         """Return a stock behaviour if the rejected argument may be a placeholder for a key's value."""
-        if not any(parameter.name in bound.keys for parameter in bound.spec.plain):
+        if not any(parameter.name in bound.keys for parameter in bound.spec.constant_attributes):
             return None
         return _stand_in(bound.spec.kind, **arguments)
 
@@ -613,7 +615,7 @@ def require_classes(binding: Binding) -> None:
         TreeError: If a node has none; names each of them.
     """
     collector = FindingCollector()
-    for bound in binding.nodes():
+    for bound in binding.all_nodes():
         if bound.spec.is_foreign:
             report_without_class(bound, collector)
     if collector.findings:
@@ -649,7 +651,7 @@ def compile_with(
     builder.prepare(top)
     if _has_error(collector.findings):
         raise TreeError(_in_order(collector.findings))
-    root, origins = builder.place(top, binding.main.root), Origins(builder.constructions)
+    root, origins = builder.build(top, binding.main.root), Origins(builder.constructions)
     register_origins(root, origins)
     return CompiledTree(root, origins, top)
 

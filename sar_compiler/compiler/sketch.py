@@ -123,7 +123,7 @@ class _SketchBuilder:
         # Each waiting element has its parent behaviour, its level, and the enclosing trees.
         top = SketchedNode(tree.name)
         waiting: list[tuple[Element, Behaviour, int, frozenset[int]]] = []
-        self._put(tree.element.children or [tree.element], top, 1, frozenset({id(tree)}), waiting)
+        self._add_children(tree.element.children or [tree.element], top, 1, frozenset({id(tree)}), waiting)
         while waiting:
             element, above, level, around = waiting.pop()
             bound = self._known.get(id(element))
@@ -132,9 +132,11 @@ class _SketchBuilder:
             behaviour = self._with_wrappers(bound, above)
             inner = bound.subtree
             if inner is not None and self._fits(inner, level, around):
-                self._put(inner.element.children, behaviour, level + 1, around | {id(inner)}, waiting)
+                self._add_children(
+                    inner.element.children, behaviour, level + 1, around | {id(inner)}, waiting
+                )
             elif inner is None and element.tag != SUBTREE_TAG and element is not tree.element:
-                self._put(element.children, behaviour, level + 1, around, waiting)
+                self._add_children(element.children, behaviour, level + 1, around, waiting)
         root = top.children[0] if len(top.children) == 1 else top
         if root is top:
             self._origins[top.id] = Origin(_unknown(tree.element), {})
@@ -143,7 +145,7 @@ class _SketchBuilder:
         return Sketch(root, self._origins, tree.name)
 
     @staticmethod
-    def _put(
+    def _add_children(
         elements: Sequence[Element],
         above: Behaviour,
         level: int,
@@ -223,5 +225,5 @@ def _attributes(bound: BoundNode) -> Iterator[tuple[str, object]]:
             elif name in bound.values or name in written:
                 yield name, bound.values.get(name, written.get(name))
             elif parameter.direction is None:
-                yield name, bound.spec.fixed.get(name, parameter.default)
+                yield name, bound.spec.implied_values.get(name, parameter.default)
     yield from ((name, target.name) for name, target in bound.references.items())

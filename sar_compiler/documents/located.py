@@ -70,13 +70,15 @@ def refusals(root: "Value", schema: str) -> Iterator[SchemaViolation]:
             "required": _missing_keys,
             "anyOf": _missing_keys,
             "not": _conflict,
-            UNIT: _unusual,
+            UNIT: _unusual_number,
         }
-        of_another_type = _wrong_quotes(validator, root.at(path), path, error)
+        of_another_type = _wrong_quotes(validator, root.value_at(path), path, error)
         if of_another_type is not None:
             yield of_another_type
         else:
-            yield from refuse.get(error.validator, functools.partial(_wrong, validator))(root, path, error)
+            yield from refuse.get(error.validator, functools.partial(_schema_violations, validator))(
+                root, path, error
+            )
 
 
 UNIT = "x-unit"
@@ -142,7 +144,7 @@ def _wrong_quotes(
     if error.validator not in ("type", "enum") or value.text is None or value.is_nothing:
         return None
     if isinstance(value.data, str):
-        meant, which, suggestion = value.meaning, "in", None
+        meant, which, suggestion = value.scalar, "in", None
         hint = f"write {value.text}, without quotes"
     else:
         meant, which, suggestion, hint = value.text, "without", f'"{value.text}"', None
@@ -155,8 +157,10 @@ def _wrong_quotes(
     return SchemaViolation("wrong-value", message, path, value, suggestion, hint)
 
 
-def _wrong(validator: "Draft7Validator", root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
-    value, schema = root.at(path), error.schema
+def _schema_violations(
+    validator: "Draft7Validator", root: "Value", path: Path, error: Any
+) -> Iterator[SchemaViolation]:
+    value, schema = root.value_at(path), error.schema
     message = f"{_title(path, schema)} is {_accepted_values(schema)}, but this is {value.kind}"
     if value.text and "enum" in schema:
         suggestion, hint = nearest(value.text, _texts(schema["enum"])), None
@@ -169,12 +173,12 @@ def _wrong(validator: "Draft7Validator", root: "Value", path: Path, error: Any) 
     yield SchemaViolation(code, message, path, value, suggestion, hint)
 
 
-def _unusual(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
+def _unusual_number(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
     """Yield a warning about a valid number that is unusual in its unit."""
     oddity = find_implausible_number(error.instance, error.schema[UNIT])
     assert oddity is not None  # noqa: S101 - the error is about it
     message = f"{_title(path, error.schema)} {oddity.message}"
-    yield SchemaViolation("out-of-range", message, path, root.at(path), hint=oddity.hint)
+    yield SchemaViolation("out-of-range", message, path, root.value_at(path), hint=oddity.hint)
 
 
 def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str | None, str | None]:
@@ -307,11 +311,11 @@ class Value:
             return "a list" if self.entries is None else "a mapping"
         if self.is_nothing:
             return "nothing"
-        is_quoted = isinstance(self.data, str) and self.meaning != self.data
+        is_quoted = isinstance(self.data, str) and self.scalar != self.data
         return f"the string '{self.text}'" if is_quoted else f"'{self.text}'"
 
     @property
-    def meaning(self) -> bool | float | str | None:
+    def scalar(self) -> bool | float | str | None:
         """The value of a scalar's text without quotes."""
         return parse_scalar(self.text or "")
 
@@ -321,34 +325,36 @@ class Value:
         return {key.text or "": inner for key, inner in self.entries or ()}
 
     @property
-    def listed(self) -> tuple["Value", ...]:
+    def as_list(self) -> tuple["Value", ...]:
         """The items of a list; a single value is treated as a list of one."""
         return (self,) if self.items is None else self.items
 
-    def at(self, path: Path) -> "Value":
+    def value_at(self, path: Path) -> "Value":
         """Return the value at a path of keys and indices."""
         value = self
         for step in path:
-            value = value.listed[step] if isinstance(step, int) else value.mapping[step]
+            value = value.as_list[step] if isinstance(step, int) else value.mapping[step]
         return value
 
     def name_at(self, path: Path) -> "Value":
         """Return the key of the value at a path; the value itself if it has none."""
-        keys = (key for key, _ in self.at(path[:-1]).entries or () if path and key.text == path[-1])
-        return next(keys, self.at(path))
+        keys = (key for key, _ in self.value_at(path[:-1]).entries or () if path and key.text == path[-1])
+        return next(keys, self.value_at(path))
 
-    def without(self, paths: Iterable[Path]) -> "Value":
+    def without_paths(self, paths: Iterable[Path]) -> "Value":
         """Return this value without those at given paths, none of which is empty."""
         below: defaultdict[int | str, set[Path]] = defaultdict(set)
         for path in paths:
             below[path[0]].add(path[1:])
         if self.items is not None:
             kept = [(item, below[index]) for index, item in enumerate(self.items)]
-            items = [item.without(gone) if gone else item for item, gone in kept if () not in gone]
+            items = [item.without_paths(gone) if gone else item for item, gone in kept if () not in gone]
             return Value.from_items(self.start, self.end, items)
         entries = [(key, inner, below[key.text or ""]) for key, inner in self.entries or ()]
         left = [
-            (key, inner.without(gone) if gone else inner) for key, inner, gone in entries if () not in gone
+            (key, inner.without_paths(gone) if gone else inner)
+            for key, inner, gone in entries
+            if () not in gone
         ]
         return Value.from_entries(self.start, self.end, left)
 
@@ -436,7 +442,7 @@ class Document:
         while gone := [each.path for each in refused if SEVERITIES[each.code] is Severity.ERROR]:
             if () in gone:
                 self.raise_findings()
-            left = left.without(gone)
+            left = left.without_paths(gone)
             refused = list(refusals(left, schema))
         return left
 

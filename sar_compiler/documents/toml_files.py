@@ -100,11 +100,11 @@ class _TomlLocations:
         self._at = 0
         table: _KeyPath = ()
         while self._skip() < len(text):
-            if self._take("["):
-                listed = self._take("[")
+            if self._consume("["):
+                listed = self._consume("[")
                 table = self._key(())
                 for _ in range(1 + listed):
-                    self._take("]")
+                    self._consume("]")
             else:
                 self._pair(table)
 
@@ -114,7 +114,7 @@ class _TomlLocations:
             return self._text[slice(*self.values[path])]
         return str(data).lower() if isinstance(data, bool) else str(data)
 
-    def _pass(self, pattern: re.Pattern[str]) -> str:
+    def _skip_pattern(self, pattern: re.Pattern[str]) -> str:
         """Skip the match of a pattern at this position; return it, or an empty string."""
         match = pattern.match(self._text, self._at)
         self._at = match.end() if match else self._at
@@ -122,10 +122,10 @@ class _TomlLocations:
 
     def _skip(self) -> int:
         """Skip blanks and comments; return the position after them."""
-        self._pass(_BLANK)
+        self._skip_pattern(_BLANK)
         return self._at
 
-    def _take(self, sign: str) -> bool:
+    def _consume(self, sign: str) -> bool:
         taken = self._text.startswith(sign, self._skip())
         self._at += len(sign) if taken else 0
         return taken
@@ -134,30 +134,33 @@ class _TomlLocations:
         """Skip a key with all its parts, below a path; return its path."""
         while True:
             start = self._skip()
-            quoted = self._pass(_STRING)
-            path = (*path, tomllib.loads(f"key = {quoted}")["key"] if quoted else self._pass(_BARE_KEY))
+            quoted = self._skip_pattern(_STRING)
+            path = (
+                *path,
+                tomllib.loads(f"key = {quoted}")["key"] if quoted else self._skip_pattern(_BARE_KEY),
+            )
             self.keys.setdefault(path, (start, self._at))
             self.values.setdefault(path, (start, self._at))
-            if not self._take("."):
+            if not self._consume("."):
                 return path
 
     def _pair(self, table: _KeyPath) -> None:
         path = self._key(table)
-        self._take("=")
+        self._consume("=")
         self._item(path)
 
     def _item(self, path: _KeyPath) -> None:
         start = self._skip()
-        if self._take("["):
+        if self._consume("["):
             count = 0
-            while not self._take("]") and self._at < len(self._text):
+            while not self._consume("]") and self._at < len(self._text):
                 self._item((*path, count))
-                self._take(",")
+                self._consume(",")
                 count += 1
-        elif self._take("{"):
-            while not self._take("}") and self._at < len(self._text):
+        elif self._consume("{"):
+            while not self._consume("}") and self._at < len(self._text):
                 self._pair(path)
-                self._take(",")
-        elif not self._pass(_STRING):
-            self._pass(_BARE_VALUE)
+                self._consume(",")
+        elif not self._skip_pattern(_STRING):
+            self._skip_pattern(_BARE_VALUE)
         self.values[path] = (start, self._at)

@@ -79,7 +79,7 @@ def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) 
     element = last_element_before(list(main.root.iterate()), main.source.place(offset))
     if element is None:
         return None
-    pointed = _pointed(element, offset)
+    pointed = _attribute_at(element, offset)
     files = _files(tree, beside)
     if pointed is None:
         return _of_tree(files, element.attributes["ID"]) if _is_use(element, offset) else None
@@ -90,7 +90,7 @@ def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) 
 
 def _in_node(tree: ProjectTree, files: Sequence[TreeFile], pointed: _PointedAttribute) -> NamedThing | None:
     """Return the meaning of a name in an attribute of a node: another node, or a key."""
-    bound, around = _bound(tree, pointed.element)
+    bound, around = _find_bound(tree, pointed.element)
     if bound is None or around is None:
         return None
     meant = bound.references.get(pointed.attribute)
@@ -114,7 +114,7 @@ def _is_use(element: Element, offset: int) -> bool:
     return start <= offset <= end
 
 
-def _pointed(element: Element, offset: int) -> _PointedAttribute | None:
+def _attribute_at(element: Element, offset: int) -> _PointedAttribute | None:
     source = element.source
     for name, (*_, start, end) in source.spans.attributes(element):
         first, last = source.spans.inside(source.text, start, end)
@@ -123,7 +123,7 @@ def _pointed(element: Element, offset: int) -> _PointedAttribute | None:
     return None
 
 
-def _bound(tree: ProjectTree, element: Element) -> tuple[BoundNode | None, BoundTree | None]:
+def _find_bound(tree: ProjectTree, element: Element) -> tuple[BoundNode | None, BoundTree | None]:
     for each in tree.context.bound_forest.trees:
         if each.element.source is element.source:
             for node in each.nodes:
@@ -135,13 +135,13 @@ def _bound(tree: ProjectTree, element: Element) -> tuple[BoundNode | None, Bound
 def _files(tree: ProjectTree, beside: Iterable[ProjectTree]) -> list[TreeFile]:
     """Return the file, its includes, all files of its set, and the files that include it."""
     own, tree_set = real_path(tree.path), tree.project.tree_set
-    users = (each.forest for each in beside if own in map(_place, each.forest.files))
+    users = (each.forest for each in beside if own in map(_real_path, each.forest.files))
     forests = (*users, *(tree_set.forests.values() if tree_set else ()), tree.forest)
     files = [each for forest in forests for each in (*forest.others, *forest.files)]
-    return list({_place(each): each for each in files}.values())
+    return list({_real_path(each): each for each in files}.values())
 
 
-def _place(tree_file: TreeFile) -> Path:
+def _real_path(tree_file: TreeFile) -> Path:
     return real_path(Path(tree_file.source.path))
 
 
@@ -249,7 +249,7 @@ def check_renaming(thing: NamedThing) -> None:
         raise RenamingError(f"'{thing.name}' cannot be renamed: {thing.refusal}")
 
 
-def renamed(thing: NamedThing, name: str) -> list[tuple[NameLocation, str]]:
+def rename_edits(thing: NamedThing, name: str) -> list[tuple[NameLocation, str]]:
     """Return the new text for each location of a name.
 
     Raises:

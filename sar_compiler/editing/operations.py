@@ -136,7 +136,7 @@ def insert(
     """Insert a new element at a place among the children of another one."""
     target = file.element(parent)
     _require_index(target, index)
-    return file.text.insert(target, index, file.text.new(synthetic_element(tag, attributes)))
+    return file.text.insert(target, index, file.text.format_new(synthetic_element(tag, attributes)))
 
 
 def wrap(
@@ -202,7 +202,7 @@ def extract(file: EditedFile, element: int, tree: str) -> list[TextEdit]:
     name = around.attributes.get("ID")
     is_only = _MAIN not in root.attributes and len(file.tree_file.trees) == 1 and name
     return [
-        *file.text.replace(moved, moved, file.text.new(call)),
+        *file.text.replace(moved, moved, file.text.format_new(call)),
         *file.text.insert(root, file.siblings(file.number(around)).first + 1, new),
         *(file.text.set_attribute(root, _MAIN, name) if is_only else ()),
     ]
@@ -282,7 +282,9 @@ def _without_brackets(tree_file: TreeFile, operation: str, arguments: Mapping[st
         text = file.text
         if not isinstance(text, YamlText):
             return tree_file
-        concerned = [each for number in names for each in _concerned(file, file.element(number), operation)]
+        concerned = [
+            each for number in names for each in _separate_elements(file, file.element(number), operation)
+        ]
         found = next(filter(None, map(text.outermost_flow, concerned)), None)
         if found is None:
             return tree_file
@@ -290,7 +292,7 @@ def _without_brackets(tree_file: TreeFile, operation: str, arguments: Mapping[st
         tree_file = parse_tree(edited, tree_file.source.path)
 
 
-def _concerned(file: EditedFile, element: Element, operation: str) -> Iterator[Element]:
+def _separate_elements(file: EditedFile, element: Element, operation: str) -> Iterator[Element]:
     """Yield an element, and others that have to have lines of their own for an operation on it."""
     yield element
     if operation == inline.__name__:

@@ -95,7 +95,7 @@ class XmlText:
             elif kind == "start":
                 opened.append((piece.start(), piece.end()))
 
-    def new(self, element: Element) -> Snippet:
+    def format_new(self, element: Element) -> Snippet:
         """Return the lines of a new element."""
         return [SnippetLine(each) for each in element_lines(element)]
 
@@ -139,7 +139,7 @@ class XmlText:
         if not (start.has_lines and end.has_lines):
             return [TextEdit(start.own, self._extent(last).end, self._join(lines, start.indent))]
         if with_comments:
-            text = start.indent + self._join(lines, start.indent) + self._ending(end.end)
+            text = start.indent + self._join(lines, start.indent) + self._line_end_after(end.end)
             return [TextEdit(start.start, end.end, text)]
         return [TextEdit(start.own, self._extent(last).end, self._join(lines, start.indent))]
 
@@ -258,5 +258,5 @@ class XmlText:
         """Return lines as text; the first one has its indentation already."""
         return join_lines([lines[0], *indent_lines(lines[1:], indent)], self._source.line_end)
 
-    def _ending(self, end: int) -> str:
+    def _line_end_after(self, end: int) -> str:
         return self._source.line_end if self._text[:end].endswith(("\n", "\r")) else ""

@@ -96,7 +96,7 @@ class _ExtentReader:
             extent.content = _start(content)
             extent.is_flow = extent.is_flow or bool(content.flow_style)
             self._content(extent)
-        extent.end = self._ended(self._next(), extent.end)
+        extent.end = self._collection_end(self._next(), extent.end)
         return extent
 
     def _content(self, extent: _NodeExtent) -> None:
@@ -109,8 +109,8 @@ class _ExtentReader:
             extent.is_flow = extent.is_flow or value.flow_style
             while not isinstance(event := self._next(), yaml.SequenceEndEvent):
                 extent.end = self._node(event, is_flow=extent.is_flow).end
-            extent.end = self._ended(event, extent.end)
-        extent.end = self._ended(key, extent.end)
+            extent.end = self._collection_end(event, extent.end)
+        extent.end = self._collection_end(key, extent.end)
 
     def _skip(self, value: Any) -> int:
         """Return the offset after a value."""
@@ -123,10 +123,10 @@ class _ExtentReader:
         end = _start(value)
         while not isinstance(event := self._next(), yaml.CollectionEndEvent):
             end = self._skip(event)
-        return self._ended(event, end)
+        return self._collection_end(event, end)
 
     @staticmethod
-    def _ended(event: Any, end: int) -> int:
+    def _collection_end(event: Any, end: int) -> int:
         """Return where a collection ends: that of a block ends with its content."""
         return _end(event) if _start(event) < _end(event) else end
 
@@ -165,7 +165,7 @@ class YamlText:
             text, end = f"{text}{self._source.line_end}{' ' * column}", behind.end()
         return [TextEdit(extent.start, end, text)]
 
-    def new(self, element: Element) -> Snippet:
+    def format_new(self, element: Element) -> Snippet:
         """Return the lines of a new element."""
         return [SnippetLine(each) for each in node_lines(element)]
 
@@ -190,7 +190,7 @@ class YamlText:
         """Return the edits that write lines in place of consecutive siblings; arguments as in `XmlText.replace`."""
         line, indent = self._dash(first)
         start, end = self._start(first) if with_comments else line, self._end(last)
-        return [TextEdit(start, end, indent + self._join(lines, indent) + self._ending(end))]
+        return [TextEdit(start, end, indent + self._join(lines, indent) + self._line_end_after(end))]
 
     def insert(self, parent: Element, index: int, lines: Snippet) -> list[TextEdit]:
         """Return the edits that write lines before the child with an index, or after the last one."""
@@ -229,7 +229,9 @@ class YamlText:
         extent = self._extents[element.offset]
         places = self._source.attribute(element, name)
         if value is None:
-            return self._without(places[0], extent, extent.values[name]) if places is not None else []
+            return (
+                self._remove_attribute(places[0], extent, extent.values[name]) if places is not None else []
+            )
         written = _scalar_in_flow(value) if extent.is_flow else scalar(value)
         if places is not None:
             return [TextEdit(places[2], extent.values[name], written)]
@@ -243,7 +245,7 @@ class YamlText:
             return [TextEdit(start, start, f"{indent}{entry}{self._source.line_end}")]
         return self._add(element, extent, behind or 0, [SnippetLine(entry)])
 
-    def _without(self, start: int, extent: _NodeExtent, end: int) -> list[TextEdit]:
+    def _remove_attribute(self, start: int, extent: _NodeExtent, end: int) -> list[TextEdit]:
         """Return the edits that remove an attribute: between brackets with a comma, else with its line."""
         if extent.content is None or self._text[extent.content] != "{":
             return [TextEdit(self._line(start), self._line_behind(end), "")]
@@ -313,7 +315,7 @@ class YamlText:
         """Return lines as text; the first one has its indentation already."""
         return join_lines([lines[0], *indent_lines(lines[1:], indent)], self._source.line_end)
 
-    def _ending(self, end: int) -> str:
+    def _line_end_after(self, end: int) -> str:
         return self._source.line_end if self._text[:end].endswith(("\n", "\r")) else ""
 
 

@@ -58,7 +58,7 @@ class CommandAuthors:
         self._verbs = {verb.name: verb for verb in verbs}
         self._signed: defaultdict[str, deque[_Announcement]] = defaultdict(deque)
         self._last_seen: dict[str, _Announcement] = {}
-        node.add_on_set_parameters_callback(self._hear)
+        node.add_on_set_parameters_callback(self._on_parameters)
 
     def begin(self) -> None:
         """Start recording; the leaves have already created the services."""
@@ -103,7 +103,7 @@ class CommandAuthors:
                 return signature._replace(author=author._replace(name=author.name or _A_CALL))
         return unsigned
 
-    def _hear(self, parameters: "list[Parameter]") -> "SetParametersResult":
+    def _on_parameters(self, parameters: "list[Parameter]") -> "SetParametersResult":
         from rcl_interfaces.msg import SetParametersResult
 
         for each in parameters:
@@ -134,7 +134,7 @@ class CommandAuthors:
         refusal = "" if getattr(answered, "success", True) else str(getattr(answered, "message", ""))
         by, reason = author
         order = {"verb": verb.name, "label": verb.label, "by": by, "reason": reason, "refusal": refusal}
-        self._journal.watch(ORDERED, **order, is_told=bool(noted))
+        self._journal.record_observation(ORDERED, **order, is_told=bool(noted))
         return answered
 
 
@@ -187,17 +187,17 @@ class RemoteCommandAuthor:
             send(is_heard=False)
             return
 
-        def go_on(answered: Any = None) -> None:
+        def call_service(answered: Any = None) -> None:
             if not timer.is_canceled():
                 timer.cancel()
                 self._node.destroy_timer(timer)
                 send(is_heard=answered is not None and _is_accepted(answered))
 
-        timer = steady_timer(self._node, _HEARD_SEC, go_on)
+        timer = steady_timer(self._node, _HEARD_SEC, call_service)
         request = self._client.srv_type.Request()
         announced = [*author, *([json_text(dict(seen))] if seen else [])]
         request.parameters = [Parameter(f"{_PARAMETER}.{verb}", value=announced).to_parameter_msg()]
-        self._client.call_async(request).add_done_callback(go_on)
+        self._client.call_async(request).add_done_callback(call_service)
 
 
 def _is_accepted(answered: Any) -> bool:

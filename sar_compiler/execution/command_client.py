@@ -74,7 +74,7 @@ class CommandClient:
         """Return the commands that the tree's leaves execute."""
         return [name for name, client in self._clients.items() if client.service_is_ready()]
 
-    def give(
+    def send(
         self,
         verb: str,
         values: Mapping[str, Any],
@@ -137,7 +137,7 @@ class CommandClient:
         )
 
     def _call_service(self, client: Any, request: Any, answer: "Future[tuple[bool, str]]") -> None:
-        def take(called: Any) -> None:
+        def on_response(called: Any) -> None:
             try:
                 response = called.result()
                 said = bool(response.success), str(response.message)
@@ -151,4 +151,4 @@ class CommandClient:
         except Exception as error:  # noqa: BLE001 - rclpy raises arbitrary exceptions on values
             answer.set_exception(CommandError(f"the command cannot be sent: {error}"))
             return
-        called.add_done_callback(take)
+        called.add_done_callback(on_response)

@@ -95,7 +95,7 @@ class RunExtensions:
         for extension in self._extensions:
             extension.on_last_tick(is_over=is_over)
 
-    def watch(self) -> "PropertyWatch | None":
+    def property_watch(self) -> "PropertyWatch | None":
         """Return the extension that monitors properties; None if there is none."""
         if not self._options.properties:
             return None

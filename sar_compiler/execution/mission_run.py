@@ -99,7 +99,7 @@ def run_mission(
             approval.require_parameters(reader.parameters, reader.files)
         run_journal = start.journal = RunJournal(options, mission, node, loaded.path)
         journal, fixed = run_journal.journal, fixed_parameters(mission, binding)
-        options.supervision.send_journal_path(journal.place)
+        options.supervision.send_journal_path(journal.path)
         orders = CommandAuthors(node, run.verbs(), journal)
         setup = RunSetup(
             options,

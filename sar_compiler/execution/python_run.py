@@ -13,13 +13,13 @@ from sar_compiler.terminal import RunOutput
 class _NoOutput(RunOutput):
     """Prints nothing, because the caller receives the result."""
 
-    def show(self, text: str) -> None:
+    def print_momentary(self, text: str) -> None:
         """Ignore a text."""
 
     def draw(self, text: str) -> None:
         """Ignore terminal control sequences."""
 
-    def say(self, text: str) -> None:
+    def print_important(self, text: str) -> None:
         """Ignore a text."""
 
 

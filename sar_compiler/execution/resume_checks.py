@@ -31,23 +31,23 @@ def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
         JournalError: If it is another mission.
         ParameterError: If its identity differs; names each parameter.
     """
-    there: Any = journal.about
+    there: Any = journal.description
     if there.get("mission") != about["mission"]:
         raise JournalError(
-            f"the journal {journal.place} belongs to {_called(there.get('mission'))}, but this is "
-            f"{_called(about['mission'])}: "
+            f"the journal {journal.path} belongs to {_mission_text(there.get('mission'))}, but this is "
+            f"{_mission_text(about['mission'])}: "
             f"name another file, {_ADVICE}"
         )
     if there.get("simulated") != about["simulated"]:
         which, other = ("simulation", "robot") if there.get("simulated") else ("robot", "simulation")
         raise JournalError(
-            f"the mission in the journal {journal.place} was started with a {which}, and cannot be resumed with a {other}: name "
+            f"the mission in the journal {journal.path} was started with a {which}, and cannot be resumed with a {other}: name "
             f"another file, {_ADVICE}"
         )
     then = _mapping(there.get("identity"))
     problems = [
         ParameterProblem(
-            key, f"is {now!r}, but {then.get(key)!r} in the journal {journal.place}: use that, {_ADVICE}"
+            key, f"is {now!r}, but {then.get(key)!r} in the journal {journal.path}: use that, {_ADVICE}"
         )
         for key, now in about["identity"].items()
         if now != then.get(key)
@@ -56,7 +56,7 @@ def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
         raise ParameterError(problems)
 
 
-def _called(mission: str | None) -> str:
+def _mission_text(mission: str | None) -> str:
     return "a tree without a mission" if mission is None else f"the mission '{mission}'"
 
 
@@ -71,13 +71,13 @@ def require_same_tree(journal: Journal, tree: CompiledTree, outline: Mapping[str
     Raises:
         TreeError: If the trees differ; names the first difference.
     """
-    difference = _difference(journal.about.get("tree"), outline, tree.root)
+    difference = _difference(journal.description.get("tree"), outline, tree.root)
     if difference is None:
         return
     behaviour, words = difference
     collector = FindingCollector()
     element = tree.origins[behaviour.id].bound.element
-    message = f"the mission in {journal.place} has a different tree: {words}"
+    message = f"the mission in {journal.path} has a different tree: {words}"
     collector.add("other-tree", message, element, hint=f"resume with that tree, {_ADVICE}")
     raise TreeError(collector.findings)
 

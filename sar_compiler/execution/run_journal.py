@@ -86,7 +86,7 @@ class RunJournal(RunExtension):
         self._about["simulated"] = options.sim is not None
         # Of a simulation, only this record remains when its process ends.
         is_simulation_kept = options.sim is not None and self.journal.is_kept
-        replay = f"sar-journal replay {shlex.quote(str(self.journal.place))}"
+        replay = f"sar-journal replay {shlex.quote(str(self.journal.path))}"
         self.how_to_see_it_again = f"To replay it: {replay}" if is_simulation_kept else ""
         self._run_about: dict[str, object] = {
             "version": version("sar_compiler"),
@@ -118,15 +118,17 @@ class RunJournal(RunExtension):
         self._about["identity"] = json_data(run.identity())
         if self.journal.is_resumed:
             require_same_identity(self.journal, self._about)
-            facts = len(self.journal.facts())
-            self._node.get_logger().info(f"The mission in {self.journal.place} resumes after {facts} events.")
+            facts = len(self.journal.earlier_events())
+            self._node.get_logger().info(f"The mission in {self.journal.path} resumes after {facts} events.")
             self._report_lost_events()
         if self._mission is not None:
-            self._run_about["facts"] = json_data({**run.facts(), **run.limits()})
+            self._run_about["facts"] = json_data({**run.initial_facts(), **run.limits()})
 
     def _report_lost_events(self) -> None:
         if count := sum(
-            int(fact.data.get("count", 0)) for fact in self.journal.facts() if fact.kind == FACTS_LOST
+            int(fact.data.get("count", 0))
+            for fact in self.journal.earlier_events()
+            if fact.kind == FACTS_LOST
         ):
             self._node.get_logger().warning(
                 f"{count} events could not be written and are lost: their work is repeated, and the numbers assigned "
@@ -161,7 +163,7 @@ class RunJournal(RunExtension):
 
         self.journal.clock = mission_clock(self._node)
         self.has_begun = True
-        forget_refusal(self.journal.place)
+        forget_refusal(self.journal.path)
         if not self.journal.is_wanted:
             self.journal.begin({}, {})
             return

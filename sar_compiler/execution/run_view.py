@@ -62,10 +62,10 @@ class ChangeLog(RunView):
         """Show an entry, if it is a change."""
         nodes, was = self._state.nodes, condition(self._state)
         before = nodes[entry.data["node"]].status if entry.kind == STATUS else ""
-        self._state.take(entry)
+        self._state.apply(entry)
         for text in (change_text(self._state, entry, before), condition_change(self._state, was)):
             if text:
-                self._output.show(text)
+                self._output.print_momentary(text)
 
 
 class RunScreen(RunView):
@@ -88,7 +88,7 @@ class RunScreen(RunView):
 
     def on_entry(self, entry: JournalEntry) -> None:
         """Process an entry; the next refresh shows it."""
-        self._state.take(entry)
+        self._state.apply(entry)
         if entry.kind == RUN_BEGAN:
             self._start, self._has_begun = entry.time, True
             self._listen()
@@ -101,14 +101,14 @@ class RunScreen(RunView):
             self._now = mission_clock(self._node).now()
             if not self._try(self._redraw):
                 self._is_closed = True
-                self._leave()
+                self._restore_terminal()
 
     def close(self) -> None:
         """Draw a last time and release the terminal; further output appears below the view."""
         if self._has_begun and not self._is_closed:
             self._is_closed = True
             self._try(self._draw)
-            self._leave()
+            self._restore_terminal()
 
     def _try(self, draw: Callable[[], None]) -> bool:
         """Draw, and return whether it succeeded."""
@@ -124,7 +124,7 @@ class RunScreen(RunView):
             self._stop()
         self._draw()
 
-    def _leave(self) -> None:
+    def _restore_terminal(self) -> None:
         if self._height:
             self._output.draw(f"{_NO_MARGINS}\x1b[{self._size[1]};1H\r\n")
 
@@ -142,7 +142,7 @@ class RunScreen(RunView):
     def _stop(self) -> None:
         """Handle SIGTSTP: restore the terminal, stop, and redraw when continued."""
         self._is_to_stop = False
-        self._leave()
+        self._restore_terminal()
         _stop_process()
         self._listen()
         self._size = (0, 0)

@@ -113,7 +113,7 @@ class _PropertyReactions:
         for order in due:
             try:
                 author = CommandAuthor(f"the property '{order.about}'", f"violated by {order.event}")
-                answer = self._calls.give(order.verb.name, {}, author)
+                answer = self._calls.send(order.verb.name, {}, author)
             except CommandError as error:  # noqa: PERF203 - one of a few
                 if time.monotonic() - order.since < _PATIENCE_SEC:
                     self._due.append(order)
@@ -168,7 +168,7 @@ class PropertyWatch(RunExtension):
             self._run.loaded,
             tree,
             given if isinstance(given, Path) else None,
-            facts={**self._run.mission.facts(), **self._run.mission.limits()},
+            facts={**self._run.mission.initial_facts(), **self._run.mission.limits()},
             parameters=self._run.values,
             tree_id=options.tree_id,
             clock=self._now,
@@ -201,7 +201,7 @@ class PropertyWatch(RunExtension):
         left_out = [each.name for each in self._watch.properties.left_out]
         place = "" if self._watch.file is None else str(Path(self._watch.file.document.source.path).resolve())
         journal = self._run.journal
-        journal.watch(PROPERTIES_WATCHED, file=place, properties=properties, left_out=left_out)
+        journal.record_observation(PROPERTIES_WATCHED, file=place, properties=properties, left_out=left_out)
 
     def on_setup(self) -> None:
         """Check that the leaves execute the possible commands."""
@@ -209,8 +209,8 @@ class PropertyWatch(RunExtension):
 
     def looks(self, number: int) -> None:
         """Handle the start of a leaf's activity."""
-        self._hear(self._take_commands)
-        self._hear(self._watch.looks, number)
+        self._call_monitor(self._take_commands)
+        self._call_monitor(self._watch.looks, number)
 
     def _take_commands(self) -> None:
         """Apply the changes of facts by commands since the last event."""
@@ -222,11 +222,11 @@ class PropertyWatch(RunExtension):
 
     def starts(self, number: int) -> None:
         """Handle the start of a leaf."""
-        self._hear(self._watch.starts, number)
+        self._call_monitor(self._watch.starts, number)
 
     def answers(self, number: int, status: str) -> None:
         """Handle the status that a leaf returned."""
-        self._hear(self._take_answer, number, status)
+        self._call_monitor(self._take_answer, number, status)
 
     def _take_answer(self, number: int, status: str) -> None:
         said = getattr(self._leaves[number], "answer_label", "")
@@ -234,20 +234,20 @@ class PropertyWatch(RunExtension):
 
     def halts(self, number: int) -> None:
         """Handle the halt of a leaf."""
-        self._hear(self._watch.halts, number)
+        self._call_monitor(self._watch.halts, number)
 
     def on_last_tick(self, *, is_over: bool) -> None:
         """Evaluate the end of the run, before the tree is halted."""
-        self._hear(partial(self._watch.conclude, is_over=is_over))
+        self._call_monitor(partial(self._watch.conclude, is_over=is_over))
         self._is_over = True
 
-    def _hear(self, take: "Callable[..., object]", *what: object) -> None:
+    def _call_monitor(self, take: "Callable[..., object]", *what: object) -> None:
         """Pass on an event and report errors, which must not end the mission."""
         if self._is_over:
             return
         try:
             take(*what)
-            self._tell()
+            self._record_alarms()
         except Exception as error:  # noqa: BLE001
             self._is_over, self._failure = True, error_text(error)
             tell(self._run.node, f"The run is no longer monitored for properties: {self._failure}", error)
@@ -273,26 +273,26 @@ class PropertyWatch(RunExtension):
         return f"Monitored {count}: {', '.join(parts) or 'none violated'}."
 
     def _end_tick(self, tree: BehaviourTree) -> None:
-        self._hear(self._take_end, "SKIPPED" if was_skipped(tree.root) else tree.root.status.value)
+        self._call_monitor(self._take_end, "SKIPPED" if was_skipped(tree.root) else tree.root.status.value)
 
     def _take_end(self, root: str) -> None:
         self._watch.end_tick(root)
         if self._watch.state_number != self._remembered:
             self._remembered = self._watch.state_number
-            self._run.journal.watch(PROPERTIES_OWED, owed=self._watch.pending_properties)
+            self._run.journal.record_observation(PROPERTIES_OWED, owed=self._watch.pending_properties)
         self._orders.send_due()
 
-    def _tell(self) -> None:
+    def _record_alarms(self) -> None:
         if not self._watch.alarms:
             return
         alarms, self._watch.alarms = self._watch.alarms, []
         for alarm in alarms:
             self._logger.error(escape_to_one_line(alarm.text))
-            self._note(alarm)
+            self._record_alarm(alarm)
             if alarm.cause.is_broken:
                 self._orders.order(alarm.about, alarm.event or "the end of the run")
 
-    def _note(self, alarm: WatchAlarm) -> None:
+    def _record_alarm(self, alarm: WatchAlarm) -> None:
         run = [list(event) for event in alarm.run]
         place = {"event": alarm.event, "tick": alarm.tick, "node": alarm.number, "run": run}
         if alarm.cause.is_broken:

@@ -246,10 +246,10 @@ def holder(calls: "CommandClient", verbs: Mapping[str, str], by: str) -> Holder:
     # One after the other, and outside of the thread that calls the services.
     orders = ThreadPoolExecutor(1, "orders")
 
-    def give(
+    def send(
         verb: str, author: CommandAuthor, is_new: Callable[[], bool], refused: Callable[[str], None]
     ) -> None:
-        def take(answer: "Future[tuple[bool, str]]") -> None:
+        def on_response(answer: "Future[tuple[bool, str]]") -> None:
             error = answer.exception()
             was_done, said = (False, str(error)) if error is not None else answer.result()
             if not was_done:
@@ -258,7 +258,7 @@ def holder(calls: "CommandClient", verbs: Mapping[str, str], by: str) -> Holder:
         while verb not in calls.available() and is_new():
             time.sleep(_LOOK_SEC)
         try:
-            calls.give(verb, {}, author).add_done_callback(take)
+            calls.send(verb, {}, author).add_done_callback(on_response)
         except CommandError as error:
             refused(str(error))
 
@@ -268,7 +268,7 @@ def holder(calls: "CommandClient", verbs: Mapping[str, str], by: str) -> Holder:
             refused("it does not have this command")
         else:
             author = CommandAuthor(by, f"the server was {'de' if wanted else ''}activated")
-            orders.submit(give, verb, author, is_new, refused)
+            orders.submit(send, verb, author, is_new, refused)
 
     return hold
 

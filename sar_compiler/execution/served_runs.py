@@ -104,14 +104,14 @@ def parameters_of(payload: str) -> Mapping[str, object]:
         raise PayloadError(
             'the payload must be a JSON object with parameters of the mission, such as {"tick_rate_hz": 4.0}'
         )
-    return dict(_flat(found, "", _DEEPEST))
+    return dict(_flatten(found, "", _DEEPEST))
 
 
 def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not a JSON number")
 
 
-def _flat(found: Mapping[str, object], before: str, levels: int) -> Iterator[tuple[str, object]]:
+def _flatten(found: Mapping[str, object], before: str, levels: int) -> Iterator[tuple[str, object]]:
     if not levels:
         raise PayloadError("the payload is nested too deeply for parameters")
     for name, value in found.items():
@@ -121,7 +121,7 @@ def _flat(found: Mapping[str, object], before: str, levels: int) -> Iterator[tup
                 f"the payload has a parameter {name[:_SHOWN]!r}: use letters, digits and _ in names"
             )
         if isinstance(value, dict):
-            yield from _flat(value, f"{before}{name}.", levels - 1)
+            yield from _flatten(value, f"{before}{name}.", levels - 1)
         else:
             yield f"{before}{name}", _as_one_type(value)
 

@@ -57,16 +57,16 @@ def supervise(
     has_begun = False
     while True:
         life = _SupervisedRun(argv, deaths, has_begun=has_begun)
-        signals.last_words = lambda life=life: life.hurry(signals)
-        life.watch(signals)
-        status, death = life.end()
+        signals.last_words = lambda life=life: life.stop_immediately(signals)
+        life.wait_for_end(signals)
+        status, death = life.finish()
         if life.may_move:
             print_error("sar-run: the mission has crashed, and one of its goals may still be active")
             return ROBOT_MAY_MOVE
         if signals.came and death:
             return signals.exit_status
         if not death:
-            life.report(report)
+            life.write_missing_reports(report)
             return signals.exit_status if signals.came and status > 128 else status  # noqa: PLR2004
         if len(deaths) == limit:
             print_error(f"sar-run: the mission has crashed ({death}) after {limit} restarts")
@@ -109,7 +109,7 @@ class _SupervisedRun:
         self._listener = threading.Thread(target=self._listen, args=(signs,), daemon=True)
         self._listener.start()
 
-    def watch(self, signals: StopSignals) -> None:
+    def wait_for_end(self, signals: StopSignals) -> None:
         """Wait for the end of the run; end it if its heartbeat stops, and pass on requests to stop."""
         is_asked = False
         turned_at = time.monotonic()
@@ -120,7 +120,7 @@ class _SupervisedRun:
             turned_at = now
             if signals.came and not is_asked:
                 is_asked = True
-                self._ask(signals)
+                self._request_stop(signals)
             if self._is_deaf or now - self._heard_at > self._limit_sec:
                 self._is_frozen = not self._is_deaf
                 self._process.kill()
@@ -136,7 +136,7 @@ class _SupervisedRun:
             while is_locked(place) and time.monotonic() < deadline:
                 time.sleep(_TURN_SEC)
 
-    def end(self) -> tuple[int, str]:
+    def finish(self) -> tuple[int, str]:
         """Return the exit status and a description of the crash; empty without a crash."""
         status = self._process.returncode
         # The journal takes precedence over the process: a run that recorded its end is over, even if native code crashed while ROS was
@@ -152,7 +152,7 @@ class _SupervisedRun:
             return 128 - status, f"by {signal.Signals(-status).name}"
         return status, "a requirement was missing: status 3" if status == NOT_READY else ""
 
-    def report(self, report: Callable[[Path], object] | None) -> None:
+    def write_missing_reports(self, report: Callable[[Path], object] | None) -> None:
         """Write the reports of a run that has ended, but whose process crashed before writing them."""
         if report is None or self._place is None or self._process.returncode >= 0:
             return
@@ -166,15 +166,15 @@ class _SupervisedRun:
         """Whether the mission has started in this run, so that it can be resumed."""
         return self._run_in_journal() is not None
 
-    def hurry(self, signals: StopSignals) -> int | None:
+    def stop_immediately(self, signals: StopSignals) -> int | None:
         """Pass on a second request to stop; return the exit status if the run ends immediately."""
-        self._ask(signals)
+        self._request_stop(signals)
         with suppress(subprocess.TimeoutExpired):
             status = self._process.wait(_LAST_WORDS_SEC)
             return status if status >= 0 else None
         return None
 
-    def _ask(self, signals: StopSignals) -> None:
+    def _request_stop(self, signals: StopSignals) -> None:
         # Before the first heartbeat, Python itself would handle a SIGINT, with a traceback.
         self._process.send_signal(signals.exit_status - 128 if self._has_spoken else signal.SIGTERM)
 
@@ -188,9 +188,9 @@ class _SupervisedRun:
         """Process the run's messages until the pipe is closed."""
         with open(signs, "rb") as lines:
             for line in lines:
-                self._take(line)
+                self._handle_line(line)
 
-    def _take(self, line: bytes) -> None:
+    def _handle_line(self, line: bytes) -> None:
         self._has_spoken, self._heard_at = True, time.monotonic()
         if line.startswith(ALIVE):
             self._limit_sec = _SILENCE_SEC
@@ -209,7 +209,7 @@ class _SupervisedRun:
         if self._place is None:
             return None
         try:
-            with JournalFile.reading(self._place) as file:
+            with JournalFile.open_snapshot(self._place) as file:
                 last = file.runs()[-1:]
         except JournalError:
             return None

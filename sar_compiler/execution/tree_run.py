@@ -129,7 +129,9 @@ class RouteReport:
             if planner is not None
             for leg in plan_route(planner, (x, y), [place], mission.allows, budget)
         ]
-        self.lines += [f"  {leg.name}, from the start: {self._way(leg.distance).strip()}" for leg in besides]
+        self.lines += [
+            f"  {leg.name}, from the start: {self._length_text(leg.distance).strip()}" for leg in besides
+        ]
         self.problems = [
             f"{leg.name} ({leg.x:.2f}, {leg.y:.2f}): {leg.trouble}."
             for leg in (*legs, *besides)
@@ -162,7 +164,7 @@ class RouteReport:
         self.lines.append("The areas on the map (one sweep of the reachable part, without turns):")
         for area, reach in zip(areas, reaches, strict=True):
             ground = f"{reach.reached_m2:.1f} of {reach.area_m2:.1f} m²"
-            line = f"  {area.name:{width}}  {ground:>20}  {self._way(reach.reached_m2 / area.swath)}"
+            line = f"  {area.name:{width}}  {ground:>20}  {self._length_text(reach.reached_m2 / area.swath)}"
             if reach.cut_off_at is not None:
                 x, y = reach.cut_off_at
                 line += f"; {reach.cut_off_m2:.1f} m² are unreachable, such as ({x:.2f}, {y:.2f})"
@@ -176,9 +178,9 @@ class RouteReport:
         width = max(len(leg.name) for leg in legs)
         rows = [(leg.name, leg.distance) for leg in legs] + [("total", _distance(legs))]
         title = f"The route on the map (estimated; robot radius {self._radius:g} m, {self._speed:g} m/s):"
-        return [title, *(f"  {name:{width}}  {self._way(far)}" for name, far in rows)]
+        return [title, *(f"  {name:{width}}  {self._length_text(far)}" for name, far in rows)]
 
-    def _way(self, far: float | None) -> str:
+    def _length_text(self, far: float | None) -> str:
         return "not reached" if far is None else f"{far:6.1f} m {far / self._speed:6.0f} s"
 
 
@@ -199,9 +201,9 @@ class RouteCheck:
         self._grid: OccupancyGrid | None = None
         if world is None:
             latched = qos_profile(type(self).__name__, "transient_local")
-            node.create_subscription(OccupancyGrid, _MAP, self._take, latched)
+            node.create_subscription(OccupancyGrid, _MAP, self._on_map, latched)
 
-    def tell(self, executor: Executor, say: Callable[[str], object]) -> int:
+    def report(self, executor: Executor, say: Callable[[str], object]) -> int:
         """Print the route, and its problems on standard error; return the number of problems.
 
         Args:
@@ -220,7 +222,7 @@ class RouteCheck:
             print_error(f"sar-run: {problem}")
         return len(report.problems)
 
-    def _take(self, grid: OccupancyGrid) -> None:
+    def _on_map(self, grid: OccupancyGrid) -> None:
         self._grid = grid
 
     def _map(self, executor: Executor) -> "OccupancyMap | None":
@@ -308,7 +310,7 @@ class TreeRun:
         )
 
     def _run(self, route: RouteCheck | None) -> int:
-        for line in self.setup.mission.greeting():
+        for line in self.setup.mission.start_lines():
             self._node.get_logger().info(escape_to_one_line(line))
         self.executor.add_node(self._node)
         self.executor = suited(self.executor, self._node)
@@ -316,9 +318,9 @@ class TreeRun:
             self._wait()
         except NotReadyError:
             if route is not None:
-                route.tell(self.executor, self._output.say)
+                route.report(self.executor, self._output.print_important)
             raise
-        if self._over:
+        if self._is_over:
             return self._interruption_status()
         return self._conclude_check(route) if self._options.check else self._tick()
 
@@ -337,8 +339,8 @@ class TreeRun:
             )
         readiness = self._readiness(with_pose=told)
         limit_sec = self._parameters.startup_timeout_sec
-        wait_until_ready(self.executor, readiness, limit_sec, lambda: self._over)
-        if readiness.uses_nav2 and not self._over:
+        wait_until_ready(self.executor, readiness, limit_sec, lambda: self._is_over)
+        if readiness.uses_nav2 and not self._is_over:
             self._node.get_logger().info("Nav2 is active.")
             for line in nav2_parameters(self._node).advice():
                 self._node.get_logger().warning(f"Nav2's parameters: {line}.")
@@ -361,10 +363,10 @@ class TreeRun:
 
     def _conclude_check(self, route: RouteCheck | None) -> int:
         """Finish a check whose requirements are all present; returns the exit status."""
-        if route is not None and (problems := route.tell(self.executor, self._output.say)):
+        if route is not None and (problems := route.report(self.executor, self._output.print_important)):
             count = "one problem" if problems == 1 else f"{problems} problems"
             return self._fail(f"all requirements are present, but the route has {count} (see above)")
-        self._output.say("All requirements are present.")
+        self._output.print_important("All requirements are present.")
         return OK
 
     def _tick(self) -> int:
@@ -390,7 +392,7 @@ class TreeRun:
                 self.executor = suited(self.executor, self._node)
                 self.setup.orders.begin()
                 self.extensions.on_setup()
-                self._signals.last_words = self._end.hurry
+                self._signals.last_words = self._end.end_immediately
                 self._begin_watching()
                 self._started = self._clock.now()
                 self._tick_until_over()
@@ -425,7 +427,7 @@ class TreeRun:
 
     def _report_verdicts(self) -> None:
         """Add the verdicts of the monitored properties to the outcome."""
-        watch = self.extensions.watch()
+        watch = self.extensions.property_watch()
         if watch is not None:
             summary = (*self._outcome.summary, watch.summary_text())
             self._outcome = replace(self._outcome, verdicts=watch.verdicts(), summary=summary)
@@ -437,16 +439,16 @@ class TreeRun:
         if failure is not None:
             raised = raising_behaviour(failure)
             numbers = (number for number, each in enumerate(pre_order(self.tree.root)) if each is raised)
-            journal.watch(LEAF_RAISED, node=next(numbers, None), text=failure_text(failure))
-        journal.end(ending, status, reason)
+            journal.record_observation(LEAF_RAISED, node=next(numbers, None), text=failure_text(failure))
+        journal.end_run(ending, status, reason)
 
     def _tick_until_over(self) -> None:
         self.engine.tick_tock(1000.0 / self._parameters.tick_rate_hz)
         with AWAKE.turning(self._node.get_logger().warning):
-            while self._result is None and self.engine.failure is None and not self._over:
+            while self._result is None and self.engine.failure is None and not self._is_over:
                 AWAKE.now()
                 self._turn_over = Future()
-                self._turn(
+                self._spin_once(
                     lambda: self.executor.spin_until_future_complete(self._turn_over, _FLIGHT_TURN_SEC)
                 )
                 if self._watch is not None and self._watch.lost_discovery:
@@ -465,13 +467,13 @@ class TreeRun:
         while robot is not None and robot.stands is False and time.monotonic() < deadline:
             if not self._node.context.ok():
                 return
-            self._turn(lambda: self.executor.spin_once(_TURN_SEC))
+            self._spin_once(lambda: self.executor.spin_once(_TURN_SEC))
         if robot is not None and robot.moves and not names:
             self._may_move = (
                 f"no goal of this mission is active, but the robot still moves ({robot.speed_text})"
             )
 
-    def _turn(self, spin: Callable[[], object]) -> None:
+    def _spin_once(self, spin: Callable[[], object]) -> None:
         try:
             spin()
         except ExternalShutdownException:
@@ -520,7 +522,7 @@ class TreeRun:
         refuse_parameters(self._node, self.setup.fixed_parameters)
 
     @property
-    def _over(self) -> bool:
+    def _is_over(self) -> bool:
         """Whether the run was ended by something other than the tree."""
         failed = self._callback_failure is not None or self._failure_of_simulation is not None
         troubled = self._watch is not None and bool(self._watch.trouble)

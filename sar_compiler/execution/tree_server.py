@@ -100,23 +100,23 @@ class Bond:
         self._end = ""
 
     def begin(self) -> None:
-        """Send heartbeats until `end`."""
-        self.end()
+        """Send heartbeats until `announce_end`."""
+        self.announce_end()
         # The manager treats a reactivated node as a new one.
         self._end = str(uuid4())
         self._timer = self._node.create_timer(
-            _BOND_PERIOD_SEC, lambda: self._say(is_there=True), clock=self._clock
+            _BOND_PERIOD_SEC, lambda: self._publish(is_there=True), clock=self._clock
         )
 
-    def end(self) -> None:
+    def announce_end(self) -> None:
         """Announce the end of the bond."""
         if self._timer is None:
             return
         self._node.destroy_timer(self._timer)
         self._timer = None
-        self._say(is_there=False)
+        self._publish(is_there=False)
 
-    def _say(self, *, is_there: bool) -> None:
+    def _publish(self, *, is_there: bool) -> None:
         status = self._message(
             id=self._node.get_name(),
             instance_id=self._end,
@@ -227,7 +227,7 @@ class TreeExecutionServer(LifecycleNode):
     def _take_no_goals(self) -> None:
         self._is_active = False
         if self._bond is not None:
-            self._bond.end()
+            self._bond.announce_end()
 
     def _stop_instead(self, why: str) -> None:
         if self._run is not None:

@@ -30,7 +30,7 @@ class Groot2Extension(RunExtension):
         """
         try:
             self._publisher = Groot2Publisher(tree, self._port)
-            self._publisher.watch(engine)
+            self._publisher.observe(engine)
         except SarError as error:
             raise SarError(f"--groot2: {error}") from error
 

@@ -71,7 +71,7 @@ class Groot2Publisher:
         self._tree = NumberedTree(tree)
         self._xml = tree_xml(self._tree).encode()
         self._id = uuid.uuid4().bytes
-        self._changes = StatusChanges(self._tree, self._note)
+        self._changes = StatusChanges(self._tree, self._on_change)
         self._shown = [0] * len(self._tree.nodes)
         self._lock = Lock()
         self._transitions: deque[bytes] = deque(maxlen=_LONGEST_RECORDING)
@@ -115,7 +115,7 @@ class Groot2Publisher:
             raise Groot2PortError(message) from error
         return socket
 
-    def watch(self, ticking: Ticking) -> None:
+    def observe(self, ticking: Ticking) -> None:
         """Observe the engine that ticks the tree: a `TreeRunner`, or py_trees' own class."""
         ticking.add_visitor(self._changes)
 
@@ -129,7 +129,7 @@ class Groot2Publisher:
         self._context.term()
         thread.join()
 
-    def _note(self, change: StatusChange) -> None:
+    def _on_change(self, change: StatusChange) -> None:
         with self._lock:
             self._shown[change.uid - 1] = _WAS + change.before if change.status == IDLE else change.status
             if self._is_recording:
@@ -144,11 +144,11 @@ class Groot2Publisher:
 
     def _reply(self, frames: list[bytes]) -> list[bytes]:
         try:
-            return self._answer(*frames)
+            return self._respond(*frames)
         except Exception as error:  # noqa: BLE001 - whatever it is, the mission goes on
             return [b"error", str(error).encode("utf-8", "replace")]
 
-    def _answer(self, header: bytes, *rest: bytes) -> list[bytes]:
+    def _respond(self, header: bytes, *rest: bytes) -> list[bytes]:
         if len(header) != _HEADER.size:
             raise RequestError("wrong request header")
         answer = self._answers.get(header[1:2])
@@ -177,7 +177,7 @@ class Groot2Publisher:
         found = {}
         for key, entry in self._tree.scopes[path].entries():
             with suppress(MissingEntryError):  # never written, or removed by the tick meanwhile
-                found[key] = _plain(entry.read())
+                found[key] = _copy_value(entry.read())
         return found
 
     def _toggle_recording(self, rest: Sequence[bytes]) -> bytes | None:
@@ -221,7 +221,7 @@ def snapshot(statuses: Iterable[int]) -> bytes:
     return b"".join(_STATUS.pack(uid, status) for uid, status in enumerate(statuses, 1))
 
 
-def _plain(value: object) -> object:
+def _copy_value(value: object) -> object:
     """Return a copy of a value for msgpack, because a tick may change the value.
 
     The result is None for an unsupported value, as BehaviorTree.CPP returns without a converter.

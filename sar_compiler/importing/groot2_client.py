@@ -76,7 +76,7 @@ class Groot2Client:
             UnusableRecordingError: If no program answers, or not with a tree.
         """
         try:
-            return self._ask(b"T").decode()
+            return self._request(b"T").decode()
         except UnicodeDecodeError as error:
             raise UnusableRecordingError(f"the tree at {self._address} is not UTF-8") from error
 
@@ -86,7 +86,7 @@ class Groot2Client:
         Raises:
             UnusableRecordingError: If no program answers, or not with a time.
         """
-        text = self._ask(b"r", b"start")
+        text = self._request(b"r", b"start")
         if not text.isdigit() or len(text) > len(str(2**53)):
             raise UnusableRecordingError(f"{self._address} cannot record: it answers {text[:40]!r}")
         return int(text) / 1e6
@@ -97,7 +97,7 @@ class Groot2Client:
         Raises:
             UnusableRecordingError: If no program answers.
         """
-        self._ask(b"r", b"stop")
+        self._request(b"r", b"stop")
 
     def read_statuses(self) -> list[tuple[int, int]]:
         """Return the number and status of each node that is not IDLE.
@@ -105,7 +105,7 @@ class Groot2Client:
         Raises:
             UnusableRecordingError: If no program answers, or not with statuses.
         """
-        data = self._whole(self._ask(b"S"), _STATUS.size)
+        data = self._unpack_exactly(self._request(b"S"), _STATUS.size)
         return [(uid, status) for uid, status in _STATUS.iter_unpack(data) if RUNNING <= status <= SKIPPED]
 
     def read_changes(self) -> list[RecordedChange]:
@@ -114,21 +114,21 @@ class Groot2Client:
         Raises:
             UnusableRecordingError: If no program answers, or not with changes.
         """
-        data = self._whole(self._ask(b"t"), _CHANGE.size)
+        data = self._unpack_exactly(self._request(b"t"), _CHANGE.size)
         return [
             RecordedChange(low | high << 32, uid, status)
             for low, high, uid, status in _CHANGE.iter_unpack(data)
             if IDLE <= status <= SKIPPED
         ]
 
-    def _whole(self, data: bytes, size: int) -> bytes:
+    def _unpack_exactly(self, data: bytes, size: int) -> bytes:
         if len(data) % size:
             raise UnusableRecordingError(
                 f"{self._address} answers {len(data)} bytes instead of entries of {size}"
             )
         return data
 
-    def _ask(self, kind: bytes, *payload: bytes) -> bytes:
+    def _request(self, kind: bytes, *payload: bytes) -> bytes:
         header = _HEADER.pack(_VERSION, kind[0], random.getrandbits(32))
         try:
             self._socket.send_multipart([header, *payload])

@@ -90,7 +90,7 @@ def import_run(path: Path, journal: Path, projects: Workspace, trees: Sequence[P
         len(recording.times),
         writer.ticks,
         writer.runs,
-        writer.unsure,
+        writer.inferred_boundaries,
         tuple(recording.flaws),
         tuple(word for option in tree.options for word in option),
     )

@@ -47,7 +47,7 @@ class JournalWriter:
         self._begin()
 
     @property
-    def unsure(self) -> int:
+    def inferred_boundaries(self) -> int:
         """The number of tick boundaries that were inferred from a pause alone."""
         return self._finder.unsure
 

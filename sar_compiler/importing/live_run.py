@@ -151,7 +151,7 @@ class LiveRun:
         self._known = 0
         self._folder = tempfile.TemporaryDirectory()
 
-    def news(self) -> list[JournalEntry]:
+    def read_new(self) -> list[JournalEntry]:
         """Return the entries since the last call.
 
         Raises:

@@ -118,7 +118,7 @@ def read_exported(xml: str) -> ExportedTree:
         raise UnusableRecordingError("its tree has no numbers: it is not an export of BehaviorTree.CPP")
     nodes = _expand(uses[0], by_path)
     used = {tag for tag, _ in nodes}
-    trees = {each.attributes.get("ID", ""): _plain(each) for each in reversed(uses)}
+    trees = {each.attributes.get("ID", ""): _copy_without_numbers(each) for each in reversed(uses)}
     models = [
         each
         for child in root.children
@@ -170,10 +170,10 @@ def _with_autoremap(element: Element) -> Element:
     )
 
 
-def _plain(element: Element) -> Element:
+def _copy_without_numbers(element: Element) -> Element:
     """Return a copy of an element and its descendants, without node numbers."""
     given = {name: text for name, text in element.attributes.items() if name not in (_UID, _PATH)}
-    return replace(element, attributes=given, children=tuple(map(_plain, element.children)))
+    return replace(element, attributes=given, children=tuple(map(_copy_without_numbers, element.children)))
 
 
 def run_nodes(tree: Drawable) -> list[RunNode]:

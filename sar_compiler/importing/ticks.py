@@ -98,7 +98,7 @@ class TickFinder:
         count = len(nodes) + 1
         self._parents = [0, *(node.parent for node in nodes)]
         self._children: list[tuple[int, ...]] = [(1,), *(node.children for node in nodes)]
-        self._rules = [WaitRule.FREE, *map(_waiting, nodes)]
+        self._rules = [WaitRule.FREE, *map(_wait_rule, nodes)]
         self._pauses_after = [(), *map(_pauses_after, nodes)]
         self._ends = list(range(1, count + 1))
         for uid in range(count - 1, 0, -1):
@@ -573,8 +573,8 @@ class TickFinder:
             self._reset[uid] = self._tick
         if status in (SUCCESS, FAILURE):
             self._ended[uid], self._outcomes[uid] = self._tick, status
-        self._settle(uid)
-        self._settle(parent)
+        self._decide_tick(uid)
+        self._decide_tick(parent)
         return was
 
     def _is_catching(self, index: int, uid: int) -> bool:
@@ -620,15 +620,15 @@ class TickFinder:
         parent = self._parents[uid]
         self._running[parent] += (status == RUNNING) - (self._statuses[uid] == RUNNING)
         self._statuses[uid] = status
-        self._settle(uid)
-        self._settle(parent)
+        self._decide_tick(uid)
+        self._decide_tick(parent)
 
     def _set(self, uid: int, *, is_unsettled: bool) -> None:
         self._left += is_unsettled - self._unsettled[uid]
         self._unsettled[uid] = is_unsettled
         (self._open.add if is_unsettled else self._open.discard)(uid)
 
-    def _settle(self, uid: int) -> None:
+    def _decide_tick(self, uid: int) -> None:
         if uid and self._children[uid]:
             self._set(uid, is_unsettled=not self._is_settled(uid))
 
@@ -703,7 +703,7 @@ class TickFinder:
         return is_of_tick and self._outcomes[uid] in self._pauses_after[parent]
 
 
-def _waiting(node: RunNode) -> WaitRule:
+def _wait_rule(node: RunNode) -> WaitRule:
     """Return when a node may have returned RUNNING, according to its semantics."""
     means, count = node.bound.spec.semantics, len(node.children)
     is_decorator = node.bound.spec.kind is not Kind.CONTROL

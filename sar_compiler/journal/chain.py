@@ -1,7 +1,7 @@
 """The hash chain of a journal, which shows if an entry was altered, removed, moved or added.
 
 Each entry has a link: the SHA-256 of the previous link (zeros before the first one) and of all columns of its row, as
-composed by `linked`. The start and the end of a run are entries of the chain, too. So the link of the last one, the
+composed by `link_of_entry`. The start and the end of a run are entries of the chain, too. So the link of the last one, the
 head, represents the whole chain.
 """
 
@@ -30,7 +30,7 @@ _ENTRIES = (
 )
 
 
-def linked(
+def link_of_entry(
     before: bytes, what: bytes, number: int, run: int, wall: float, time: float, kind: str, data: str
 ) -> bytes:
     """Return the link of an entry.
@@ -75,19 +75,21 @@ def run_start_link(
         about: The data of the run, as text in the form of the file.
         of_mission: For the first run, the mission's keys and values, ordered by key.
     """
-    return linked(place.link, *_beginning(place.number, run, wall, about, of_mission))
+    return link_of_entry(place.link, *_run_start_row(place.number, run, wall, about, of_mission))
 
 
 def run_end_link(place: ChainPosition, run: int, wall: float, ending: str, status: int, reason: str) -> bytes:
     """Return the link of a run's end, given these columns of its row."""
-    return linked(place.link, *_end(place.number, run, wall, ending, status, reason))
+    return link_of_entry(place.link, *_run_end_row(place.number, run, wall, ending, status, reason))
 
 
-def _beginning(behind: Any, run: Any, wall: Any, about: Any, of_mission: Iterable[Any]) -> tuple[Any, ...]:
+def _run_start_row(
+    behind: Any, run: Any, wall: Any, about: Any, of_mission: Iterable[Any]
+) -> tuple[Any, ...]:
     return BEGAN, behind, run, wall, 0.0, RUN_BEGAN, _text([*of_mission, about])
 
 
-def _end(behind: Any, run: Any, wall: Any, *columns: Any) -> tuple[Any, ...]:
+def _run_end_row(behind: Any, run: Any, wall: Any, *columns: Any) -> tuple[Any, ...]:
     return ENDED, behind, run, wall, 0.0, RUN_ENDED, _text(columns)
 
 
@@ -124,7 +126,7 @@ class ChainEntry(NamedTuple):
     link: Any
 
 
-def chained(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
+def chain_entries(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
     """Yield the entries of the chain in order, one by one, as tuples of the fields of `ChainEntry`.
 
     Args:
@@ -147,9 +149,9 @@ def chained(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
 def _marks(row: tuple[Any, ...], of_mission: Iterable[Any]) -> Iterator[tuple[Any, ...]]:
     """Yield the start of a run, and its end if it has one."""
     run, began, about, *end, link, closed, began_behind, ended_behind = row
-    yield *_beginning(began_behind, run, began, about, of_mission), link
+    yield *_run_start_row(began_behind, run, began, about, of_mission), link
     if (*end, closed, ended_behind) != (None, None, None, "", None, None):
-        yield *_end(ended_behind, run, *end), closed
+        yield *_run_end_row(ended_behind, run, *end), closed
 
 
 class JournalChain(NamedTuple):
@@ -179,7 +181,7 @@ def follow(entries: Iterable[tuple[Any, ...]]) -> JournalChain:
     """Check a chain up to its end or the first entry that does not match.
 
     Args:
-        entries: The entries, as `chained` yields them.
+        entries: The entries, as `chain_entries` yields them.
     """
     before, what, read, runs, heads = START, b"", 0, 0, dict[int, str]()
     for entry in entries:
@@ -197,7 +199,7 @@ def follow(entries: Iterable[tuple[Any, ...]]) -> JournalChain:
 
 def _follows(before: bytes, entry: tuple[Any, ...]) -> bool:
     try:
-        return bool(entry[7] == linked(before, *entry[:7]))
+        return bool(entry[7] == link_of_entry(before, *entry[:7]))
     except (AttributeError, TypeError, OverflowError, struct.error):
         return False  # a value has a type that the project never writes
 

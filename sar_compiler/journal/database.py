@@ -16,10 +16,10 @@ from sar_compiler.journal.chain import (
     WATCHED,
     ChainPosition,
     JournalChain,
-    chained,
+    chain_entries,
     follow,
     last_position,
-    linked,
+    link_of_entry,
     run_end_link,
     run_start_link,
 )
@@ -165,7 +165,7 @@ class StreamPosition(NamedTuple):
     number: int = 0
     time: float = -math.inf
 
-    def behind(self, entry: JournalEntry) -> "StreamPosition":
+    def next_position(self, entry: JournalEntry) -> "StreamPosition":
         """Return the position after the next entry."""
         latest = max(self.time, entry.time) if entry.run == self.run else entry.time
         return StreamPosition(entry.run, entry.number, latest)
@@ -226,15 +226,15 @@ class JournalFile:
         """
         with _readable(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            lock = _locked(path)
+            lock = _open_locked(path)
             try:
-                connection = open_by_name(path, lock, lambda: _connected(path))
+                connection = open_by_name(path, lock, lambda: _connect(path))
             except BaseException:
                 os.close(lock)
                 raise
             file = cls(path, connection, lock)
             try:
-                with file._reading():
+                with file._limit_reading():
                     file._make()
             except BaseException:
                 file.close()
@@ -277,7 +277,7 @@ class JournalFile:
         Raises:
             JournalError: If it cannot be created.
         """
-        with self._reading():
+        with self._limit_reading():
             reserve = SpillFile(self.path)
             self._connection.execute("PRAGMA busy_timeout = 0")
             _sync_folder(self.path.parent)
@@ -302,11 +302,11 @@ class JournalFile:
             uri = f"{path.absolute().as_uri()}?{passive if _is_used(path) else 'immutable=1'}"
             with release_pipes(path, f"{path}-shm"):
                 with regular_file(path) as checked:
-                    connection = open_by_name(path, checked, lambda: _connected(uri, uri=True))
+                    connection = open_by_name(path, checked, lambda: _connect(uri, uri=True))
                 file = cls(path, connection)
                 file.is_written = is_written
                 try:
-                    with file._reading():
+                    with file._limit_reading():
                         file._require_journal()
                         file._show(file._spilled_entries())
                         return file
@@ -316,7 +316,7 @@ class JournalFile:
 
     @classmethod
     @contextmanager
-    def reading(cls, path: Path) -> "Iterator[JournalFile]":
+    def open_snapshot(cls, path: Path) -> "Iterator[JournalFile]":
         """Open a snapshot of a journal for reading; see `read`."""
         with closing(cls.read(path)) as file, file.snapshot():
             yield file
@@ -348,7 +348,7 @@ class JournalFile:
         return ""
 
     @contextmanager
-    def _reading(self) -> Iterator[None]:
+    def _limit_reading(self) -> Iterator[None]:
         """Limit the work of a read, and explain its errors.
 
         Raises:
@@ -366,15 +366,15 @@ class JournalFile:
                     raise KeyboardInterrupt from error
                 raise ValueError("reading it takes far more steps than its size explains") from error
 
-    def about(self) -> dict[str, Any]:
+    def description(self) -> dict[str, Any]:
         """Return the mission's description: `mission`, `tree`, `identity` and so on; empty before its first run."""
-        with self._reading():
+        with self._limit_reading():
             rows = self._connection.execute("SELECT key, value FROM about").fetchall()
             return {key: json_value(value) for key, value in rows}
 
     def runs(self) -> list[JournalRun]:
         """Return the runs, the latest last."""
-        with self._reading():
+        with self._limit_reading():
             rows = self._connection.execute(_RUNS)
             runs = [
                 JournalRun(
@@ -393,11 +393,11 @@ class JournalFile:
                 check_value_types(RUN_BEGAN, run.about)
             return runs
 
-    def facts(self) -> Iterator[JournalEntry]:
+    def events(self) -> Iterator[JournalEntry]:
         """Yield all events in order."""
         return self._read("fact")
 
-    def watched(self, *kinds: str) -> Iterator[JournalEntry]:
+    def observations(self, *kinds: str) -> Iterator[JournalEntry]:
         """Yield observations of some kinds, by default of all kinds, in order."""
         return self._read(f"watched WHERE kind IN ({_places(kinds)})" if kinds else "watched", kinds)
 
@@ -444,7 +444,7 @@ class JournalFile:
     ) -> Iterator[JournalEntry]:
         if after is None:
             after = StreamPosition(run.number, 0, _start(run))
-            begin = self._begin_of(run, self.about())
+            begin = self._begin_of(run, self.description())
             if log is not None:
                 log.add_entry(begin)
             yield begin
@@ -495,7 +495,7 @@ class JournalFile:
         query = "SELECT max(length(kind)) FROM fact WHERE run = ?1"
         if with_watched:
             query += " UNION ALL SELECT max(length(kind)) FROM watched WHERE run = ?1"
-        with self._reading():
+        with self._limit_reading():
             return max(int(widest or 0) for (widest,) in self._connection.execute(query, (run,)))
 
     def _begin_of(self, run: JournalRun, about: Mapping[str, Any]) -> JournalEntry:
@@ -508,14 +508,14 @@ class JournalFile:
         last = max(_start(run), self._last_time(run.number) if latest is None else latest)
         return JournalEntry(END, run.number, run.ended, last, RUN_ENDED, data)
 
-    def news(self, mark: "ReadCursor") -> "tuple[list[JournalEntry], ReadCursor]":
+    def read_new(self, mark: "ReadCursor") -> "tuple[list[JournalEntry], ReadCursor]":
         """Return the entries after a read position, and the next position.
 
         Args:
             mark: The read position.
         """
         with self.snapshot():
-            return self._news(mark)
+            return self._read_new(mark)
 
     @contextmanager
     def snapshot(self) -> Iterator[None]:
@@ -523,7 +523,7 @@ class JournalFile:
         if self._connection.in_transaction:
             yield
             return
-        with self._reading():
+        with self._limit_reading():
             self._connection.execute("BEGIN")
         try:
             yield
@@ -531,9 +531,9 @@ class JournalFile:
             with suppress(sqlite3.Error):
                 self._connection.execute("COMMIT")
 
-    def _news(self, mark: "ReadCursor") -> "tuple[list[JournalEntry], ReadCursor]":
+    def _read_new(self, mark: "ReadCursor") -> "tuple[list[JournalEntry], ReadCursor]":
         runs = self.runs()
-        about = self.about() if any(run.number not in mark.begun for run in runs) else {}
+        about = self.description() if any(run.number not in mark.begun for run in runs) else {}
         facts = [*self._read("fact WHERE number > ?", (mark.fact,))]
         watched = [*self._read("watched WHERE number > ?", (mark.watched,))]
         entries = [*facts, *watched]
@@ -555,14 +555,14 @@ class JournalFile:
 
     def last_number(self) -> int:
         """Return the number of the last entry; 0 if there is none."""
-        with self._reading():
+        with self._limit_reading():
             query = "SELECT max(number) FROM (SELECT number FROM fact UNION ALL SELECT number FROM watched)"
             (last,) = self._connection.execute(query).fetchone()
             return int(last or 0)
 
     def _last_time(self, run: int) -> float:
         """Return the mission's time of the last entry of a run; minus infinity if there is none."""
-        with self._reading():
+        with self._limit_reading():
             query = "SELECT max(time) FROM (SELECT run, time FROM fact UNION ALL SELECT run, time FROM watched) WHERE run = ?"
             (last,) = self._connection.execute(query, (run,)).fetchone()
         return -math.inf if last is None else float(last)
@@ -577,15 +577,15 @@ class JournalFile:
     ) -> Iterator[JournalEntry]:
         """Yield the entries of a table, with a condition on them, in their order."""
         query = f"{_ENTRIES} {source} ORDER BY number"
-        with self._reading():
+        with self._limit_reading():
             rows = self._connection.execute(query, tuple(values))
-            nodes = tree_nodes(self.about().get("tree")) if is_condensed else ()
+            nodes = tree_nodes(self.description().get("tree")) if is_condensed else ()
             yield from entries_of(rows, [each.parent for each in nodes] if is_condensed else None, log)
 
     @property
     def head(self) -> str:
         """The link of the last entry that was written, as hexadecimal digits."""
-        return self._place().link.hex()
+        return self._last_position().link.hex()
 
     def chain(self) -> JournalChain:
         """Check its chain.
@@ -593,27 +593,27 @@ class JournalFile:
         Raises:
             JournalError: If it is damaged.
         """
-        with self._reading():
+        with self._limit_reading():
             # If an index and its table differ, a query by the index does not match the chain.
             (flaw,) = self._connection.execute("PRAGMA integrity_check(1)").fetchone()
             if flaw != "ok":
                 raise ValueError(flaw)
             self._connection.text_factory = functools.partial(str, encoding="utf-8", errors="surrogateescape")
             try:
-                return follow(chained(self._connection))
+                return follow(chain_entries(self._connection))
             finally:
                 self._connection.text_factory = str
 
-    def waiting(self) -> int:
+    def spilled_count(self) -> int:
         """Return how many events are in the reserve beside it, and not yet in the chain."""
-        with self._reading():
+        with self._limit_reading():
             counts = "SELECT (SELECT count(*) FROM fact) - (SELECT count(*) FROM main.fact)"
             return int(self._connection.execute(counts).fetchone()[0])
 
-    def _place(self) -> ChainPosition:
+    def _last_position(self) -> ChainPosition:
         """Return the position after the last entry."""
         if self._end is None:
-            with self._reading():
+            with self._limit_reading():
                 self._end = last_position(self._connection)
         return self._end
 
@@ -621,7 +621,7 @@ class JournalFile:
         """Add a run, and the mission's description if it is the first one; return the run's number."""
         # The budget of a read is for the content of others.
         self._connection.set_progress_handler(None, 0)
-        place, text = self._place(), json_text(run_about)
+        place, text = self._last_position(), json_text(run_about)
         with self._transaction():
             (number,) = self._connection.execute("SELECT 1 + ifnull(max(number), 0) FROM run").fetchone()
             rows = [] if number > 1 else [(key, json_text(value)) for key, value in sorted(about.items())]
@@ -639,10 +639,10 @@ class JournalFile:
 
         It does not wait: if another process has locked the file, or it cannot be written, no row is written.
         """
-        link, number = self._place()
+        link, number = self._last_position()
         added: dict[bytes, list[tuple[object, ...]]] = {FACT: [], WATCHED: []}
         for row, what in sorted([*((row, WATCHED) for row in watched), *((row, FACT) for row in facts)]):
-            link, number = linked(link, what, *row), row.number
+            link, number = link_of_entry(link, what, *row), row.number
             added[what].append((*row, link))
         place = ChainPosition(link, number)
         with self._transaction(durable=bool(facts or end)):
@@ -694,7 +694,7 @@ class JournalFile:
 
     def remove(self) -> None:
         """Close it and delete it."""
-        with self._reading():
+        with self._limit_reading():
             self._connection.close()
             for ending in ("", *_SIDECARS):
                 Path(f"{self.path}{ending}").unlink(missing_ok=True)
@@ -738,7 +738,7 @@ def _is_used(path: Path) -> bool:
     return True
 
 
-def _locked(path: Path) -> int:
+def _open_locked(path: Path) -> int:
     """Open or create a file, and lock it until the process ends."""
     # Not blocking: a pipe without a reader would keep the command for good.
     descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CREAT, 0o644)
@@ -842,7 +842,7 @@ class _QueryBudget:
         return self._left >= 0
 
 
-def _connected(target: str | Path, **options: Any) -> sqlite3.Connection:
+def _connect(target: str | Path, **options: Any) -> sqlite3.Connection:
     # Statements alone start and end transactions. Only a reader can block the file for a moment.
     connection: sqlite3.Connection = sqlite3.connect(target, timeout=5.0, isolation_level=None, **options)
     connection.execute("PRAGMA trusted_schema = OFF")

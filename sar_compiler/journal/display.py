@@ -255,13 +255,15 @@ def changes(before: Display, after: Display) -> dict[str, Any]:
     known = {(each.kind, each.name): each for each in before.landmarks}
     now = {(each.kind, each.name) for each in after.landmarks}
     parts = {
-        "landmarks": [_plain(each) for each in after.landmarks if known.get((each.kind, each.name)) != each],
+        "landmarks": [
+            _to_json(each) for each in after.landmarks if known.get((each.kind, each.name)) != each
+        ],
         "gone": [list(key) for key in known if key not in now],
-        "figures": [_plain(each) for each in after.figures if each not in before.figures],
-        "gauges": [_plain(each) for each in after.gauges if each not in before.gauges],
-        "rasters": [_plain(each) for each in after.rasters if each not in before.rasters],
-        "alarms": [*map(_plain, _raised(before.alarms, after.alarms))],
-        "phase": _plain(after.phase) if after.phase != before.phase else None,
+        "figures": [_to_json(each) for each in after.figures if each not in before.figures],
+        "gauges": [_to_json(each) for each in after.gauges if each not in before.gauges],
+        "rasters": [_to_json(each) for each in after.rasters if each not in before.rasters],
+        "alarms": [*map(_to_json, _changed_alarms(before.alarms, after.alarms))],
+        "phase": _to_json(after.phase) if after.phase != before.phase else None,
         "objects": dict(after.objects) if after.objects != before.objects else None,
     }
     may_be_empty = ("phase", "objects")
@@ -289,19 +291,19 @@ def changes_of_event(fact: JournalEntry, sentence: str, before: Display, after: 
     return {"said": sentence or default_sentence(fact.kind, fact.data), **changed}
 
 
-def _raised(before: Sequence[Alarm], after: Sequence[Alarm]) -> Iterator[Alarm]:
+def _changed_alarms(before: Sequence[Alarm], after: Sequence[Alarm]) -> Iterator[Alarm]:
     """Yield the alarms that have changed; disappeared ones are marked as over."""
     yield from (each for each in after if each not in before)
     there = {each.text for each in after}
     yield from (each._replace(is_over=True) for each in before if each.text not in there and not each.is_over)
 
 
-def beginning(kinds: Iterable[LandmarkKind], shown: Display) -> dict[str, Any]:
+def initial_display(kinds: Iterable[LandmarkKind], shown: Display) -> dict[str, Any]:
     """Return the data of a run's first `changed` entry: the whole display as JSON values."""
-    return {"kinds": [_plain(each) for each in kinds], **changes(Display(), shown)}
+    return {"kinds": [_to_json(each) for each in kinds], **changes(Display(), shown)}
 
 
-def _plain(value: Any) -> dict[str, Any]:
+def _to_json(value: Any) -> dict[str, Any]:
     """Return a tuple of this module as JSON values, without default values."""
     usual = value._field_defaults
     fields = {key: each for key, each in value._asdict().items() if key not in usual or each != usual[key]}
@@ -348,7 +350,7 @@ class DisplayState:
         at = EventTime(**value)
         return at._replace(time=at.time - self._starts.get(at.run, 0.0))
 
-    def take(
+    def apply(
         self,
         kinds: Iterable[Mapping[str, Any]] = (),
         landmarks: Iterable[Mapping[str, Any]] = (),
@@ -396,7 +398,7 @@ class DisplayState:
         """Return the landmarks of a kind."""
         return [each for each in self.landmarks.values() if each.kind == name]
 
-    def found(self) -> list[Landmark]:
+    def detections(self) -> list[Landmark]:
         """Return the landmarks that the robot has detected, including those that need no visit."""
         return [each for each in self.landmarks.values() if self.kind_of(each).is_found]
 

@@ -24,7 +24,7 @@ class Georeference(NamedTuple):
     heading: float
 
     @classmethod
-    def among(cls, parameters: Mapping[str, Any]) -> "Georeference | None":
+    def from_parameters(cls, parameters: Mapping[str, Any]) -> "Georeference | None":
         """Return the georeference in a run's parameters (flat names); None if missing or out of range."""
         try:
             place = cls(*(float(parameters[f"{GEOREFERENCE}.{name}"]) for name in cls._fields))
@@ -38,7 +38,7 @@ class Georeference(NamedTuple):
             if not abs(value) <= most:  # NaN is an error, too
                 yield name, f"must be degrees between -{most} and {most}, not {value:g}"
 
-    def located(self, x: float, y: float) -> tuple[float, float]:
+    def to_coordinates(self, x: float, y: float) -> tuple[float, float]:
         """Return latitude and longitude of a position in the frame `map` (metres), along the ellipsoid.
 
         Raises:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from sar_compiler.journal.command_objects import OBJECT, RUN, SeenObjects, describe_change, run_identity
-from sar_compiler.journal.display import Alarm, Display, LandmarkKind, beginning, changes_of_event
+from sar_compiler.journal.display import Alarm, Display, LandmarkKind, changes_of_event, initial_display
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import (
     CHANGED,
@@ -24,7 +24,7 @@ from sar_compiler.journal.journal_entries import (
     Row,
     end_data,
 )
-from sar_compiler.journal.spill_file import RunEnd, SpilledEntries, SpillFile, lost
+from sar_compiler.journal.spill_file import RunEnd, SpilledEntries, SpillFile, lost_events_row
 from sar_compiler.json_values import json_text
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import mission_context
@@ -136,8 +136,8 @@ class Journal:
         self.head = ""
         known = file if aside is None else None
         self.is_resumed = known is not None and bool(known.runs())
-        self._facts = [*known.facts()] if known is not None else []
-        self._about = known.about() if known is not None else {}
+        self._facts = [*known.events()] if known is not None else []
+        self._about = known.description() if known is not None else {}
         self._has_begun = self.is_resumed
         # The time of the last entry, of events and observations. The system's clock may change.
         self._number = known.last_number() if known is not None else 0
@@ -177,12 +177,12 @@ class Journal:
         self._listeners.append(listener)
 
     @property
-    def place(self) -> Path:
+    def path(self) -> Path:
         """Its path."""
         return self._file.path if self._file is not None else Path()
 
     @property
-    def about(self) -> Mapping[str, object]:
+    def description(self) -> Mapping[str, object]:
         """The mission's description, which its first run writes; empty before."""
         return self._about
 
@@ -190,7 +190,7 @@ class Journal:
         """Return the entries of earlier runs in order, which `listen` does not deliver."""
         return [*self._file.stream()] if self._file is not None and self.is_resumed else []
 
-    def facts(self) -> list[JournalEntry]:
+    def earlier_events(self) -> list[JournalEntry]:
         """Return the events of earlier runs in order."""
         return list(self._facts)
 
@@ -203,7 +203,7 @@ class Journal:
         if self._file is None or not self._facts:
             return []
         # A goal that was considered lost and then accepted is in it twice.
-        ends = Counter(entry.data.get("goal") for entry in self._file.watched(GOAL_ENDED))
+        ends = Counter(entry.data.get("goal") for entry in self._file.observations(GOAL_ENDED))
         sent = [_sent_goal(fact) for fact in self._facts if fact.kind == GOAL_SENT]
         times = Counter(goal.goal_id for goal in sent)
         return [goal for goal in dict.fromkeys(sent) if times[goal.goal_id] > ends[goal.goal_id]]
@@ -218,7 +218,7 @@ class Journal:
         Raises:
             JournalError: If the events do not belong to such a mission.
         """
-        for fact in self.facts():
+        for fact in self.earlier_events():
             try:
                 state.apply(fact)
             except (  # noqa: PERF203 - which fact it is is said
@@ -247,11 +247,11 @@ class Journal:
         self._about, self._has_begun, self._run_about = self._about or dict(about), True, of_run
         if self._file is not None:
             self._begin_in(self._file, about, of_run)
-        self._tell(self._entry(RUN_BEGAN, {**self._about, "run": of_run}))
+        self._notify(self._entry(RUN_BEGAN, {**self._about, "run": of_run}))
         if self._state is not None:
             self._apply(self._entry(RUN_BEGAN, of_run))
             self._shown = self._display()
-            self.watch(CHANGED, **beginning(self._kinds, self._shown))
+            self.record_observation(CHANGED, **initial_display(self._kinds, self._shown))
 
     def _begin_in(
         self, file: "JournalFile", about: Mapping[str, object], of_run: Mapping[str, object]
@@ -266,12 +266,12 @@ class Journal:
         try:
             self._run, self._is_written = file.begin_run(about, of_run, time.time()), True
         except Error as error:
-            raise JournalError(f"the journal {self.place} cannot be written: {error}") from error
+            raise JournalError(f"the journal {self.path} cannot be written: {error}") from error
         self._began = file.runs()[0].began
         self._reserve = file.reserve()
-        self._reserve.keep(SpilledEntries(self._began), {})
+        self._reserve.replace_content(SpilledEntries(self._began), {})
 
-    def note(self, kind: str, /, **data: object) -> None:
+    def record_event(self, kind: str, /, **data: object) -> None:
         """Record an event. It is on disk when this returns; act on it only then.
 
         Args:
@@ -281,38 +281,38 @@ class Journal:
         Raises:
             TypeError: If a value is no JSON value.
         """
-        self._note(self._entry(kind, data))
+        self._apply_event(self._entry(kind, data))
 
     def raise_alarm(self, text: str, kind: str, /, **data: object) -> None:
         """Record an event from outside the mission, and show an alarm from then on.
 
         Args:
             text: The alarm, which is also the sentence of the event.
-            kind: As for `note`.
-            **data: As for `note`.
+            kind: As for `record_event`.
+            **data: As for `record_event`.
 
         Raises:
             TypeError: If a value is no JSON value.
         """
         self._alarms.append(Alarm(text))
-        self._note(self._entry(kind, data), text)
+        self._apply_event(self._entry(kind, data), text)
 
-    def _note(self, fact: JournalEntry, sentence: str = "") -> None:
+    def _apply_event(self, fact: JournalEntry, sentence: str = "") -> None:
         self._apply(fact)
         order = self._order(fact.kind)
-        changed = {**self._changed(fact, sentence), **order, **self.leaf_in_hand()}
+        changed = {**self._display_changes(fact, sentence), **order, **self.leaf_in_hand()}
         behind = [fact._replace(kind=CHANGED, data=changed)] if changed else []
         if self._is_written:
             self._pending.append(self._row(fact))
             self._watched.extend(map(self._row, behind))
             self._write()
         for entry in (fact, *behind):
-            self._tell(entry)
+            self._notify(entry)
 
     def _entry(self, kind: str, data: Mapping[str, object]) -> JournalEntry:
         return JournalEntry(self._number + 1, self._run, time.time(), self.clock.now(), kind, data)
 
-    def _changed(self, fact: JournalEntry, sentence: str = "") -> dict[str, object]:
+    def _display_changes(self, fact: JournalEntry, sentence: str = "") -> dict[str, object]:
         """Return the changes of the display by an event, with the event as a sentence."""
         if self._state is None and not self._alarms:
             return {}
@@ -361,7 +361,7 @@ class Journal:
         """
         self._numbers[kind] = max(number, self._numbers.get(kind, 0))
 
-    def watch(self, kind: str, /, **data: object) -> None:
+    def record_observation(self, kind: str, /, **data: object) -> None:
         """Queue an observation for the next write; it may be lost when the process is killed.
 
         Args:
@@ -381,14 +381,14 @@ class Journal:
             else:
                 self._left_out += 1
             self.write_when_due()
-        self._tell(entry)
+        self._notify(entry)
 
     def write_when_due(self) -> None:
         """Write the queue if its oldest entry or the last failed attempt is a second old."""
         if (self._watched or self._is_failing) and time.monotonic() - self._pending_since >= _BATCH_SEC:
             self._write()
 
-    def end(self, ending: Ending, status: int, reason: str = "") -> None:
+    def end_run(self, ending: Ending, status: int, reason: str = "") -> None:
         """Record the end of the run.
 
         Args:
@@ -398,19 +398,19 @@ class Journal:
         """
         entry = self._entry(RUN_ENDED, end_data(ending, status, reason, ""))
         self._apply(entry)
-        if changed := self._changed(entry):
-            self.watch(CHANGED, **changed)
+        if changed := self._display_changes(entry):
+            self.record_observation(CHANGED, **changed)
         if self._is_written:
             self._end = RunEnd(self._run, time.time(), ending, status, reason)
             self._write()
-        self._tell(entry._replace(data=end_data(ending, status, reason, self.head)))
+        self._notify(entry._replace(data=end_data(ending, status, reason, self.head)))
 
     def close(self) -> None:
         """Write the queue, and close the file; remove a file in which no run has started."""
         self._write()
         if self._is_failing:
             self.on_failure(
-                f"The missing entries of the journal {self.place} are in the reserve beside it. Keep both files together."
+                f"The missing entries of the journal {self.path} are in the reserve beside it. Keep both files together."
             )
         if self._reserve is not None:
             self._reserve.close(is_needed=self._is_failing)
@@ -420,7 +420,7 @@ class Journal:
             self._file.remove()
         self._file, self._reserve, self._is_written = None, None, False
 
-    def _tell(self, entry: JournalEntry) -> None:
+    def _notify(self, entry: JournalEntry) -> None:
         """Pass an entry to the listeners, with its number in their stream."""
         if self._listeners:
             # A value that is not JSON is the caller's error even without a file.
@@ -462,9 +462,11 @@ class Journal:
         # A full disk must not stop a search for people.
         self._pending_since = time.monotonic()
         if len(self._pending) > _MOST_FACTS:
-            self._pending[_MOST_FACTS - 1 :] = [lost(self._pending[_MOST_FACTS - 1 :], self._numbers)]
+            self._pending[_MOST_FACTS - 1 :] = [
+                lost_events_row(self._pending[_MOST_FACTS - 1 :], self._numbers)
+            ]
         had_reserve = self._reserve is not None
-        self._keep(SpilledEntries(self._began, self._pending, self._end))
+        self._spill(SpilledEntries(self._began, self._pending, self._end))
         if self._is_failing and (self._reserve is not None or not had_reserve):
             return
         self._is_failing = True
@@ -474,15 +476,15 @@ class Journal:
             else "until then the mission cannot be resumed from here"
         )
         self.on_failure(
-            f"The journal {self.place} cannot be written ({error}). The mission continues, writing is retried each "
+            f"The journal {self.path} cannot be written ({error}). The mission continues, writing is retried each "
             f"second, and {beside}."
         )
 
-    def _keep(self, kept: SpilledEntries) -> None:
+    def _spill(self, kept: SpilledEntries) -> None:
         """Write events to the reserve; raise an error if that is impossible, too."""
         if self._reserve is not None:
             try:
-                self._reserve.keep(kept, self._numbers)
+                self._reserve.replace_content(kept, self._numbers)
             except OSError:
                 self._reserve.close(is_needed=True)
                 self._reserve = None
@@ -491,9 +493,9 @@ class Journal:
         if not self._is_failing:
             return
         self._is_failing = False
-        self._keep(SpilledEntries(self._began))
+        self._spill(SpilledEntries(self._began))
         without = f", without {self._left_out} observations" if self._left_out else ""
         self._left_out = 0
         self.on_recovery(
-            f"The journal {self.place} is written again, including the events of the meantime{without}."
+            f"The journal {self.path} is written again, including the events of the meantime{without}."
         )

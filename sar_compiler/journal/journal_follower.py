@@ -24,14 +24,14 @@ class JournalFollower:
         self._began: float | None = None
         self._failed = 0
 
-    def news(self) -> list[JournalEntry]:
+    def read_new(self) -> list[JournalEntry]:
         """Return the entries since the last call, or all entries if a different mission has started in the file.
 
         Raises:
             JournalError: If it is no journal or is unreadable, in several calls in a row.
         """
         try:
-            entries = self._news()
+            entries = self._read_new()
         except JournalError:
             self._failed += 1
             if self._failed == _TRIES:
@@ -40,15 +40,15 @@ class JournalFollower:
         self._failed = 0
         return entries
 
-    def _news(self) -> list[JournalEntry]:
+    def _read_new(self) -> list[JournalEntry]:
         try:
             # A file that is being created is empty for a moment.
             if not self.path.stat().st_size:
                 return []
         except FileNotFoundError:
             return []
-        with JournalFile.reading(self.path) as file:
+        with JournalFile.open_snapshot(self.path) as file:
             began = next((run.began for run in file.runs()), None)
-            entries, mark = file.news(self._mark if began == self._began else ReadCursor())
+            entries, mark = file.read_new(self._mark if began == self._began else ReadCursor())
         self._began, self._mark = began, mark
         return entries

@@ -84,13 +84,13 @@ def open_journal(place: Path, *, resume: bool = False, anew: bool = False, is_na
         raise JournalError(f"there is no journal {place} to resume. Omit --resume")
     file = JournalFile.open(place)
     try:
-        return _judged(file, resume=resume, anew=anew, is_named=is_named)
+        return _journal_to_use(file, resume=resume, anew=anew, is_named=is_named)
     except BaseException:
         file.close()
         raise
 
 
-def _judged(file: JournalFile, *, resume: bool, anew: bool, is_named: bool) -> Journal:
+def _journal_to_use(file: JournalFile, *, resume: bool, anew: bool, is_named: bool) -> Journal:
     runs = file.runs()
     last = runs[-1] if runs else None
     if last is None:
@@ -105,13 +105,13 @@ def _judged(file: JournalFile, *, resume: bool, anew: bool, is_named: bool) -> J
         return Journal(file)
     if not (anew or last.is_over or (last.ending is Ending.STOPPED and not is_named)):
         raise JournalError(
-            f"the mission in the journal {file.path} is not over: it {_told(last)}. Resume it with --resume, or "
+            f"the mission in the journal {file.path} is not over: it {_run_description(last)}. Resume it with --resume, or "
             "start over with --new, which keeps that journal under another name"
         )
     return Journal(file, _backup_path(file.path, runs[0].began))
 
 
-def _told(run: JournalRun) -> str:
+def _run_description(run: JournalRun) -> str:
     day = day_and_time(run.ended or run.began)
     if run.ending is None:
         return f"was started on {day}, and crashed"

@@ -32,14 +32,14 @@ class LastRunEvents(TickSource):
         return self._omits_ticks
 
     def __iter__(self) -> Iterator[Event]:
-        with JournalFile.reading(self._path) as file:
+        with JournalFile.open_snapshot(self._path) as file:
             entries = file.last_run(without=OF_ROBOT)
             yield from recorded_events(each for each in entries if each.run == self._run)
 
     def read_ticks(self) -> Iterator[LoggedTick]:
         """Yield the ticks."""
         log = TickLog(self._nodes)
-        with JournalFile.reading(self._path) as file:
+        with JournalFile.open_snapshot(self._path) as file:
             for entry in file.last_run(without=OF_ROBOT, log=log):
                 if entry.run != self._run:
                     return

@@ -171,12 +171,12 @@ class NodeState:
     tick: int = 0
 
     @property
-    def words(self) -> str:
+    def status_text(self) -> str:
         """Its status with label and message, in words."""
         return f"{answer_words(self.status, self.label)}{f', {self.message}' if self.message else ''}"
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         """Its source location, `file:line`; empty if unknown."""
         return f"{self.file}:{self.line}" if self.file else ""
 
@@ -290,10 +290,10 @@ class MissionState:
         """Return the state of a mission after entries."""
         state = cls()
         for entry in stream:
-            state.take(entry)
+            state.apply(entry)
         return state
 
-    def take(self, entry: JournalEntry) -> None:
+    def apply(self, entry: JournalEntry) -> None:
         """Apply an entry to the state."""
         kind = entry.kind
         if kind == events.RUN_BEGAN:
@@ -310,7 +310,7 @@ class MissionState:
                     self._update_phase(anew=kind == events.RUN_BEGAN)
                 return
         # Kinds without a handler belong to the mission, or to a newer version. They are shown by their words.
-        self._know(kind, entry.data)
+        self._add_event(kind, entry.data)
 
     def take_status(self, entry: JournalEntry) -> NodeState:
         """Apply a status with valid data, and return the state of its node."""
@@ -340,7 +340,7 @@ class MissionState:
             self._now = EventTime(run, time_ - self._starts.get(run, 0.0), wall)
         return self._now
 
-    def _know(self, kind: str, data: Mapping[str, Any]) -> None:
+    def _add_event(self, kind: str, data: Mapping[str, Any]) -> None:
         self.facts.append(KnownEvent(self.now, kind, data, default_sentence(kind, data)))
 
     def _update_phase(self, *, anew: bool) -> None:
@@ -512,11 +512,11 @@ class MissionState:
         name, event = str(data["property"]), str(data["event"])
         known = self.properties.get(name, WatchedProperty(name))
         self.properties[name] = known._replace(broken=known.broken or self.now, event=known.event or event)
-        self._know(events.PROPERTY_BROKEN, data)
+        self._add_event(events.PROPERTY_BROKEN, data)
 
     def _on_assumption_failed(self, **data: Any) -> None:
         self.assumption_failed_at = self.assumption_failed_at or self.now
-        self._know(events.ASSUMPTION_FAILED, data)
+        self._add_event(events.ASSUMPTION_FAILED, data)
 
     def _on_leaf_raised(self, text: str, node: int | None = None) -> None:
         data = {"node": node, "text": text}
@@ -534,9 +534,9 @@ class MissionState:
         situation = self.situation
         if kinds is not None:
             self.situation = situation = DisplayState(self._starts)
-            situation.take(kinds)
+            situation.apply(kinds)
             self.is_told = True
-        situation.take(**data)
+        situation.apply(**data)
         if (reason := situation.phase.reason) != self._why_ordered[0]:
             self._why_ordered = reason, CommandAuthor.from_data(data)
         self._finish(data.get("landmarks", ()))

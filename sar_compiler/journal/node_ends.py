@@ -79,7 +79,7 @@ class NodeEnds:
                     # It has returned the same as before, in a new activation.
                     self._began[number] = self.tick
                 children = self._nodes[number].children
-                self.causes[number] = self._explaining(number, children) if children else []
+                self.causes[number] = self._explaining_children(number, children) if children else []
                 ended.append(number)
         self._visited, self._above, self._going = {}, {}, {}
         return ended
@@ -114,7 +114,7 @@ class NodeEnds:
             if self.status.get(sibling) == FAILURE and self.is_in_activation(sibling):
                 yield sibling
 
-    def _explaining(self, number: int, children: Sequence[int]) -> list[int]:
+    def _explaining_children(self, number: int, children: Sequence[int]) -> list[int]:
         """Return the children that explain the end of a node."""
         status, began = self.status[number], self._began[number]
         # A child that was reset, and last ticked before the node started, had no part in it.

@@ -55,7 +55,7 @@ def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
     landmarks = state.situation.landmarks.values()
     found = [
         *_of_robot(state),
-        *(OpenTask(ERROR, each.task, *_place(each)) for each in landmarks if each.task),
+        *(OpenTask(ERROR, each.task, *_position_text(each)) for each in landmarks if each.task),
         *_of_alarms(state),
         *_of_gauges(state),
         *_of_detections(state),
@@ -80,7 +80,7 @@ def _of_robot(state: MissionState) -> Iterator[OpenTask]:
     elif now.word == CRASHED:
         yield OpenTask(ERROR, "Have the mission resumed, or fetch the robot: its program has crashed")
     elif run.ending and run.status and (end := _missed_end(state)):
-        yield OpenTask(WARNING, f"Fetch the robot: it has not reached {end.name}", *_place(end))
+        yield OpenTask(WARNING, f"Fetch the robot: it has not reached {end.name}", *_position_text(end))
     elif now.word == PAUSED:
         yield OpenTask(WARNING, "Resume the mission, or call the robot back", command="release")
     elif now.word == POSITION_LOST:
@@ -120,15 +120,17 @@ def _of_gauges(state: MissionState) -> Iterator[OpenTask]:
 def _of_detections(state: MissionState) -> Iterator[OpenTask]:
     """Yield the tasks about unreviewed detections and unfinished reports."""
     is_over = _is_over(state)
-    for each in state.situation.found():
+    for each in state.situation.detections():
         kind = state.situation.kind_of(each)
         if each.level == Level.GIVEN_UP:
             continue
         if kind.review and not each.is_certain and not is_over:
-            yield OpenTask(WARNING, f"Review {each.name}: is it a {kind.name}?", *_place(each), kind.review)
+            yield OpenTask(
+                WARNING, f"Review {each.name}: is it a {kind.name}?", *_position_text(each), kind.review
+            )
         if is_over and each.level != Level.DONE and not each.task:
             text = f"Report {each.name} yourself: the mission did not finish reporting it"
-            yield OpenTask(ERROR, text, *_place(each))
+            yield OpenTask(ERROR, text, *_position_text(each))
 
 
 def _of_places(state: MissionState) -> Iterator[OpenTask]:
@@ -147,7 +149,7 @@ def _of_places(state: MissionState) -> Iterator[OpenTask]:
         names = [f"{each.name}{f' ({each.reason})' if each.reason else ''}" for each in places[:_MOST_NAMES]]
         more = f" and {len(places) - _MOST_NAMES} more" if len(places) > _MOST_NAMES else ""
         text = f"{kind.remedy or 'See to'} {', '.join(names)}{more}: {word or 'not done'}"
-        yield OpenTask(WARNING, text, *(_place(places[0]) if len(places) == 1 else ()))
+        yield OpenTask(WARNING, text, *(_position_text(places[0]) if len(places) == 1 else ()))
 
 
 def _of_figures(state: MissionState) -> Iterator[OpenTask]:
@@ -162,5 +164,5 @@ def _of_figures(state: MissionState) -> Iterator[OpenTask]:
             )
 
 
-def _place(landmark: Landmark) -> tuple[str, str]:
+def _position_text(landmark: Landmark) -> tuple[str, str]:
     return landmark.kind, landmark.name

@@ -55,7 +55,7 @@ def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
             yield from run.end_tick()
             run = _RecordedRun(entry.data.get("tree"), entry.time)
         else:
-            yield from run.take(entry)
+            yield from run.add_entry(entry)
     yield from run.end_tick()
 
 
@@ -84,7 +84,7 @@ class _RecordedRun:
         self._statuses: list[tuple[int, str]] = []
         self._events: list[Event] = []
 
-    def take(self, entry: JournalEntry) -> Sequence[Event]:
+    def add_entry(self, entry: JournalEntry) -> Sequence[Event]:
         """Process an entry; if it starts a tick, return the previous tick's events."""
         ended: Sequence[Event] = ()
         data = entry.data

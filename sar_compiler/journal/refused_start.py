@@ -40,7 +40,7 @@ class RefusedStart(NamedTuple):
 def record_refusal(journal: Path, status: int, reason: str) -> None:
     """Record that the start of a run was refused, if possible."""
     with suppress(OSError, ValueError):
-        place = _beside(journal)
+        place = _marker_path(journal)
         written = place.with_name(f"{place.name}.{os.getpid()}")
         place.parent.mkdir(parents=True, exist_ok=True)
         written.write_text(json.dumps(RefusedStart(time.time(), status, reason)), encoding="utf-8")
@@ -50,19 +50,19 @@ def record_refusal(journal: Path, status: int, reason: str) -> None:
 def forget_refusal(journal: Path) -> None:
     """Delete the record of a refused start, because a run has started."""
     with suppress(OSError, ValueError):
-        _beside(journal).unlink(missing_ok=True)
+        _marker_path(journal).unlink(missing_ok=True)
 
 
 def read_refusal(journal: Path) -> RefusedStart | None:
     """Return the refused start since the last run of a journal; None if there is none, or it is unreadable."""
     with suppress(SarError, ValueError, TypeError, RecursionError):
-        place = _beside(journal)
+        place = _marker_path(journal)
         wall, status, reason = json.loads(
-            read_file(NamedPath.within(place, [place.parent.resolve()]), DOCUMENT).whole()
+            read_file(NamedPath.confined_to(place, [place.parent.resolve()]), DOCUMENT).read_bytes()
         )
         return RefusedStart(float(wall), int(status), str(reason))
     return None
 
 
-def _beside(journal: Path) -> Path:
+def _marker_path(journal: Path) -> Path:
     return journal.with_name(f"{journal.name}{SUFFIX}")

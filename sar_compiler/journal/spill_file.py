@@ -49,7 +49,7 @@ class SpilledEntries(NamedTuple):
     end: RunEnd | None = None
 
 
-def lost(rows: Sequence[Row], numbers: Mapping[str, int]) -> Row:
+def lost_events_row(rows: Sequence[Row], numbers: Mapping[str, int]) -> Row:
     """Return the event that replaces lost events, with their count and the assigned numbers."""
     count = sum(json.loads(row.data)["count"] if row.kind == FACTS_LOST else 1 for row in rows)
     return rows[-1]._replace(kind=FACTS_LOST, data=json.dumps({"count": count, "numbers": dict(numbers)}))
@@ -67,7 +67,7 @@ class SpillFile:
 
     def __init__(self, journal: Path) -> None:
         self.path = Path(f"{journal}{SUFFIX}")
-        self._descriptor = _opened(self.path, os.O_RDWR | os.O_CREAT)
+        self._descriptor = _open_file(self.path, os.O_RDWR | os.O_CREAT)
         try:
             self._writing = max((number for number, _ in _slots(_content(self._descriptor))), default=0)
             self._fill()
@@ -80,7 +80,7 @@ class SpillFile:
         size = os.fstat(self._descriptor).st_size
         _write(self._descriptor, b"\0" * max(0, 2 * _SLOT_BYTES - size), size)
 
-    def keep(self, kept: SpilledEntries, numbers: Mapping[str, int]) -> None:
+    def replace_content(self, kept: SpilledEntries, numbers: Mapping[str, int]) -> None:
         """Replace the content; the new content is on disk when this returns.
 
         Args:
@@ -90,7 +90,7 @@ class SpillFile:
         Raises:
             OSError: If it cannot be written.
         """
-        content = _fitting(kept, numbers).encode()
+        content = _fit_into_slot(kept, numbers).encode()
         self._writing += 1
         body = f"{len(content):10}{self._writing:20}".encode() + content
         _write(self._descriptor, f"{zlib.crc32(body):10}".encode() + body, self._writing % 2 * _SLOT_BYTES)
@@ -113,20 +113,20 @@ def read_reserve(journal: Path) -> SpilledEntries:
     path = Path(f"{journal}{SUFFIX}")
     try:
         # Do not follow links: errors would show the target's content.
-        content = read_file(NamedPath.within(path, [path.parent.resolve()]), RESERVE).data
+        content = read_file(NamedPath.confined_to(path, [path.parent.resolve()]), RESERVE).data
     except MissingFileError:
         return SpilledEntries()
     slots = _slots(content[: 2 * _SLOT_BYTES])
     try:
         if not slots:
             raise ValueError("no slot of it is intact")  # noqa: TRY301 - the words are below, for all that can be wrong
-        return _kept(max(slots)[1])
+        return _parse_content(max(slots)[1])
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         message = f"{path} is damaged ({error}). It has the last events of the journal beside it. Move it away to continue without them"
         raise JournalError(message) from error
 
 
-def _opened(path: Path, flags: int) -> int:
+def _open_file(path: Path, flags: int) -> int:
     descriptor = os.open(path, flags | os.O_NONBLOCK | os.O_NOFOLLOW, 0o644)
     try:
         require_regular_mode(os.fstat(descriptor).st_mode)
@@ -160,11 +160,14 @@ def _slots(content: bytes) -> list[tuple[int, bytes]]:
     return found
 
 
-def _fitting(kept: SpilledEntries, numbers: Mapping[str, int]) -> str:
+def _fit_into_slot(kept: SpilledEntries, numbers: Mapping[str, int]) -> str:
     """Return the content as a text that fits into a slot."""
     count = len(kept.facts)
     while True:
-        facts = [*kept.facts[:count], *([lost(kept.facts[count:], numbers)] if kept.facts[count:] else [])]
+        facts = [
+            *kept.facts[:count],
+            *([lost_events_row(kept.facts[count:], numbers)] if kept.facts[count:] else []),
+        ]
         text = json.dumps({"began": kept.began, "facts": facts, "end": kept.end})
         if len(text) <= _SLOT_BYTES - _HEAD_BYTES:
             return text
@@ -173,7 +176,7 @@ def _fitting(kept: SpilledEntries, numbers: Mapping[str, int]) -> str:
         count = count * 3 // 4
 
 
-def _kept(content: bytes) -> SpilledEntries:
+def _parse_content(content: bytes) -> SpilledEntries:
     if not content:
         return SpilledEntries()
     data = json.loads(content)

@@ -65,24 +65,24 @@ def condition(state: MissionState) -> StatusLine:
         return StatusLine(reason="the run has not started")
     run, process, now = state.runs[-1], state.process, state.now.time
     if run.ending:
-        return _ended(state, run)
+        return _status_after_end(state, run)
     if process.is_gone:
         return StatusLine(CRASHED, ERROR, now, _last_words(state))
     # A drive writes an entry every second of the mission's clock.
     if process.silent_sec > _LONG_SILENCE_SEC and state.drive is not None:
-        return StatusLine(LOST, ERROR, now, silence(process.silent_sec))
+        return StatusLine(LOST, ERROR, now, silence_text(process.silent_sec))
     phase = state.phase
     word, level = _PHASES.get(phase.name, (phase.name, GOOD))
     reason = phase.reason or {DRIVING: _drive(state), WORKING: phase.place}.get(word, "")
     return StatusLine(word, level, state.since_phase.time, reason)
 
 
-def silence(seconds: float) -> str:
+def silence_text(seconds: float) -> str:
     """Describe a silence of some seconds."""
     return f"No contact for {clock_text(seconds)}. The robot may still be driving."
 
 
-def _ended(state: MissionState, run: RunState) -> StatusLine:
+def _status_after_end(state: MissionState, run: RunState) -> StatusLine:
     since = run.ended.time if run.ended is not None else state.now.time
     if run.status == 0:
         return StatusLine(COMPLETE, GOOD, since, run.reason)

@@ -128,6 +128,6 @@ class StatusWatch(VisitorBase):
         if status in _STANDING:
             self._standing[number] = status == Status.RUNNING.value
         said: dict[str, object] = {} if label is None else {"label": label}
-        self._journal.watch(
+        self._journal.record_observation(
             STATUS, node=number, tick=self._tick, status=status, message=message, **said, **more
         )

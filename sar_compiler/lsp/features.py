@@ -8,7 +8,7 @@ from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcInvalidParams
 
 from sar_compiler.budget import Budget
-from sar_compiler.editing.names import check_renaming, renamed
+from sar_compiler.editing.names import check_renaming, rename_edits
 from sar_compiler.errors import SarError
 from sar_compiler.lsp.server import COMMANDS, TreeServer
 from sar_compiler.project import CommandLineSettings, ProjectTree
@@ -44,27 +44,27 @@ def tree_server(
 
 def _add_texts(server: TreeServer) -> None:
     @server.feature(lsp.INITIALIZED)
-    def initialized(_params: lsp.InitializedParams) -> None:
+    def on_initialized(_params: lsp.InitializedParams) -> None:
         server.open_folders(server.workspace.folders)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_OPEN)
-    def opened(params: lsp.DidOpenTextDocumentParams) -> None:
+    def on_opened(params: lsp.DidOpenTextDocumentParams) -> None:
         document = params.text_document
-        server.opened(document.uri, document.text, document.version)
+        server.on_opened(document.uri, document.text, document.version)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_CHANGE)
-    def changed(params: lsp.DidChangeTextDocumentParams) -> None:
+    def on_changed(params: lsp.DidChangeTextDocumentParams) -> None:
         document = params.text_document
         text = server.workspace.get_text_document(document.uri).source
-        server.changed(document.uri, text, document.version)
+        server.on_changed(document.uri, text, document.version)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_SAVE)
-    def saved(params: lsp.DidSaveTextDocumentParams) -> None:
-        server.saved(params.text_document.uri)
+    def on_saved(params: lsp.DidSaveTextDocumentParams) -> None:
+        server.on_saved(params.text_document.uri)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
-    def closed(params: lsp.DidCloseTextDocumentParams) -> None:
-        server.closed(params.text_document.uri)
+    def on_closed(params: lsp.DidCloseTextDocumentParams) -> None:
+        server.on_closed(params.text_document.uri)
 
     @server.feature(lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES)
     def changed_beside(_params: lsp.DidChangeWatchedFilesParams) -> None:
@@ -79,7 +79,7 @@ def _add_help(server: TreeServer) -> None:
 
     @server.feature(lsp.TEXT_DOCUMENT_HOVER)
     async def hover(params: lsp.HoverParams) -> lsp.Hover | None:
-        file = await server.settled(params.text_document.uri)
+        file = await server.wait_for_check(params.text_document.uri)
         return server.hover(file, params.position) if file else None
 
     kinds = [lsp.CodeActionKind.QuickFix, lsp.CodeActionKind.SourceFixAll, lsp.CodeActionKind.Refactor]
@@ -87,7 +87,7 @@ def _add_help(server: TreeServer) -> None:
     @server.feature(lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(kinds, resolve_provider=True))
     async def actions(params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
         uri = params.text_document.uri
-        file = await server.settled(uri)
+        file = await server.wait_for_check(uri)
         return server.actions(uri, file, params.range) if file else []
 
     @server.feature(lsp.CODE_ACTION_RESOLVE)
@@ -95,23 +95,23 @@ def _add_help(server: TreeServer) -> None:
         data: dict[str, Any] = dict(params.data or {})
         tree = await _tree(server, data.get("uri", ""))
         if tree is not None:
-            with _refusing():
+            with _show_refusal():
                 params.edit = server.operation_edit(tree, **data)
         return params
 
     @server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
-    async def formatting(params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit] | None:
+    async def format_document(params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit] | None:
         tree = await _tree(server, params.text_document.uri)
-        return _formatted(server, tree) if tree else None
+        return _formatting_edits(server, tree) if tree else None
 
 
 async def _tree(server: TreeServer, uri: str) -> ProjectTree | None:
     """Return a file as it is; None while it cannot be parsed."""
-    file = await server.settled(uri)
+    file = await server.wait_for_check(uri)
     return file.current_tree if file else None
 
 
-def _formatted(server: TreeServer, tree: ProjectTree) -> list[lsp.TextEdit]:
+def _formatting_edits(server: TreeServer, tree: ProjectTree) -> list[lsp.TextEdit]:
     """Return the edit that formats a file canonically.
 
     Raises:
@@ -144,8 +144,8 @@ def _add_names(server: TreeServer) -> None:
         thing = await server.name_at(params.text_document.uri, params.position)
         if thing is None:
             return None
-        with _refusing():
-            chosen = renamed(thing, params.new_name)
+        with _show_refusal():
+            chosen = rename_edits(thing, params.new_name)
         changes: dict[str, list[lsp.TextEdit]] = {}
         for spot, text in chosen:
             place = server.location(spot)
@@ -158,7 +158,7 @@ def _add_names(server: TreeServer) -> None:
         thing = await server.name_at(uri, position)
         if thing is None:
             return None
-        with _refusing():
+        with _show_refusal():
             check_renaming(thing)
         places = [place.range for place in map(server.location, thing.spots) if place.uri == uri]
         held = (each for each in places if each.start <= position <= each.end)
@@ -171,7 +171,7 @@ def _add_names(server: TreeServer) -> None:
 
 
 @contextmanager
-def _refusing() -> Iterator[None]:
+def _show_refusal() -> Iterator[None]:
     """Show in the editor why an action is impossible."""
     try:
         yield

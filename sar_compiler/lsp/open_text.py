@@ -37,16 +37,16 @@ class Edit(NamedTuple):
 def edit_between(old: str, new: str) -> Edit:
     """Return the smallest edit from one text to another."""
     most = min(len(old), len(new))
-    start = _most(most, lambda low, high: old[low:high] == new[low:high])
+    start = _common_length(most, lambda low, high: old[low:high] == new[low:high])
     ends = len(old), len(new)
-    behind = _most(
+    behind = _common_length(
         most - start,
         lambda low, high: old[ends[0] - high : ends[0] - low] == new[ends[1] - high : ends[1] - low],
     )
     return Edit(start, len(old) - behind, len(new) - behind - start)
 
 
-def _most(limit: int, are_alike: Callable[[int, int], bool]) -> int:
+def _common_length(limit: int, are_alike: Callable[[int, int], bool]) -> int:
     """Return the number of equal characters of two texts up to a limit, given a comparison of ranges."""
     alike, different = 0, limit + 1
     while different - alike > 1:
@@ -78,7 +78,7 @@ class PlacedFinding(NamedTuple):
         """Return a finding in the text in which it was found."""
         return cls(finding, *finding.source.offsets(finding.span))
 
-    def moved(self, edit: Edit) -> "PlacedFinding":
+    def after_edit(self, edit: Edit) -> "PlacedFinding":
         """Return its position after an edit."""
         if edit.end <= self.start:
             return self._replace(start=self.start + edit.growth, end=self.end + edit.growth)
@@ -137,23 +137,23 @@ class OpenText:
         """Store a new text."""
         edit = edit_between(self.text, text)
         self.text, self.version, self.is_checked = text, version, False
-        self.shown = [each.moved(edit) for each in self.shown]
-        self._sound = [each.moved(edit) for each in self._sound]
-        self._raised = [each.moved(edit) for each in self._raised]
-        self._edited = self._grown(edit)
+        self.shown = [each.after_edit(edit) for each in self.shown]
+        self._sound = [each.after_edit(edit) for each in self._sound]
+        self._raised = [each.after_edit(edit) for each in self._raised]
+        self._edited = self._edited_region(edit)
 
-    def _grown(self, edit: Edit) -> tuple[int, int]:
+    def _edited_region(self, edit: Edit) -> tuple[int, int]:
         """Return the region of continued typing, in which adjacent edits are joined."""
         start, end = edit.start, edit.start + edit.length
         if self._edited is None or edit.end < self._edited[0] or edit.start > self._edited[1]:
             return start, end
         return min(start, self._edited[0]), max(end, self._edited[1] + edit.growth)
 
-    def settle(self) -> None:
+    def mark_complete(self) -> None:
         """Treat the text as complete, because the file was saved."""
         self._edited = None
 
-    def take(self, tree: ProjectTree | None, findings: Iterable[Diagnostic]) -> None:
+    def set_findings(self, tree: ProjectTree | None, findings: Iterable[Diagnostic]) -> None:
         """Store the findings about the present text.
 
         Args:

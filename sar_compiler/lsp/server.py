@@ -121,7 +121,7 @@ class TreeServer(LanguageServer):
         self._additions = self._additions._replace(folders=tuple(map(Path, folders)))
         self.renew()
 
-    def _tell(self, problem: str) -> None:
+    def _report_problem(self, problem: str) -> None:
         """Show once why a file cannot be checked, from the thread of the checks."""
         self._log(lsp.MessageType.Error, problem)
         if problem not in self._problems:
@@ -146,27 +146,27 @@ class TreeServer(LanguageServer):
 
     # Texts
 
-    def opened(self, uri: str, text: str, version: int) -> None:
+    def on_opened(self, uri: str, text: str, version: int) -> None:
         """Store a file that was opened."""
         path = to_fs_path(uri)
         if path is not None:
             self._open[uri] = OpenText(Path(path), text, version)
             self._request_check(uri)
 
-    def changed(self, uri: str, text: str, version: int) -> None:
+    def on_changed(self, uri: str, text: str, version: int) -> None:
         """Apply a change, and send the findings so far at their new positions."""
         if uri in self._open:
             self._open[uri].change(text, version)
             self._publish(uri)
             self._request_check(uri)
 
-    def saved(self, uri: str) -> None:
+    def on_saved(self, uri: str) -> None:
         """Check a file that was saved, and all other open files."""
         if uri in self._open:
-            self._open[uri].settle()
+            self._open[uri].mark_complete()
         self.renew()
 
-    def closed(self, uri: str) -> None:
+    def on_closed(self, uri: str) -> None:
         """Discard a closed file's text, and its findings unless another file includes it."""
         self._open.pop(uri, None)
         self._wanted.pop(uri, None)
@@ -225,7 +225,7 @@ class TreeServer(LanguageServer):
             found = await self._in_budget(path, lambda: self._findings(loader, path))
         tree, findings = found or (None, [])
         if self._open.get(uri) is file and file.text == text:
-            file.take(tree, findings)
+            file.set_findings(tree, findings)
             self._publish(uri)
             for other, each in self._open.items():
                 if other != uri and _depends(each, path):
@@ -249,7 +249,7 @@ class TreeServer(LanguageServer):
         except TreeError as error:
             return tree, [*error.findings]
         except SarError as error:
-            self._tell(str(error))
+            self._report_problem(str(error))
             return tree, []
         except Exception as error:  # noqa: BLE001 - whatever it is, there is something to say about the file
             return tree, [failure_of_file(path, error)]
@@ -260,16 +260,16 @@ class TreeServer(LanguageServer):
         """Return the result of some work on a file; report an exhausted budget, and return None."""
         budget = self._new_budget()
 
-        def work() -> _OfThread | None:
+        def run_checks() -> _OfThread | None:
             try:
                 return budget.run(function)
             except BudgetSpentError:
-                self._tell(f"{path}: not checked: {budget.reason}")
+                self._report_problem(f"{path}: not checked: {budget.reason}")
                 # The abandoned check may have stopped anywhere in it.
                 self._loader = self._new_loader()
                 return None
 
-        return await self._loop.run_in_executor(self._thread, work)
+        return await self._loop.run_in_executor(self._thread, run_checks)
 
     async def _try_runs(self, uri: str) -> None:
         """Try the runs of a file while typing pauses, and send their errors."""
@@ -278,7 +278,7 @@ class TreeServer(LanguageServer):
         if file is None or tree is None:
             return
         self._changed.clear()
-        found = await self._in_budget(file.path, lambda: _raised(tree, self._changed))
+        found = await self._in_budget(file.path, lambda: _try_tree(tree, self._changed))
         if found is not None and file.current_tree is tree and not self._changed.is_set():
             file.set_tick_errors(found)
             self._publish(uri)
@@ -353,7 +353,7 @@ class TreeServer(LanguageServer):
 
     # Requests
 
-    async def settled(self, uri: str) -> OpenText | None:
+    async def wait_for_check(self, uri: str) -> OpenText | None:
         """Return an open file after its text has been checked."""
         while (file := self._open.get(uri)) is not None and not file.is_checked:
             await self._checked.wait()
@@ -361,11 +361,11 @@ class TreeServer(LanguageServer):
 
     async def name_at(self, uri: str, position: lsp.Position) -> NamedThing | None:
         """Return the meaning of the name at a position."""
-        file = await self.settled(uri)
+        file = await self.wait_for_check(uri)
         tree = file.current_tree if file is not None else None
         if file is None or tree is None:
             return None
-        others = [await self.settled(other) for other in tuple(self._open) if other != uri]
+        others = [await self.wait_for_check(other) for other in tuple(self._open) if other != uri]
         beside = [each.current_tree for each in others if each is not None and each.current_tree is not None]
         return name_at(tree, self.offset_of(file, position), beside)
 
@@ -538,7 +538,7 @@ def _depends(file: OpenText, path: Path) -> bool:
     )
 
 
-def _raised(tree: ProjectTree, interrupted: threading.Event) -> list[Diagnostic]:
+def _try_tree(tree: ProjectTree, interrupted: threading.Event) -> list[Diagnostic]:
     from sar_compiler.analysis.trial import try_tree
 
     try:

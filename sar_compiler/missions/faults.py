@@ -127,7 +127,7 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
     if value is not None:
         fault = replace(fault, **{form.amount: _AMOUNTS[form.amount](text, value)})
     if place is not None:
-        fault = replace(fault, place=_place(text, place))
+        fault = replace(fault, place=_check_place(text, place))
     if option is None:
         return fault
     given: dict[str, Any] = {_OPTIONS.get(form.option, form.option): _seconds(text, seconds)}
@@ -192,7 +192,7 @@ class NavigationFaults:
         self._rejections -= reject
         return reject
 
-    def accepted(self, place: str | None) -> Fault | None:
+    def fault_for_goal(self, place: str | None) -> Fault | None:
         """Return the fault of a newly accepted goal; None if it has none.
 
         Args:
@@ -295,7 +295,7 @@ def create_service(
             node.get_logger().warning(f"Fault: {name} does not respond to a call.")
         elif fate.delay_sec > 0.0:
             node.get_logger().warning(f"Fault: {name} responds {fate.delay_sec:g} s late.")
-            _after(node, fate.delay_sec, lambda: send(answer_by(*decided), header))
+            _call_later(node, fate.delay_sec, lambda: send(answer_by(*decided), header))
         else:
             send(answer_by(*decided), header)
 
@@ -304,7 +304,7 @@ def create_service(
     return service
 
 
-def _after(node: "Node", seconds: float, action: Callable[[], object]) -> None:
+def _call_later(node: "Node", seconds: float, action: Callable[[], object]) -> None:
     """Call a function once, after a time on the node's clock."""
 
     def end() -> None:
@@ -338,7 +338,7 @@ def _seconds(text: str, value: str) -> float:
     return seconds
 
 
-def _place(text: str, value: str) -> str:
+def _check_place(text: str, value: str) -> str:
     if not re.fullmatch(r"[\w.-]+", value):
         raise FaultError(text, f"'{value}' is not the name of a location")
     return value
@@ -350,5 +350,5 @@ _AMOUNTS: Mapping[str, Callable[[str, str], Any]] = {
     "count": _count,
     "code": _count,
     "seconds": _seconds,
-    "place": _place,
+    "place": _check_place,
 }

@@ -150,11 +150,11 @@ class MissionRun:
     context: Mapping[type, Any] = {}
     kinds: Sequence[LandmarkKind] = ()
 
-    def greeting(self) -> list[str]:
+    def start_lines(self) -> list[str]:
         """Return the lines to log at the start."""
         return []
 
-    def facts(self) -> Mapping[str, bool | int | float | str]:
+    def initial_facts(self) -> Mapping[str, bool | int | float | str]:
         """Return the initial facts that the parameters determine: `{"zones_left": 4}`.
 
         Runs without a robot (`simulate`, `verify`) use them for leaves that know these facts.

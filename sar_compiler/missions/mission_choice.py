@@ -141,7 +141,7 @@ def choose_mission(
         return _guard(find_mission(name, checkout))
     asking = [
         (bound, {each.target for each in bound.spec.handed_over} - _OF_EVERY_TREE)
-        for bound in binding.nodes()
+        for bound in binding.all_nodes()
     ]
     # The leaves of a plain tree need no context objects, so no mission is imported.
     missions = [*load_missions(checkout).values()] if any(asked for _, asked in asking) else []

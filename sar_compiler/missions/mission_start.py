@@ -17,7 +17,7 @@ from sar_compiler.missions.parameter_reader import (
     report_unused_files,
 )
 from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.opener import admit
+from sar_compiler.opener import allow_reading
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.runtime.expressions import name_uses
 
@@ -116,7 +116,7 @@ def read_parameters(
     if params is None and mission is not None:
         params = mission.default_parameters()
         if params is not None:
-            admit(params)
+            allow_reading(params)
     return start_without_ros(tree, params, binding).reader
 
 
@@ -134,7 +134,7 @@ def path_parameters(mission: Mission | None, binding: Binding) -> set[str]:
     """Return the parameters that are file paths: those of the mission, and those of leaves (`{@photos}`)."""
     ports = (
         key.removeprefix("@")
-        for bound in binding.nodes()
+        for bound in binding.all_nodes()
         for name, key in bound.keys.items()
         if key.startswith("@") and bound.spec.parameters[name].value_type.python is Path
     )
@@ -149,10 +149,10 @@ def fixed_parameters(mission: Mission | None, binding: Binding) -> set[str]:
 
 
 def _keys(binding: Binding) -> list[str]:
-    return [key for bound in binding.nodes() for key in bound.keys.values()]
+    return [key for bound in binding.all_nodes() for key in bound.keys.values()]
 
 
 def _script_keys(binding: Binding) -> Iterator[str]:
-    for bound in binding.nodes():
+    for bound in binding.all_nodes():
         for _, script in bound.scripts():
             yield from (use.name for use in name_uses(script) if use.name.startswith("@"))

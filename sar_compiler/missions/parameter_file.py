@@ -46,7 +46,7 @@ class FileProblem:
     text: str
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         """Its line and column, each after a colon; empty for the whole file."""
         return f":{self.line}:{self.column}" if self.line else ""
 
@@ -67,7 +67,7 @@ class ParameterFileError(SarError):
         self.line, self.column = self.problems[0].line, self.problems[0].column
         super().__init__(
             "\n".join(
-                f"{file}{each.place}: {escape_to_one_line(shortened(each.text))}" for each in self.problems
+                f"{file}{each.location}: {escape_to_one_line(shortened(each.text))}" for each in self.problems
             )
         )
 
@@ -142,11 +142,11 @@ class ParameterLocations:
         self._beginning = ""
         for path in paths:
             given = _values_for(path, node)
-            places = {name: f"{path}{_at(each.name, '').place}" for name, each in given.items()}
+            places = {name: f"{path}{_problem_at(each.name, '').location}" for name, each in given.items()}
             self._given |= {name: (each.value, places[name]) for name, each in given.items()}
             self._beginning = next(iter(places.values()), f"{path}:1:1")
 
-    def of(self, key: str, parameters: Mapping[str, object]) -> str:
+    def location_of(self, key: str, parameters: Mapping[str, object]) -> str:
         """Return the file, line and column of a parameter or its parent; empty if no file contains it.
 
         Args:
@@ -155,7 +155,7 @@ class ParameterLocations:
         """
         if key in parameters:
             value, place = self._given.get(key, (None, ""))
-            return place if repr(_plain(value)) == repr(_plain(parameters[key])) else ""
+            return place if repr(_to_plain_value(value)) == repr(_to_plain_value(parameters[key])) else ""
         around = key
         while around:
             for name, (_, place) in self._given.items():
@@ -165,7 +165,7 @@ class ParameterLocations:
         return self._beginning
 
 
-def _plain(value: object) -> object:
+def _to_plain_value(value: object) -> object:
     """Convert a ROS value to a plain one, with lists instead of arrays."""
     return list(value) if isinstance(value, Iterable) and not isinstance(value, str) else value
 
@@ -212,7 +212,7 @@ def _not_yaml(error: yaml.MarkedYAMLError, text: str) -> FileProblem:
     return FileProblem(line, column, f"not YAML: {problem}")
 
 
-def _at(where: yaml.Node | yaml.Event, text: str) -> FileProblem:
+def _problem_at(where: yaml.Node | yaml.Event, text: str) -> FileProblem:
     mark = where.start_mark
     return FileProblem(mark.line + 1, mark.column + 1, text) if mark is not None else FileProblem(1, 1, text)
 
@@ -250,7 +250,7 @@ class _Walk:
             self.problems = [FileProblem(line + 1, column + 1, wrong)]
 
     def _report(self, where: yaml.Node | yaml.Event, text: str) -> None:
-        self.problems.append(_at(where, text))
+        self.problems.append(_problem_at(where, text))
 
     def _read(self) -> None:
         self._look_at_events()

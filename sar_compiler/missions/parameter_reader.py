@@ -161,7 +161,7 @@ class ParameterReader:
         """Return a reader of the files' parameters for a node, by its full name."""
         return cls(parameters, sections_elsewhere(files, node), ParameterLocations(files, node))
 
-    def report(self, key: str, text: str, place: str = "") -> None:
+    def report_error(self, key: str, text: str, place: str = "") -> None:
         """Report an error in a parameter.
 
         Args:
@@ -178,7 +178,7 @@ class ParameterReader:
         """Return the file, line and column of a parameter or its parent; empty if no file contains it."""
         if key in self.places_elsewhere:
             return self.places_elsewhere[key]()
-        return self._places.of(key, self.parameters) if self._places is not None else ""
+        return self._places.location_of(key, self.parameters) if self._places is not None else ""
 
     def group(self, prefix: str, allowed: tuple[str, ...]) -> dict[str, set[str]]:
         """Return the names of `<prefix>.<id>.<name>` by ID; report any other parameter with this prefix."""
@@ -189,11 +189,11 @@ class ParameterReader:
                 continue
             member, _, name = key[len(prefix) + 1 :].rpartition(".")
             if not member or not name:
-                self.report(key, f"is not of the form {pattern}")
+                self.report_error(key, f"is not of the form {pattern}")
                 continue
             groups.setdefault(member, set()).add(name)
             if name not in allowed:
-                self.report(key, f"is unknown; {_did_you_mean(name, allowed)}")
+                self.report_error(key, f"is unknown; {_did_you_mean(name, allowed)}")
         return groups
 
     def places(self, noun: str, more: tuple[str, ...] = ()) -> list[dict[str, Any]]:
@@ -230,25 +230,25 @@ class ParameterReader:
             near = get_close_matches(key, self.parameters, 1, 0.75)
             hint = f" (did you mean '{near[0]}'?)" if near else ""
             place = f" ({self.elsewhere})" if self.elsewhere else ""
-            self.report(key, f"is missing{hint}{example}{place}")
+            self.report_error(key, f"is missing{hint}{example}{place}")
             return []
         value = self.parameters[key]
         if isinstance(value, str | bytes) or not isinstance(value, Iterable):
-            self.report(key, f"{allowed}, but is {_describe(value)}")
+            self.report_error(key, f"{allowed}, but is {_describe(value)}")
             return []
         entries = list(value)
         if not entries:
-            self.report(key, f"is empty{example}")
+            self.report_error(key, f"is empty{example}")
         if len(entries) > MOST_PLACES:
             text = f"names {len(entries):,} {noun}s, more than {MOST_PLACES:,}: move some to another mission"
-            self.report(key, text)
+            self.report_error(key, text)
             return []
         order: dict[str, None] = {}
         for entry in entries:
             if not isinstance(entry, str) or not entry:
-                self.report(key, f"{allowed} (strings), but contains {_describe(entry)}")
+                self.report_error(key, f"{allowed} (strings), but contains {_describe(entry)}")
             elif entry in order:
-                self.report(key, f"names '{entry}' more than once")
+                self.report_error(key, f"names '{entry}' more than once")
             else:
                 order[entry] = None
         return [name for name in order if self._has_pose(noun, name, known)]
@@ -258,33 +258,33 @@ class ParameterReader:
             return True
         hint = did_you_mean(nearest(name, known))
         missing = f"names '{name}', which has no pose: add {noun}s.{name}.x, .y and .yaw{hint}"
-        self.report(f"{noun}_order", missing)
+        self.report_error(f"{noun}_order", missing)
         return False
 
     def pose(self, prefix: str) -> dict[str, float]:
         """Return the pose `<prefix>.{x,y,yaw}`; missing coordinates are 0."""
-        self.only(prefix, _POSE)
+        self.report_unknown_names(prefix, _POSE)
         keys = {name: f"{prefix}.{name}" for name in _POSE}
         return {name: self.number(key, 0.0) for name, key in keys.items()}
 
-    def only(self, prefix: str, names: tuple[str, ...]) -> None:
+    def report_unknown_names(self, prefix: str, names: tuple[str, ...]) -> None:
         """Report parameters below a prefix that are not among the given names."""
         listed = f"{', '.join(names[:-1])} and {names[-1]}"
         for key in self.parameters:
             if key == prefix:
-                self.report(key, f"must contain {listed}, but is {_describe(self.parameters[key])}")
+                self.report_error(key, f"must contain {listed}, but is {_describe(self.parameters[key])}")
             elif key.startswith(f"{prefix}.") and key.partition(".")[2] not in names:
-                self.report(key, f"is unknown; {_did_you_mean(key.partition('.')[2], names)}")
+                self.report_error(key, f"is unknown; {_did_you_mean(key.partition('.')[2], names)}")
 
     def number(self, key: str, default: float | None = None) -> float:
         """Return a finite number; a missing one is the default, or an error without a default."""
         if key not in self.parameters:
             if default is None:
-                self.report(key, "is missing: write a number")
+                self.report_error(key, "is missing: write a number")
             return default or 0.0
-        return self._checked(key, self.parameters[key])
+        return self._check_unit(key, self.parameters[key])
 
-    def _checked(self, key: str, value: object, whose: str = "") -> float:
+    def _check_unit(self, key: str, value: object, whose: str = "") -> float:
         """Check a number against its parameter's unit; report implausible ones.
 
         Args:
@@ -295,7 +295,7 @@ class ParameterReader:
         unit = unit_of_key(key)
         if isinstance(value, bool) or not isinstance(value, int | float):
             must = "must be a list of numbers, but contains" if whose else "must be a number, but is"
-            self.report(key, f"{must} {_describe(value)}{_remedy(value, unit)}")
+            self.report_error(key, f"{must} {_describe(value)}{_remedy(value, unit)}")
             return 0.0
         number = _as_float(value)
         if not math.isfinite(number):
@@ -304,11 +304,11 @@ class ParameterReader:
                 if whose
                 else "must be a finite number, but is"
             )
-            self.report(key, f"{must} {number}")
+            self.report_error(key, f"{must} {number}")
             return 0.0
         oddity = find_implausible_number(number, unit)
         if oddity is not None and oddity.is_impossible:
-            self.report(key, f"{whose}{oddity}")
+            self.report_error(key, f"{whose}{oddity}")
             return 0.0
         if oddity is not None:
             note = _with_place(self.place_of(key), f"{key} {whose}{oddity}")
@@ -319,10 +319,10 @@ class ParameterReader:
         """Return a list of finite numbers; a missing one is empty."""
         value = self.parameters.get(key, ())
         if isinstance(value, str | bytes) or not isinstance(value, Iterable):
-            self.report(key, f"must be a list of numbers, but is {_describe(value)}")
+            self.report_error(key, f"must be a list of numbers, but is {_describe(value)}")
             return []
         before = len(self.problems)
-        numbers = [self._checked(key, entry, "contains a number that ") for entry in value]
+        numbers = [self._check_unit(key, entry, "contains a number that ") for entry in value]
         return numbers if len(self.problems) == before else []
 
     def read_file(self, key: str, noun: str, most_bytes: int) -> str | None:
@@ -342,23 +342,23 @@ class ParameterReader:
         """
         value = self.parameters[key]
         if not isinstance(value, str) or not value:
-            self.report(key, f"must be the path of a {noun}, but is {value!r:.60}")
+            self.report_error(key, f"must be the path of a {noun}, but is {value!r:.60}")
             return None
         given_in = self.place_of(key).rsplit(":", 2)[0]
         path = Path(given_in).parent / value
         if given_in:
             # An installation with links to its sources has two folders.
             folders = {enclosing_folder(Path(each).parent) for each in (given_in, Path(given_in).resolve())}
-            path = NamedPath.within(path, sorted(folders))
+            path = NamedPath.confined_to(path, sorted(folders))
         try:
             content = read_file(path, FileKind(noun, most_bytes))
             text = content.text()
         except PathOutsideError as error:
             there = f"move it next to {given_in}, or name it on the command line: -p {key}:=PATH"
-            self.report(key, f"{path} cannot be read: {error.reason}. To fix this, {there}")
+            self.report_error(key, f"{path} cannot be read: {error.reason}. To fix this, {there}")
             return None
         except UnreadableFileError as error:
-            self.report(key, f"{path} cannot be read: {error.reason}")
+            self.report_error(key, f"{path} cannot be read: {error.reason}")
             return None
         self.files[key] = content
         return text
@@ -371,10 +371,10 @@ class ParameterReader:
         try:
             file = JsonFile(text, str(self.files[key].path))
         except MalformedJsonError as error:
-            self.report(key, f"is not a valid {noun}: {error}", error.place)
+            self.report_error(key, f"is not a valid {noun}: {error}", error.place)
             return None
         for name, place in file.duplicates():
-            self.report(key, f"has the key '{name}' twice in one mapping: delete one of them", place)
+            self.report_error(key, f"has the key '{name}' twice in one mapping: delete one of them", place)
         return file
 
     def complain(self) -> None:
@@ -392,7 +392,7 @@ class ParameterReader:
         is_reported = any(problem.key == key for problem in self.problems)
         if not 0.0 < value <= most and key in self.parameters and not is_reported:
             limit = "" if most == math.inf else f" and at most {most:g}"
-            self.report(key, f"must be above 0{limit}, but is {value:g}")
+            self.report_error(key, f"must be above 0{limit}, but is {value:g}")
         return value
 
     def cruise_speed(self) -> float:
@@ -404,7 +404,7 @@ class ParameterReader:
         value = self.parameters.get(key, default)
         if isinstance(value, bool):
             return value
-        self.report(key, f"must be true or false, but is {_describe(value)}")
+        self.report_error(key, f"must be true or false, but is {_describe(value)}")
         return default
 
 
@@ -520,11 +520,11 @@ def _georeference(reader: ParameterReader) -> Georeference | None:
     if not any(key == GEOREFERENCE or key.startswith(f"{GEOREFERENCE}.") for key in reader.parameters):
         return None
     before = len(reader.problems)
-    reader.only(GEOREFERENCE, Georeference._fields)
+    reader.report_unknown_names(GEOREFERENCE, Georeference._fields)
     given = Georeference(**reader.point(GEOREFERENCE, Georeference._fields))
     if len(reader.problems) == before:
         for name, text in given.mistakes():
-            reader.report(f"{GEOREFERENCE}.{name}", text)
+            reader.report_error(f"{GEOREFERENCE}.{name}", text)
     return given
 
 
@@ -532,5 +532,7 @@ def _rate(reader: ParameterReader, key: str, default: float) -> float:
     before = len(reader.problems)
     rate = reader.positive(key, default)
     if len(reader.problems) == before and not _SLOWEST_TICK_HZ <= rate <= _FASTEST_TICK_HZ:
-        reader.report(key, f"must be between {_SLOWEST_TICK_HZ:g} and {_FASTEST_TICK_HZ:g}, but is {rate:g}")
+        reader.report_error(
+            key, f"must be between {_SLOWEST_TICK_HZ:g} and {_FASTEST_TICK_HZ:g}, but is {rate:g}"
+        )
     return rate

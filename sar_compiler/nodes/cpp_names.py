@@ -31,7 +31,7 @@ _INTEGER_WORDS = rf"{_WORD}(?: {_WORD})*"
 
 
 @functools.lru_cache(maxsize=1024)
-def normalized(name: str) -> str:
+def normalize(name: str) -> str:
     """Return the normal form of a type's name; empty for a port of any type.
 
     Aliases and compiler-specific spellings have one normal form: `unsigned` and `uint32_t`, `std::string` and

@@ -78,17 +78,17 @@ def _as_data(spec: NodeSpec) -> dict[str, object]:
     return {
         "class": spec.class_path,
         "outcomes": sorted(spec.outcomes),
-        "uses": [_differing(each) for each in spec.uses],
-        "answers": [_differing(each) for each in spec.answers],
+        "uses": [_changed_fields(each) for each in spec.uses],
+        "answers": [_changed_fields(each) for each in spec.answers],
         "parameters": [
-            {**_differing(each), "value_type": _type_as_data(each.value_type)}
+            {**_changed_fields(each), "value_type": _type_as_data(each.value_type)}
             for each in spec.parameters.values()
         ],
         **{name: value for name in _PLAIN_FIELDS if (value := getattr(spec, name))},
     }
 
 
-def _differing(thing: Any) -> dict[str, object]:
+def _changed_fields(thing: Any) -> dict[str, object]:
     """Return the fields of a data class whose values are not the defaults."""
     return {
         each.name: value
@@ -145,7 +145,7 @@ def _spec(data: Mapping[str, Any]) -> NodeSpec:
         frozenset(data["outcomes"]),
         data.get("effects", ""),
         tuple(Use(**each) for each in data["uses"]),
-        tuple(_answer(**each) for each in data["answers"]),
+        tuple(_make_answer(**each) for each in data["answers"]),
         data.get("facts", {}),
         tuple(data.get("reads", ())),
         tuple(data.get("writes", ())),
@@ -154,7 +154,7 @@ def _spec(data: Mapping[str, Any]) -> NodeSpec:
     )
 
 
-def _answer(**said: Any) -> Answer:
+def _make_answer(**said: Any) -> Answer:
     given: dict[str, Any] = {
         name: tuple(each) if isinstance(each, list) else each for name, each in said.items()
     }

@@ -107,7 +107,7 @@ def has_entry_point(module: str, group: str, checkout: Path | None = None) -> bo
     offered = {each.module for each in entry_points(group, checkout)}
     if not all(part.isidentifier() for part in (top, *rest)) or not _shares(offered, top):
         return False
-    with _importing(checkout):
+    with _restrict_imports(checkout):
         specs = ((finder, finder.find_spec(top, None)) for finder in sys.meta_path)
         finder, spec = next((found for found in specs if found[1] is not None), (None, None))
         if spec is None or (spec.loader is None and not _shares(offered, ".".join((top, *rest[:1])))):
@@ -140,7 +140,7 @@ def import_installed(module: str, checkout: Path | None = None) -> ModuleType:
     Raises:
         ImportError: If it is not installed.
     """
-    with _importing(checkout):
+    with _restrict_imports(checkout):
         return importlib.import_module(module)
 
 
@@ -231,7 +231,7 @@ def _parts(variable: str) -> list[str]:
 
 
 @contextmanager
-def _importing(checkout: Path | None) -> Iterator[None]:
+def _restrict_imports(checkout: Path | None) -> Iterator[None]:
     """Restrict imports to installed packages."""
     before = sys.path[:]
     sys.path[:] = _importable(checkout)

@@ -144,7 +144,7 @@ def attempt(_bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     return found & ~F | (ends if found & F else 0)
 
 
-def counting(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
+def counting_results(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a parallel that ends as soon as enough children have succeeded or failed."""
     wanted, failures = bound.value("success_count"), bound.value("failure_count")
     if len(children) > _MOST_COUNTED or not (isinstance(wanted, int) and isinstance(failures, int)):
@@ -228,17 +228,17 @@ def parallel_by_policy(bound: "NodeView", children: Sequence[int], sure: bool) -
     return found | succeeds | runs
 
 
-def passing(_bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
+def passing_results(_bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
     """Return the set of a decorator that returns its child's result."""
     return children[0]
 
 
-def turning(turns: dict[int, int]) -> Possible:
+def mapping_results(turns: dict[int, int]) -> Possible:
     """Return the function of a decorator that replaces some results of its child."""
-    return partial(_turning, tuple(turns.get(each, each) for each in ANSWERS))
+    return partial(_mapped_results, tuple(turns.get(each, each) for each in ANSWERS))
 
 
-def _turning(turned: tuple[int, ...], bound: "NodeView", children: Sequence[int], sure: bool) -> int:
+def _mapped_results(turned: tuple[int, ...], bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     turns = dict(zip(ANSWERS, turned, strict=True))
     child = _sure_if_interrupted(bound, children[0]) if sure and turns[R] != R else children[0]
     return union(new for old, new in turns.items() if child & old)
@@ -252,7 +252,7 @@ def _sure_if_interrupted(bound: "NodeView", child: int) -> int:
     return child & R if child & R and not bound.children[0].is_leaf else child
 
 
-def adding(own: int, _bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
+def with_own_results(own: int, _bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
     """Return the set of a decorator with results in addition to its child's."""
     return children[0] | own
 
@@ -265,7 +265,7 @@ def run_once(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
 
 def guard(condition: str, bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a decorator that returns another result while its condition is false."""
-    otherwise = _otherwise(bound, "else", F, sure)
+    otherwise = _attribute_results(bound, "else", F, sure)
     holds = constant_condition(bound.values.get(condition))
     if holds is None:
         return children[0] | otherwise
@@ -298,7 +298,7 @@ def time_limit(limit_sec: Number, bound: "NodeView", children: Sequence[int], su
 def loop(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a decorator that ticks its child once for each item of a queue."""
     child, queue = children[0], bound.value("queue")
-    empty = _otherwise(bound, "if_empty", S, sure)
+    empty = _attribute_results(bound, "if_empty", S, sure)
     if queue == "":
         return empty
     progress = child & (S | K)
@@ -311,7 +311,7 @@ def each_item(_bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     return children[0] & (F | R) if sure else ALL
 
 
-def awaiting(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
+def awaiting_results(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a decorator that runs until its child returns a given status, then succeeds."""
     wanted = BITS.get(str(bound.value("status")))
     if wanted is None:
@@ -320,7 +320,7 @@ def awaiting(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     return (S if child & wanted else 0) | (R if child & ~wanted else 0)
 
 
-def queued(bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
+def queue_results(bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
     """Return the set of a leaf whose results are in the file."""
     queue, eventually = bound.value("queue"), bound.value("eventually")
     if not isinstance(queue, list) or "eventually" in bound.keys:
@@ -346,7 +346,7 @@ def milliseconds(bound: "NodeView", name: str) -> float | None:
     return None if value is None else value / 1000
 
 
-def _otherwise(bound: "NodeView", attribute: str, default: int, sure: bool) -> int:
+def _attribute_results(bound: "NodeView", attribute: str, default: int, sure: bool) -> int:
     """Return the results that an attribute names; *default* if it is not written."""
     if attribute not in bound.element.attributes:
         return default

@@ -70,7 +70,7 @@ def register(  # noqa: PLR0913 - the declarations of a node
     kind = _required_kind(tag, kind)
     names = _status_names(tag, outcomes)
     needs = _uses(tag, uses)
-    said = _answers(tag, answers, names)
+    said = _check_answers(tag, answers, names)
     names = names or frozenset(answer.status for answer in said)
     known = _facts(tag, facts or {})
     read, written = _members(tag, "reads", reads, '["..."]'), _members(tag, "writes", writes, '["..."]')
@@ -204,7 +204,7 @@ def _uses(tag: str, uses: object) -> tuple[Use, ...]:
     return needs
 
 
-def _answers(tag: str, answers: object, outcomes: frozenset[str]) -> tuple[Answer, ...]:
+def _check_answers(tag: str, answers: object, outcomes: frozenset[str]) -> tuple[Answer, ...]:
     said = _members(tag, "answers", answers, '[Answer("SUCCESS")]')
     possible = sorted(outcomes) or STATUSES
     for answer in said:

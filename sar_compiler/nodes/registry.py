@@ -125,14 +125,14 @@ class Registry:
         """Return the registered specs, for another registry."""
         return [spec for variants in self._specs.values() for spec in variants]
 
-    def without(self, tags: Collection[str]) -> "Registry":
+    def without_tags(self, tags: Collection[str]) -> "Registry":
         """Return a registry without some tags."""
         left = Registry()
         left._specs = {tag: variants for tag, variants in self._specs.items() if tag not in tags}
         left._installed = self._installed
         return left
 
-    def today(self, former_tag: str) -> str | None:
+    def current_tag(self, former_tag: str) -> str | None:
         """Return the current name of an earlier version's tag, or None."""
         return next((spec.tag for spec in self.specs() if former_tag in spec.former_tags), None)
 

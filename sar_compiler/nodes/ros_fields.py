@@ -136,14 +136,14 @@ def read_fields(text: str) -> MessageFields:
     depth = max(itertools.accumulate((each in "[{") - (each in "]}") for each in text))
     if depth > _DEEPEST:
         raise ConversionError("it is nested too deeply")
-    node, shift = _composed(masked(text))
-    found = _Reader(text, shift).value(node)
+    node, shift = _compose_yaml(masked(text))
+    found = _Reader(text, shift).node_value(node)
     if not isinstance(found, MessageFields):
         raise ConversionError(f"{_excerpt(text)} is not a field with a value", hint=_EXAMPLE)
     return dataclasses.replace(found, text=text)
 
 
-def _composed(text: str) -> tuple[yaml.Node, int]:
+def _compose_yaml(text: str) -> tuple[yaml.Node, int]:
     """Return the parsed YAML of a text, and the number of characters added in front of the text."""
     # First unchanged, as ROS parses it. Without braces, `a: 1, b: 2` is not YAML.
     try:
@@ -186,9 +186,9 @@ class _Reader:
         self._seen: set[int] = set()
         self._constructor = yaml.constructor.SafeConstructor()
 
-    def value(self, node: yaml.Node) -> FieldValue:
+    def node_value(self, node: yaml.Node) -> FieldValue:
         """Return the value of a node and its descendants."""
-        place = self._place(node)
+        place = self._location(node)
         if id(node) in self._seen:
             # An alias of a list of aliases would be a value of any size.
             raise ConversionError(
@@ -196,7 +196,7 @@ class _Reader:
             )
         self._seen.add(id(node))
         if isinstance(node, yaml.SequenceNode):
-            return FieldList(tuple(self.value(each) for each in node.value), place)
+            return FieldList(tuple(self.node_value(each) for each in node.value), place)
         if isinstance(node, yaml.MappingNode):
             return self._key(node, place) or self._fields(node, place)
         try:
@@ -224,16 +224,16 @@ class _Reader:
     def _fields(self, node: yaml.MappingNode, place: PlaceInText) -> MessageFields:
         found: dict[str, tuple[FieldValue, PlaceInText | None]] = {}
         for name, inner in node.value:
-            at = self._place(name)
+            at = self._location(name)
             if not isinstance(name, yaml.ScalarNode) or name.value == "<<":
                 raise ConversionError("a field must have a name", hint=_EXAMPLE, place=at)
             field = unmasked(name.value)
             if field in found:
                 raise ConversionError(f"'{field}' is written twice", hint="delete one of the two", place=at)
-            found[field] = self.value(inner), at
+            found[field] = self.node_value(inner), at
         return MessageFields(found, place)
 
-    def _place(self, node: yaml.Node) -> PlaceInText:
+    def _location(self, node: yaml.Node) -> PlaceInText:
         begin, end = (mark.index - self._shift for mark in (node.start_mark, node.end_mark))
         return min(max(begin, 0), len(self._text)), min(max(end, 0), len(self._text))
 

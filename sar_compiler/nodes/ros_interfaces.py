@@ -312,17 +312,17 @@ class MessageFiller:
             where = f"{path}.{name}" if path else name
             if name not in kinds:
                 raise _no_field(where, name, kinds, place)
-            value = self._known(written)
+            value = self._known_value(written)
             if value is None:
                 continue
             found = self._value(message, name, value, where)
             try:
                 setattr(message, name, found)
             except (AssertionError, TypeError, ValueError, OverflowError) as error:
-                raise _misfit(where, value, kinds[name].label) from error
+                raise _type_error(where, value, kinds[name].label) from error
         return message
 
-    def _known(self, value: FieldValue) -> FieldValue | None:
+    def _known_value(self, value: FieldValue) -> FieldValue | None:
         """Return a value, or that of its key; None for a key if no keys are read."""
         if not isinstance(value, KeyReference):
             return value
@@ -333,24 +333,24 @@ class MessageFiller:
         cls: Any = type(message)
         kind = fields_of(cls)[name]
         if not kind.is_list:
-            return self._single(message, kind, value, where)
+            return self._convert_single(message, kind, value, where)
         if isinstance(value, Scalar) and isinstance(value.value, bytes) and kind.base in ("uint8", _BYTE):
             value = FieldList(tuple(Scalar(str(each), each) for each in value.value), value.place)
         if not isinstance(value, FieldList):
-            raise _misfit(where, value, kind.text, hint="write a list: [...]")
+            raise _type_error(where, value, kind.text, hint="write a list: [...]")
         _check_size(kind, len(value.items), where, value.place)
-        known = [self._known(each) for each in value.items]
+        known = [self._known_value(each) for each in value.items]
         found = [
-            None if each is None else self._single(message, kind, each, f"{where}[{number}]")
+            None if each is None else self._convert_single(message, kind, each, f"{where}[{number}]")
             for number, each in enumerate(known)
         ]
         return getattr(message, name) if None in known else found
 
-    def _single(self, owner: Any, kind: FieldType, value: FieldValue, where: str) -> Any:
+    def _convert_single(self, owner: Any, kind: FieldType, value: FieldValue, where: str) -> Any:
         """Return one value of a type, for a field of a message."""
         if kind.is_message:
             return self._message(kind, value, where)
-        found = _plain(type(owner), kind, value) if isinstance(value, Scalar) else None
+        found = _convert_scalar(type(owner), kind, value) if isinstance(value, Scalar) else None
         if isinstance(found, str) and kind.length is not None and len(found) > kind.length:
             message = f"{where} has {len(found)} characters, but at most {kind.length} are allowed"
             raise InterfaceError(message, value.place)
@@ -362,7 +362,7 @@ class MessageFiller:
             suggestion = nearest(value.text, {**constants_of(cls), **_package_constants(cls)})
         if isinstance(value, Scalar) and value.value is None:
             hint = "write '' for an empty string" if kind.base in _TEXTS else "remove it to use its default"
-        raise _misfit(where, value, kind.value_label, suggestion=suggestion, hint=hint)
+        raise _type_error(where, value, kind.value_label, suggestion=suggestion, hint=hint)
 
     def _message(self, kind: FieldType, value: FieldValue, where: str) -> Any:
         """Return a message for a field."""
@@ -381,7 +381,7 @@ class MessageFiller:
         first = next(iter(fields_of(wanted)), "")
         words = {_TIME: "now, or {sec: ..., nanosec: ...}", _HEADER: "auto, or {frame_id: ...}"}
         hint = f"write {words.get(kind.base, f'{{{first}: ...}}')}"
-        raise _misfit(where, value, f"fields of {kind.base}", hint=hint)
+        raise _type_error(where, value, f"fields of {kind.base}", hint=hint)
 
     def _stamp(self, stamp: Any) -> Any:
         stamp.sec, stamp.nanosec = self._now()
@@ -395,14 +395,14 @@ def _check_size(kind: FieldType, count: int, where: str, place: PlaceInText | No
         raise InterfaceError(f"{where} has {_count(count)}, but at most {kind.most} are allowed", place)
 
 
-def _misfit(
+def _type_error(
     where: str, value: FieldValue, wanted: str, *, suggestion: str | None = None, hint: str | None = None
 ) -> InterfaceError:
     message = f"{where} is {_describe(value)}, but must be {wanted}"
     return InterfaceError(message, value.place, suggestion=suggestion, hint=hint)
 
 
-def _plain(cls: Any, kind: FieldType, value: Scalar) -> Any:
+def _convert_scalar(cls: Any, kind: FieldType, value: Scalar) -> Any:
     """Return a number, a bool or a string for a field; None if the value is invalid."""
     base, found = kind.base, value.value
     if base in _TEXTS or base in _LETTERS:
@@ -415,7 +415,7 @@ def _plain(cls: Any, kind: FieldType, value: Scalar) -> Any:
         named = _constant(cls, value.text)
         found = found if named is None else named
     if base == "boolean":
-        return _truth(found)
+        return _parse_bool(found)
     number = _number(found[0] if isinstance(found, bytes) and len(found) == 1 else found)
     if number is None or base in _REAL:
         return None if number is None else _real(number, _REAL[base])
@@ -433,7 +433,7 @@ def _real(number: float, largest: float) -> float | None:
     return None
 
 
-def _truth(found: object) -> bool | None:
+def _parse_bool(found: object) -> bool | None:
     if isinstance(found, str):
         return True if found in _TRUE else False if found in _FALSE else None
     return bool(found) if found in (0, 1) else None

@@ -97,7 +97,7 @@ class Counterpart(NamedTuple):
     since: str = ""
 
 
-def _ungated(_bound: "NodeView") -> Mapping[int, Gate]:
+def _no_gates(_bound: "NodeView") -> Mapping[int, Gate]:
     return {}
 
 
@@ -131,7 +131,7 @@ class Semantics(NamedTuple):
     possible: Possible | None = None
     order: Order = Order.CHOSEN
     goes_on: int = 0
-    gates: "Callable[[NodeView], Mapping[int, Gate]]" = _ungated
+    gates: "Callable[[NodeView], Mapping[int, Gate]]" = _no_gates
     reactive: bool = False
     steady: bool = False
     changes: int = 0
@@ -182,22 +182,22 @@ class Semantics(NamedTuple):
         return cls(possible, Order.TOGETHER, counts=counts)
 
     @classmethod
-    def turning(cls, turns: "Mapping[Status, Status] | Mapping[int, int]") -> "Semantics":
+    def mapping(cls, turns: "Mapping[Status, Status] | Mapping[int, int]") -> "Semantics":
         """Return the semantics of a decorator that replaces some results of its child.
 
         Args:
             turns: The replacements by result, as statuses or outcome sets of one; other results are passed on.
         """
         by_bit = {outcome_sets.bit_of(old): outcome_sets.bit_of(new) for old, new in turns.items()}
-        return cls(outcome_sets.turning(by_bit), steady=True, changes=outcome_sets.union(by_bit))
+        return cls(outcome_sets.mapping_results(by_bit), steady=True, changes=outcome_sets.union(by_bit))
 
     @classmethod
-    def passing(cls) -> "Semantics":
+    def transparent(cls) -> "Semantics":
         """Return the semantics of a decorator that returns its child's results."""
-        return cls(outcome_sets.passing, steady=True)
+        return cls(outcome_sets.passing_results, steady=True)
 
     @classmethod
-    def repeating(cls, after: "Status | int", rounds: Number | str) -> "Semantics":
+    def restarts_child(cls, after: "Status | int", rounds: Number | str) -> "Semantics":
         """Return the semantics of a decorator that restarts its child after one of its results, and then runs.
 
         Args:
@@ -212,7 +212,7 @@ class Semantics(NamedTuple):
         )
 
     @classmethod
-    def limiting(cls, limit: Number | str) -> "Semantics":
+    def limits_child(cls, limit: Number | str) -> "Semantics":
         """Return the semantics of a decorator that fails when its child has run for too long.
 
         Args:

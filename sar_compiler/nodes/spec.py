@@ -90,7 +90,7 @@ class Direction(str, Enum):
     INOUT = "inout_port"
 
     @property
-    def words(self) -> str:
+    def message_name(self) -> str:
         """Its name in messages to the user."""
         words = {Direction.INPUT: "input", Direction.OUTPUT: "output, takes a {key}"}
         return words.get(self, "input and output")
@@ -234,7 +234,7 @@ class Parameter:
     @property
     def help(self) -> str:
         """Its description for editors, with the direction of a port."""
-        direction = f"{self.direction.words}.".capitalize() if self.direction else ""
+        direction = f"{self.direction.message_name}.".capitalize() if self.direction else ""
         return f"{direction} {self.doc}".strip()
 
     @property
@@ -438,7 +438,7 @@ class NodeSpec:
         unwritten = {p.keyword or p.name: _default_port(p) for p in self.ports if not p.required}
         made: Callable[..., Any] | None = self.cls
         assert made is not None  # noqa: S101 - it has a path
-        return functools.partial(made, **{**unwritten, **self.fixed})
+        return functools.partial(made, **{**unwritten, **self.implied_values})
 
     @property
     def factory_path(self) -> str:
@@ -490,7 +490,7 @@ class NodeSpec:
         """Whether only a model describes it, without a class or a palette with more information."""
         return self.provenance.is_description
 
-    def listing(self, unlisted: Parameter) -> "NodeSpec":
+    def with_port(self, unlisted: Parameter) -> "NodeSpec":
         """Return the spec of a described node with a further port."""
         described = {**self.parameters, unlisted.name: unlisted}
         return replace(self, signature=self.signature._replace(described=described))
@@ -501,18 +501,18 @@ class NodeSpec:
         return self.class_or_path is None
 
     @property
-    def asks(self) -> bool:
+    def has_world_leaf(self) -> bool:
         """Whether a leaf represents the world around it in runs without a robot."""
         return not self.kind.is_leaf and bool(self.answers)
 
     @functools.cached_property
-    def fixed(self) -> Mapping[str, object]:
+    def implied_values(self) -> Mapping[str, object]:
         """The parameters whose value the tag implies."""
         return self.signature.fixed
 
     def fixed_value_names(self, parameter: Parameter) -> list[str]:
         """Return the texts that a file may contain for a parameter whose value the tag implies."""
-        kind, value = parameter.value_type, self.fixed[parameter.name]
+        kind, value = parameter.value_type, self.implied_values[parameter.name]
         return [text for text in kind.choices if kind.convert(text) == value]
 
     @functools.cached_property
@@ -523,13 +523,13 @@ class NodeSpec:
         ]
 
     @functools.cached_property
-    def required(self) -> list[Parameter]:
+    def required_attributes(self) -> list[Parameter]:
         """The attributes that are required in a file."""
         attributes = (p for p in self.parameters.values() if p.role is ParameterRole.ATTRIBUTE)
-        return [p for p in attributes if p.required and p.name not in self.fixed]
+        return [p for p in attributes if p.required and p.name not in self.implied_values]
 
     @functools.cached_property
-    def plain(self) -> list[Parameter]:
+    def constant_attributes(self) -> list[Parameter]:
         """The attributes whose values are fixed at compile time."""
         return [
             p for p in self.parameters.values() if p.role is ParameterRole.ATTRIBUTE and p.direction is None
@@ -538,7 +538,7 @@ class NodeSpec:
     @functools.cached_property
     def plain_defaults(self) -> dict[str, object]:
         """The defaults of the fixed attributes."""
-        return {p.name: self.fixed.get(p.name, p.default) for p in self.plain}
+        return {p.name: self.implied_values.get(p.name, p.default) for p in self.constant_attributes}
 
     @functools.cached_property
     def ports(self) -> list[Parameter]:
@@ -587,7 +587,7 @@ class NodeSpec:
         return self.kind.is_leaf and self.rule is None and not is_special
 
     @functools.cached_property
-    def renamed(self) -> dict[str, str]:
+    def constructor_names(self) -> dict[str, str]:
         """The parameters that have another name in the constructor."""
         return {p.name: p.keyword for p in self.parameters.values() if p.keyword}
 

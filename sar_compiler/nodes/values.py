@@ -15,7 +15,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Annotated, NamedTuple, TypeAlias, TypeGuard, TypeVar
 
-from sar_compiler.nodes.cpp_names import INT, LONG, STATUS, TEXT, UNSIGNED_INT, normalized
+from sar_compiler.nodes.cpp_names import INT, LONG, STATUS, TEXT, UNSIGNED_INT, normalize
 from sar_compiler.nodes.cpp_names import REAL as CPP_REAL
 from sar_compiler.nodes.numbers import (
     DURATION,
@@ -131,7 +131,7 @@ class ValueType(NamedTuple):
         return key
 
     @property
-    def kept(self) -> type | None:
+    def unchanged_type(self) -> type | None:
         """The type whose values `fit` returns unchanged; None if it checks each value."""
         return self.python if self.least is None and self.most is None else None
 
@@ -153,7 +153,7 @@ class ValueType(NamedTuple):
         return (self.least is None or self.least <= number) and (self.most is None or number <= self.most)
 
     def _as_python(self, value: object) -> object:
-        if self.python is None or (isinstance(value, self.python) and not _odd(value, self.python)):
+        if self.python is None or (isinstance(value, self.python) and not _is_surprising(value, self.python)):
             return value
         if isinstance(value, str):
             return self.convert(value)
@@ -192,7 +192,7 @@ def as_text(value: bool | float) -> str:
     return str(value) if isinstance(value, int) else f"{value:f}"
 
 
-def _odd(value: object, wanted: type) -> bool:
+def _is_surprising(value: object, wanted: type) -> bool:
     """Return whether Python accepts a surprising value for a type, such as True for a number."""
     return isinstance(value, bool) and wanted is not bool
 
@@ -279,7 +279,7 @@ def require_value_type(annotation: object) -> ValueType:
 
 def type_of_cpp_name(name: str) -> ValueType | None:
     """Return the type with a BehaviorTree.CPP name (in a `TreeNodesModel`); None for an unknown name."""
-    name = normalized(name)
+    name = normalize(name)
     if name.startswith(_VECTOR) and name.endswith(">"):
         item = _CPP_TYPES.get(name.removeprefix(_VECTOR).removesuffix(">"))
         return list_type(item) if item else None
@@ -288,7 +288,7 @@ def type_of_cpp_name(name: str) -> ValueType | None:
 
 def port_type_of_cpp_name(name: str) -> ValueType:
     """Return the type of a port that a model describes; an unknown type accepts any value, under its own name."""
-    return type_of_cpp_name(name) or ANYTHING._replace(cpp=normalized(name))
+    return type_of_cpp_name(name) or ANYTHING._replace(cpp=normalize(name))
 
 
 def is_class(annotation: object) -> TypeGuard[type]:
@@ -341,7 +341,7 @@ def parse_integer(text: str, least: float = -math.inf, most: float = math.inf) -
     raise ConversionError(message, meant if fits else None, number_hint(text))
 
 
-def _unsigned(text: str) -> int:
+def _parse_unsigned(text: str) -> int:
     value = parse_integer(text, 0, _LARGEST_UNSIGNED)
     if text.startswith("-") or value > _LARGEST_UNSIGNED:
         raise ConversionError(f"'{text}' is not {UNSIGNED.label}")
@@ -357,7 +357,7 @@ def at_least(least: int) -> ValueType:
     return ValueType(
         f"integer.from.{least}",
         label,
-        functools.partial(_between, least, math.inf, label),
+        functools.partial(_parse_in_range, least, math.inf, label),
         pattern=INTEGER,
         python=int,
         cpp="int",
@@ -366,10 +366,10 @@ def at_least(least: int) -> ValueType:
     )
 
 
-def sensible(least: float, most: float = math.inf, *, is_open: bool = False) -> ValueType:
+def plausible_number(least: float, most: float = math.inf, *, is_open: bool = False) -> ValueType:
     """Return the type of numbers with a plausible range; other numbers cause a warning before the run.
 
-    It is used in an annotation: `share: Annotated[float, sensible(0, 1)]`.
+    It is used in an annotation: `share: Annotated[float, plausible_number(0, 1)]`.
 
     Args:
         least: The smallest plausible number.
@@ -383,11 +383,11 @@ def _whole_of_size(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
     """Return the type of C++ integers of a size; BehaviorTree.CPP rejects others."""
     least, most = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if is_signed else (0, 2**bits - 1)
     label = f"an integer from {least} to {most}"
-    convert = functools.partial(_between, least, most, label)
+    convert = functools.partial(_parse_in_range, least, most, label)
     return ValueType("integer", label, convert, pattern=INTEGER, python=int, cpp=cpp, least=least, most=most)
 
 
-def _between(least: float, most: float, label: str, text: str) -> int:
+def _parse_in_range(least: float, most: float, label: str, text: str) -> int:
     value = parse_integer(text, least, most)
     if not least <= value <= most:
         raise ConversionError(f"'{text}' is not {label}")
@@ -444,7 +444,7 @@ def _seconds(text: str) -> float:
 
 def _milliseconds(text: str) -> int:
     if re.fullmatch(INTEGER, text):
-        return _unsigned(text)
+        return _parse_unsigned(text)
     milliseconds = parse_milliseconds(text)
     if milliseconds is None:
         raise _no_duration(text, MILLISECONDS.label, intended_integer(text), _milliseconds)
@@ -534,7 +534,7 @@ def _list(item: ValueType, label: str, text: str) -> list[object]:
     """Read items separated by semicolons, or a JSON list as BehaviorTree.CPP does for some types."""
     if not text.startswith(JSON):
         return items_of(text, item.convert)
-    items = _anything(text)
+    items = _parse_any_value(text)
     are_texts = item.python is str
     if not isinstance(items, list) or any(isinstance(each, str) is not are_texts for each in items):
         raise ConversionError(f"'{text}' is not a list of {label.removesuffix(' separated by ;')} in JSON")
@@ -566,7 +566,7 @@ def items_of(text: str, convert: Callable[[str], T], *, blanks: bool = False) ->
     return items
 
 
-def _anything(text: str) -> object:
+def _parse_any_value(text: str) -> object:
     """Parse a text that begins with `json:` as JSON; any other remains a string."""
     if not text.startswith(JSON):
         return text
@@ -602,7 +602,7 @@ PLAIN = {value_type.name: value_type for value_type in _PLAIN.values()}
 UNSIGNED = ValueType(
     "unsigned",
     f"an integer from 0 to {_LARGEST_UNSIGNED}",
-    _unsigned,
+    _parse_unsigned,
     pattern=_up_to(_LARGEST_UNSIGNED),
     python=int,
     cpp=UNSIGNED_INT,
@@ -643,7 +643,7 @@ Milliseconds: TypeAlias = Annotated[int, MILLISECONDS]
 _condition = functools.partial(_script, allow_empty=False)
 CONDITION = ValueType("condition", "a script", _condition, pattern=_NOT_BLANK, python=Script, cpp=TEXT)
 """The scripts of pre- and post-conditions, which must not be empty."""
-ANYTHING = ValueType("anything", "a value", _anything)
+ANYTHING = ValueType("anything", "a value", _parse_any_value)
 """The type of a port for any object; not a type for plain parameters."""
 AS_WRITTEN = ValueType("anything", "a value", str)
 """The type of a port for any object, which reads a text in the file as a string whatever its prefix."""

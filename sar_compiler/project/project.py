@@ -201,7 +201,7 @@ class Project:
                     read_file(path, TREE)  # raises with the reason
                 place = real_path(path)
                 if place.is_relative_to(self.checkout):
-                    yield self._names.get(place) or NamedPath.within(path, (self.checkout,))
+                    yield self._names.get(place) or NamedPath.confined_to(path, (self.checkout,))
 
     def report_use(self, forest: Forest) -> None:
         """Record the surrounding files that provided missing trees."""

@@ -51,7 +51,9 @@ class FilesAround:
         if hasattr(os, "geteuid"):
             owners.add(os.geteuid())
         found = files_around(folder, most=_MOST_FILES, is_whole=self.root is not None)
-        return [NamedPath.within(as_written(path), (folder,)) for path in found if owner_of(path) in owners]
+        return [
+            NamedPath.confined_to(as_written(path), (folder,)) for path in found if owner_of(path) in owners
+        ]
 
     @functools.cached_property
     def trees(self) -> tuple[Path, ...]:

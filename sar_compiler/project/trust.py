@@ -60,11 +60,11 @@ class ConfigurationCode:
         packages = frozenset(module.partition(".")[0] for module in modules)
         folder = configuration.parent
         files = (path for name in packages if name.isidentifier() for path in _files(folder, name))
-        inside = [configuration, *(NamedPath.within(path, [folder.resolve()]) for path in files)]
+        inside = [configuration, *(NamedPath.confined_to(path, [folder.resolve()]) for path in files)]
         sums = {}
         for path in inside:
             with suppress(UnreadableFileError):
-                sums[Path(path)] = hashlib.sha256(read_file(path, MODULE).whole()).digest()
+                sums[Path(path)] = hashlib.sha256(read_file(path, MODULE).read_bytes()).digest()
         return cls(configuration, packages, sums)
 
     @property
@@ -153,7 +153,7 @@ class _SourceLoader(SourceFileLoader):
             ImportError: If it has changed since it was trusted.
         """
         source = self.get_filename(fullname)
-        code = read_file(source, MODULE).whole()
+        code = read_file(source, MODULE).read_bytes()
         if hashlib.sha256(code).digest() != self._sums[Path(source)]:
             raise ImportError(f"{source} has changed since it was trusted", name=fullname)
         return self.source_to_code(code, source)

@@ -47,7 +47,7 @@ class CheckedJournal(NamedTuple):
         """
         from sar_compiler.journal.database import JournalFile
 
-        with JournalFile.reading(place) as file:
+        with JournalFile.open_snapshot(place) as file:
             chain = file.chain()
             notes = [] if chain.wrong else [*_notes(file)]
         if expected is None and not chain.wrong:
@@ -83,7 +83,7 @@ class CheckedJournal(NamedTuple):
 def _notes(file: "JournalFile") -> "list[str]":
     """Return notes on the parts of a journal that the chain does not cover."""
     notes = []
-    if count := file.waiting():
+    if count := file.spilled_count():
         notes.append(
             f"{count_with_noun(count, 'fact')} beside it, in its reserve, will be chained by the next run"
         )

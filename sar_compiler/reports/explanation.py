@@ -82,7 +82,7 @@ class Explanation(NamedTuple):
         from sar_compiler.journal.recorded_ticks import TickLog
         from sar_compiler.reports.why import FailureAnalysis
 
-        log = None if projects is None else TickLog([*tree_nodes(file.about().get("tree"))])
+        log = None if projects is None else TickLog([*tree_nodes(file.description().get("tree"))])
         inquiry = FailureAnalysis.from_stream(file.last_run(without=OF_ROBOT, is_condensed=True, log=log))
         inquiry.state.update_process(is_gone=is_gone)
         reasons = inquiry.why()

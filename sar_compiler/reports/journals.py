@@ -30,15 +30,15 @@ def journal_json(file: JournalFile, state: MissionState, *, with_watched: bool =
             "version": VERSION,
             "state": journal_state(state),
             "condition": condition(state)._asdict(),
-            **file.about(),
+            **file.description(),
             "runs": [run._asdict() for run in file.runs()],
         }
         yield f"{as_json(data).removesuffix(_END)},"
         yield '  "facts": ['
-        yield from _json_items(file.facts())
+        yield from _json_items(file.events())
         if with_watched:
             yield '  ],\n  "watched": ['
-            yield from _json_items(file.watched())
+            yield from _json_items(file.observations())
         yield "  ]\n}"
 
 
@@ -63,7 +63,7 @@ def journal_lines(
         why: The likeliest cause, if it is not complete.
         with_watched: Whether to include observations.
     """
-    runs, about = file.runs(), file.about()
+    runs, about = file.runs(), file.description()
     mission = about.get("mission") or "a tree of no mission"
     nodes = [node.name for node in tree_nodes(about.get("tree"))] if with_watched else []
     yield escape_to_one_line(f"{mission}, {status_line_text(state)}")

@@ -27,12 +27,12 @@ class ReportError(SarError):
 
 def georeference(state: MissionState) -> Georeference | None:
     """Return the georeference of a mission's map; None if it is unknown."""
-    return state.place or Georeference.among(state.parameters)
+    return state.place or Georeference.from_parameters(state.parameters)
 
 
 def detections_to_visit(state: MissionState) -> list[Landmark]:
     """Return the detections to which a person must go: those that were not abandoned."""
-    return [each for each in state.situation.found() if each.level != Level.GIVEN_UP]
+    return [each for each in state.situation.detections() if each.level != Level.GIVEN_UP]
 
 
 def unfinished_locations(state: MissionState) -> dict[str, list[str]]:
@@ -114,7 +114,7 @@ def _place(reference: Georeference | None, x: float, y: float) -> dict[str, floa
     """Return a position on the map, with coordinates on the earth if they are known."""
     if reference is None:
         return {"x": x, "y": y}
-    lat, lon = reference.located(x, y)
+    lat, lon = reference.to_coordinates(x, y)
     return {"x": x, "y": y, "lat": round(lat, 8), "lon": round(lon, 8)}
 
 

@@ -146,7 +146,7 @@ def _description(state: MissionState, text: str) -> Any:
 
 def _coordinates(places: Iterable[tuple[float, float]], reference: Georeference) -> Any:
     """Return positions in the frame `map` (metres) as longitude and latitude, on the ground."""
-    located = (reference.located(*place) for place in places)
+    located = (reference.to_coordinates(*place) for place in places)
     return _E.coordinates(" ".join(f"{lon:.8f},{lat:.8f}" for lat, lon in located))
 
 
@@ -166,7 +166,7 @@ def cot_report(state: MissionState, now: datetime | None = None) -> str:
     # By its index among all of them: neither a review by the operator nor a name makes it another detection.
     events = (
         _event(state, each, number, reference, made)
-        for number, each in enumerate(state.situation.found(), 1)
+        for number, each in enumerate(state.situation.detections(), 1)
         if each in listed
     )
     return "".join(f"{etree.tostring(event, encoding='unicode')}\n" for event in events)
@@ -209,7 +209,7 @@ def _infos(state: MissionState, reference: Georeference) -> Iterator[Any]:
     from cap_tools.models import Area, Category, Certainty, Info, ResponseType, Severity, Urgency
 
     for find in detections_to_visit(state):
-        lat, lon = reference.located(find.x, find.y)
+        lat, lon = reference.to_coordinates(find.x, find.y)
         yield Info(
             language="en-US",
             categories=[Category.RESCUE],
@@ -230,7 +230,7 @@ def _infos(state: MissionState, reference: Georeference) -> Iterator[Any]:
 
 
 def _event(state: MissionState, find: Landmark, number: int, reference: Georeference, now: datetime) -> Any:
-    lat, lon = reference.located(find.x, find.y)
+    lat, lon = reference.to_coordinates(find.x, find.y)
     stamp = "%Y-%m-%dT%H:%M:%S.000Z"
     colour = str(TAK_CERTAIN if find.is_certain else TAK_LIKELY)
     uid = f"{_mission_id(state)}.{number}"

@@ -70,7 +70,7 @@ def report_page(journal: Path) -> str:
 def _mission(journal: Path) -> tuple[MissionState, CauseOfFailure]:
     from sar_compiler.journal.database import JournalFile
 
-    with JournalFile.reading(journal) as file:
+    with JournalFile.open_snapshot(journal) as file:
         entries = PathShortener(journal.parent).of(file.every_run(is_condensed=True))
         inquiry, state = FailureAnalysis.with_state(entries)
     state.update_process(is_gone=not file.is_written)

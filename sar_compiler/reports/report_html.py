@@ -189,7 +189,7 @@ def _is_number(text: str) -> bool:
 def _position(state: MissionState, x: float, y: float) -> list[str]:
     reference, cells = georeference(state), [f"{x:.2f}, {y:.2f}"]
     if reference is not None:
-        lat, lon = reference.located(x, y)
+        lat, lon = reference.to_coordinates(x, y)
         cells.append(f"{lat:.7f}, {lon:.7f}")
     return cells
 

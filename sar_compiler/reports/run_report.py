@@ -38,7 +38,7 @@ class RunReport(RunExtension):
     def on_entry(self, entry: JournalEntry) -> None:
         """Process an entry of the run's journal."""
         told = self._paths.shorten(entry)
-        self._state.take(told)
+        self._state.apply(told)
         self._inquiry.take(told)
 
     def on_end(self, *, has_begun: bool) -> None:

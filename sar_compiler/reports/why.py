@@ -164,7 +164,7 @@ class FailureAnalysis:
                 inquiry.take_status(entry)
             else:
                 inquiry.take(entry)
-                state.take(entry)
+                state.apply(entry)
         state.adopt_statuses(inquiry.state)
         return inquiry, state
 
@@ -176,12 +176,12 @@ class FailureAnalysis:
                 self.take_status(entry)
         elif kind == RUN_BEGAN:
             self._begin()
-            self.state.take(entry)
+            self.state.apply(entry)
             self._kinds = _NodeKinds.from_run_start(entry)
             self._history = self._history_then = _History(self._kinds)
             self._explained = _ExplainedFailure(self.state, self._kinds)
         elif self.state.runs and kind not in OF_ROBOT:
-            self.state.take(entry)
+            self.state.apply(entry)
             if kind == LEAF_RAISED:
                 self._raised = self._of_raised(entry)
             elif kind == CHANGED:
@@ -200,7 +200,7 @@ class FailureAnalysis:
         if not isinstance(number, int) or not 0 <= number < len(self.state.nodes):
             return _of_run("RAISED", text, self.state.now)
         node = self.state.nodes[number]
-        return NodeStatus(number, node.name, node.place, 0, "RAISED", None, text, self.state.now)
+        return NodeStatus(number, node.name, node.location, 0, "RAISED", None, text, self.state.now)
 
     def _end_tick(self) -> None:
         has_failed = self._explained.end_tick()
@@ -414,7 +414,7 @@ class _ExplainedFailure:
         status, label, message, changed = self._last[number]
         if number in self._own:
             message = self._reason(node, status, message)
-        return NodeStatus(number, node.name, node.place, 0, status, label, message, node.time_of(changed))
+        return NodeStatus(number, node.name, node.location, 0, status, label, message, node.time_of(changed))
 
     def _has_expired(self, number: int) -> bool:
         """Return whether a node has failed by its time limit, whose message then names the leaves that ran."""
@@ -516,7 +516,7 @@ class _ExplainedFailure:
 
 def _answer(node: NodeState) -> NodeStatus:
     return NodeStatus(
-        node.number, node.name, node.place, 0, node.status, node.label, node.message, node.status_time
+        node.number, node.name, node.location, 0, node.status, node.label, node.message, node.status_time
     )
 
 
@@ -688,7 +688,7 @@ def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
     for entry in _of_tree(stream):
         node = state.nodes[entry.data["node"]] if entry.kind == STATUS else None
         before = (node.status, node.label) if node is not None else None
-        state.take(entry)
+        state.apply(entry)
         if node is not None and (node.status, node.label) != before:
             yield _answer(node)
 
@@ -697,7 +697,7 @@ def counterfactual_text(change: "Counterfactual", nodes: Sequence[NodeState]) ->
     """Return the change with which a mission with these nodes would have succeeded, in words."""
     leaf = nodes[change.instead.number]
     said = f"{change.instead.status}{_meaning(change.instead)} instead of {change.was.status}{_meaning(change.was)}"
-    place = f"  ({leaf.place})" if leaf.place else ""
+    place = f"  ({leaf.location})" if leaf.location else ""
     lines = ["It would have succeeded with another outcome:"]
     lines.append(escape_to_one_line(f"  {clock_text(change.time_sec)}  {leaf.name} {said}{place}"))
     if change.then:
@@ -722,7 +722,7 @@ def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) ->
     return {
         "tick": change.tick,
         "time": change.time_sec,
-        "place": nodes[change.instead.number].place,
+        "place": nodes[change.instead.number].location,
         "was": data(change.was),
         "instead": data(change.instead),
         "then": [data(each) for each in change.then],

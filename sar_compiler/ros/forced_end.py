@@ -67,7 +67,7 @@ class ForcedEnd:
         status = ROBOT_MAY_MOVE if could_still_move else self._signals.exit_status
         end_at_once(status, cancel, _LEAVES_SEC + _APART_SEC + settle_sec)
 
-    def hurry(self) -> int | None:
+    def end_immediately(self) -> int | None:
         """Clean up quickly after a second signal; return the exit status, or None for the signal's."""
         active = len(active_goals_of(self._node)) or self._moves()
         # Restore the terminal first: the following steps may take longer than the time that is left.

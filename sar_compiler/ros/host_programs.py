@@ -169,7 +169,7 @@ class _HostedTree:
                 self._name, self._node, self._runner.root, signals, self._cancel, self._settle_sec
             )
             watch.end = lambda where: self._on_unnoticed(watch, end, where)
-            signals.last_words = end.hurry
+            signals.last_words = end.end_immediately
         return watch
 
     def _on_beat(self) -> None:

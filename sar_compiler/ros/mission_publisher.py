@@ -50,12 +50,12 @@ class TreeLog:
         self._changes = StatusChanges(tree, lambda change: self._events.append(self._event(change)))
         self.statuses = self._changes.statuses
 
-    def watch(self, engine: Engine) -> None:
+    def observe(self, engine: Engine) -> None:
         """Observe the engine that ticks the tree."""
         engine.add_visitor(self._changes)
         engine.add_post_tick_handler(lambda _: self._tell_events())
 
-    def end(self) -> None:
+    def publish_result(self) -> None:
         """Publish the result."""
         self._changes.finalise()
         self._tell_events()
@@ -129,14 +129,14 @@ class MissionPublisher(RunExtension):
         self._tree = NumberedTree(tree)
         self._log = TreeLog(self._node, self._tree, self._publish_changes)
         self._xml.publish(String(data=tree_xml(self._tree)))
-        self._log.watch(engine)
+        self._log.observe(engine)
         engine.add_post_tick_handler(self._after_tick)
 
     def on_entry(self, entry: JournalEntry) -> None:
         """Publish an entry of the run's journal."""
         if entry.kind in (STATUS, LOG):
             return
-        self._mission.take(entry)
+        self._mission.apply(entry)
         # They are of no use here, and would grow.
         self._mission.facts.clear()
         self._mission.trail.clear()
@@ -152,7 +152,7 @@ class MissionPublisher(RunExtension):
     def on_end(self, *, has_begun: bool) -> None:
         """Publish the result if the run has started."""
         if has_begun:
-            self._log.end()
+            self._log.publish_result()
             self._try(self._publish_state)
             self._try(self._publish_markers)
             self._try(self._wait_for_readers)

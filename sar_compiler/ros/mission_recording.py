@@ -338,7 +338,7 @@ class MissionRecording(RunExtension):
         numbered = NumberedTree(tree)
         self._write("~/tree", String(data=tree_xml(numbered)), latched=True)
         self._tree_log = TreeLog(self._node, numbered, lambda message: self._write(TOPIC, message))
-        self._tree_log.watch(engine)
+        self._tree_log.observe(engine)
         self._recorder.listen(self._node)
 
     def on_entry(self, entry: JournalEntry) -> None:
@@ -358,7 +358,7 @@ class MissionRecording(RunExtension):
         """Record the result and close the file; if the run never started, remove the file."""
         try:
             if has_begun and self._tree_log is not None:
-                self._tree_log.end()
+                self._tree_log.publish_result()
         finally:
             self._recorder.close(keep=has_begun)
 

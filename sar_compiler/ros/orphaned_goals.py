@@ -50,7 +50,7 @@ def record_goals(node: Node, journal: Journal) -> None:
 
     def note(news: GoalEvent) -> None:
         if news.status is None:
-            journal.note(GOAL_SENT, action=news.action, goal=news.goal_id)
+            journal.record_event(GOAL_SENT, action=news.action, goal=news.goal_id)
         else:
             _watch_end(journal, news.goal_id, news.status)
 
@@ -58,7 +58,7 @@ def record_goals(node: Node, journal: Journal) -> None:
 
 
 def _watch_end(journal: Journal, goal_id: str, status: int) -> None:
-    journal.watch(GOAL_ENDED, goal=goal_id, status=status)
+    journal.record_observation(GOAL_ENDED, goal=goal_id, status=status)
 
 
 class OrphanedGoals(Requirement):

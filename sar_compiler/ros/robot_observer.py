@@ -155,25 +155,27 @@ class RobotObserver:
         if (lacks := (lost or self._robot.lacks, bool(lost))) != self._lacks:
             self._lacks = lacks
             text, is_position_lost = lacks
-            self._journal.watch(LACKS, text=text, **({"is_position_lost": True} if is_position_lost else {}))
+            self._journal.record_observation(
+                LACKS, text=text, **({"is_position_lost": True} if is_position_lost else {})
+            )
         left_out, self._others = self._others - _OTHERS, 0
         if left_out > 0:
             text = f"{left_out} more warnings of other nodes within {_LOOK_SEC:g} s are omitted."
-            self._journal.watch(LOG, node=self._name, level=Log.WARN, text=text)
+            self._journal.record_observation(LOG, node=self._name, level=Log.WARN, text=text)
 
     def _tell(self, kind: str) -> None:
         if self._is_due(kind):
             self._takers[kind](self._newest.pop(kind))
 
     def _on_pose(self, pose: PlanarPose) -> None:
-        self._journal.watch(POSE, **pose._asdict())
+        self._journal.record_observation(POSE, **pose._asdict())
 
     def _on_plan(self, message: Any) -> None:
         if (points := self._reports.read("Topic 'plan'", lambda: path_points(message))) is None:
             return
         step = max(1, math.ceil(len(points) / _POINTS))
         drawn = [(round(x, 3), round(y, 3)) for x, y in (*points[:-1:step], *points[-1:])]
-        self._journal.watch(PLAN, frame=frame_of(message), points=drawn)
+        self._journal.record_observation(PLAN, frame=frame_of(message), points=drawn)
 
     def _on_map(self, message: Any) -> None:
         if (place := self._reports.read("Topic 'map'", lambda: grid_geometry(message))) is None:
@@ -186,13 +188,15 @@ class RobotObserver:
         width, height, step, data = drawn
         at, png = {"x": place.x, "y": place.y, "yaw": place.yaw}, base64.b64encode(data).decode()
         resolution = place.cell_m * step
-        self._journal.watch(MAP, resolution=resolution, width=width, height=height, **at, png=png)
+        self._journal.record_observation(
+            MAP, resolution=resolution, width=width, height=height, **at, png=png
+        )
 
     def _on_battery(self, message: Any) -> None:
         read = self._reports.read("Topic 'battery_state'", lambda: battery_share(message))
         if read is not None and (share := round(read, 2)) != self._battery:
             self._battery = share
-            self._journal.watch(BATTERY, share=share)
+            self._journal.record_observation(BATTERY, share=share)
 
     def _on_log(self, message: Any) -> None:
         if message.name != self._name:
@@ -203,7 +207,7 @@ class RobotObserver:
                 return
         text = message.msg if len(message.msg) <= _LONGEST else f"{message.msg[:_LONGEST]} [...]"
         stamp = logged_sec(message)
-        self._journal.watch(LOG, node=message.name, level=message.level, text=text, stamp=stamp)
+        self._journal.record_observation(LOG, node=message.name, level=message.level, text=text, stamp=stamp)
 
     def _is_due(self, kind: str) -> bool:
         now = self._journal.clock.now()

@@ -376,7 +376,7 @@ class BtNavigator:
         if target is not None:
             place = f"({target.x:.2f}, {target.y:.2f}, yaw {target.yaw:.2f})"
             self._node.get_logger().debug(f"Goal accepted: {place}.")
-        fault = self._faults.accepted(self._place_of(target))
+        fault = self._faults.fault_for_goal(self._place_of(target))
         goal = _Goal(handle, fault, self._now, self._manner, action_type)
         handle.execute(goal.run)
         under_way = self._goal

@@ -21,7 +21,7 @@ from sar_compiler.analysis.tree_analysis import predict_tree, verify_tree
 from sar_compiler.budget import MAX_MEMORY_MB, Budget, Progress, memory_now_mb
 from sar_compiler.checks.fixing import each_fix
 from sar_compiler.documents.yaml_files import as_yaml
-from sar_compiler.editing.names import name_at, renamed
+from sar_compiler.editing.names import name_at, rename_edits
 from sar_compiler.editing.operations import edits_of
 from sar_compiler.editing.text_edits import EditError, TextEdit
 from sar_compiler.errors import SarError
@@ -183,7 +183,7 @@ class Studio:
         if meant is None:
             message = "there is no name of a tree or of a key here"
             raise EditError(message)
-        spots = renamed(meant, name)
+        spots = rename_edits(meant, name)
         other = next((each.source.path for each, _ in spots if each.source is not loaded.source), None)
         if other is not None:
             message = f"'{meant.name}' is also used in {other}. Rename it in an editor with sar-compile lsp"

@@ -10,7 +10,7 @@ from pathlib import Path
 from sar_compiler.opener import (
     NamedPath,
     UnreadableFileError,
-    admit,
+    allow_reading,
     folder_entries,
     is_file,
     is_there,
@@ -146,7 +146,7 @@ def load_forest(
     loader = _Loader(read, [place.parent, *map(real_path, include_paths)])
     # The file must be in the folder that includes may come from. If that folder is replaced by a link between the two calls,
     # more files could be included. A pipe of the shell has only a name, without a folder.
-    main = read(NamedPath.within(path, (place, Path(place.name))))
+    main = read(NamedPath.confined_to(path, (place, Path(place.name))))
     loader.included(place, main, ())
     forest = Forest(main, tuple(loader.files), tuple(loader.findings), tree_set=tree_set)
     return forest if tree_set is None else _SetSearch(forest, tree_set).result()
@@ -361,7 +361,7 @@ class _Loader:
             self.full = True
             return
         try:
-            tree_file = self.read(NamedPath.within(as_written(target), self.folders))
+            tree_file = self.read(NamedPath.confined_to(as_written(target), self.folders))
         except UnreadableFileError as error:
             near = self._near(element, target)
             self.findings.append(
@@ -414,7 +414,7 @@ class _Loader:
         ):
             return None
         self.folders += [share.resolve(), target.parent]
-        admit(target)
+        allow_reading(target)
         return target
 
     def _resolve_path(self, element: Element, path: Path) -> Path | None:

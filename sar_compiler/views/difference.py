@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from sar_compiler.nodes.btcpp.port_types import is_same
-from sar_compiler.nodes.cpp_names import normalized
+from sar_compiler.nodes.cpp_names import normalize
 from sar_compiler.tree.model import TEXT_KEY, Element, TreeFile
 from sar_compiler.tree.plain import as_json
 from sar_compiler.views.matching import ComparedNode, in_place, match
@@ -71,7 +71,7 @@ def _renames_type(one: Difference) -> bool:
         and one.new.tag.endswith("_port")
         and one.before is not None
         and one.after is not None
-        and is_same(normalized(one.before), normalized(one.after))
+        and is_same(normalize(one.before), normalize(one.after))
     )
 
 

@@ -80,7 +80,7 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
         node = state.nodes[entry.data["node"]]
         if node.status in (before, "IDLE"):
             return ""
-        words = f"{node.name} {node.words}"
+        words = f"{node.name} {node.status_text}"
     elif entry.kind == CHANGED:  # the sentence of an event follows it
         words = with_author(str(entry.data.get("said") or ""), CommandAuthor.from_data(entry.data))
     elif entry.kind == ORDERED:

@@ -90,11 +90,11 @@ def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
     if parameter.role is ParameterRole.REFERENCE:
         label = f"the name of a {parameter.target_name} in the same tree. Optional if there is only one"
     if parameter.direction is not None:
-        label = f"{parameter.direction.words}; {label}"
+        label = f"{parameter.direction.message_name}; {label}"
     if parameter.role is ParameterRole.NAME:
         notes = f"default: {spec.tag}"
-    elif parameter.name in spec.fixed:
-        notes = f"always {value_text(spec.fixed[parameter.name])}"
+    elif parameter.name in spec.implied_values:
+        notes = f"always {value_text(spec.implied_values[parameter.name])}"
     elif parameter.required:
         notes = "required" if parameter.role is ParameterRole.ATTRIBUTE else ""
     else:
@@ -128,7 +128,7 @@ def _parameter(spec: NodeSpec, parameter: Parameter) -> dict[str, object]:
     default = (
         spec.tag
         if parameter.role is ParameterRole.NAME
-        else spec.fixed.get(parameter.name, parameter.default)
+        else spec.implied_values.get(parameter.name, parameter.default)
     )
     return {
         "name": parameter.name,
@@ -136,7 +136,7 @@ def _parameter(spec: NodeSpec, parameter: Parameter) -> dict[str, object]:
         "direction": parameter.direction.value.removesuffix("_port") if parameter.direction else None,
         "type": parameter.value_type.label or None,
         "refers_to": parameter.target_name or None,
-        "required": parameter.required and parameter.name not in spec.fixed,
+        "required": parameter.required and parameter.name not in spec.implied_values,
         "default": plain(default),
         "doc": parameter.doc,
     }

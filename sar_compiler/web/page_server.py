@@ -80,7 +80,7 @@ class CommandSender(NamedTuple):
 class CommandHandler(Protocol):
     """Carries out the operator's commands."""
 
-    def give(self, verb: str, values: Mapping[str, Any], giver: CommandSender) -> "Future[tuple[bool, str]]":
+    def send(self, verb: str, values: Mapping[str, Any], giver: CommandSender) -> "Future[tuple[bool, str]]":
         """Send a command, from any thread.
 
         Args:
@@ -289,7 +289,7 @@ async def _give_order(
     orders: CommandHandler, verb: str, values: Mapping[str, Any], giver: CommandSender
 ) -> Response:
     try:
-        given = orders.give(verb, values, giver)
+        given = orders.send(verb, values, giver)
         accepted, said = await asyncio.wait_for(asyncio.wrap_future(given), _ANSWER_SEC)
     except SarError as error:
         return _answer(400, str(error))

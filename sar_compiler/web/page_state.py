@@ -173,7 +173,7 @@ class PageState:
         if entry.kind == events.RUN_BEGAN and mission.runs and entry.run <= mission.runs[-1].number:
             self.__init__(self.robot)  # type: ignore[misc] # another mission has begun in the same journal
             mission = self._mission
-        mission.take(entry)
+        mission.apply(entry)
         self._touched.update(self._PARTS.get(entry.kind, ()))
         if mission.facts:
             self._fact = self._add_line("fact", mission.facts.pop().text)
@@ -366,7 +366,7 @@ class PageState:
 
     def _north(self) -> float | None:
         """Return the direction of north: an angle in the frame `map`, radians from its x axis; None if unknown."""
-        place = Georeference.among(self._mission.parameters)
+        place = Georeference.from_parameters(self._mission.parameters)
         return None if place is None else math.radians(place.heading)
 
     def _alarms(self) -> list[PageChange]:

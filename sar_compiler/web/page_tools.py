@@ -214,7 +214,7 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
 
     def entries(robot: int, run: int) -> Iterable[JournalEntry]:
 
-        with alone, JournalFile.reading(journal_of(robot)) as file:
+        with alone, JournalFile.open_snapshot(journal_of(robot)) as file:
             return [each for each in file.stream() if each.run == run and each.kind in (RUN_BEGAN, STATUS)]
 
     return {"otherwise": PageQuery(WhatIf(entries).ask), "report": PageQuery(report)}

@@ -44,7 +44,7 @@ class TrackPosition(NamedTuple):
         """Return the position after the next entry."""
         began, before = (entry.time, self.end) if entry.kind == RUN_BEGAN else (self.began, self.before)
         end = max(self.end, before + entry.time - began)
-        return TrackPosition(self.entry.behind(entry), end, began, before)
+        return TrackPosition(self.entry.next_position(entry), end, began, before)
 
 
 class Checkpoint(NamedTuple):
@@ -89,7 +89,7 @@ class ReplayTrack:
 
     def _make(self) -> None:
         state, place = PageState(), TrackPosition()
-        with JournalFile.reading(self._path) as file:
+        with JournalFile.open_snapshot(self._path) as file:
             every = max(_LEAST, file.last_number() // _CHECKPOINTS)
             for number, entry in enumerate(file.stream_after(StreamPosition())):
                 if self.first is None:
@@ -131,7 +131,7 @@ class ReplayTrack:
         return _unpack(packed), place
 
     def _go_on(self, until: float) -> None:
-        with JournalFile.reading(self._path) as file:
+        with JournalFile.open_snapshot(self._path) as file:
             for entry in file.stream_after(self._place.entry):
                 place = self._place.behind(entry)
                 # A mission may have continued in this journal since.

@@ -57,7 +57,7 @@ class RunPage(RunExtension):
         from sar_compiler.execution.command_client import CommandClient
 
         self._run, self._has_ended, self._is_staying = run, False, False
-        self._place = run.journal.place
+        self._place = run.journal.path
         journal, node, verbs = run.journal, run.node, run.mission.verbs()
         calls = CommandClient(node, verbs, run.orders.sign)
         # A copy for the server's thread. The mission's object reports its changes.
@@ -65,7 +65,7 @@ class RunPage(RunExtension):
 
         def tell(text: str, held: str) -> None:
             node.get_logger().warning(text)
-            journal.watch(BREAKPOINT, text=held)
+            journal.record_observation(BREAKPOINT, text=held)
 
         self._tools = LiveTools(tell)
 
@@ -149,8 +149,8 @@ class _LocalCommands:
         self._calls = calls
         self.has_ended = False
 
-    def give(self, verb: str, values: Mapping[str, Any], giver: CommandSender) -> Future[tuple[bool, str]]:
-        """Send a command; see `CommandClient.give`.
+    def send(self, verb: str, values: Mapping[str, Any], giver: CommandSender) -> Future[tuple[bool, str]]:
+        """Send a command; see `CommandClient.send`.
 
         Raises:
             CommandError: If it is invalid.
@@ -158,7 +158,7 @@ class _LocalCommands:
         if self.has_ended:
             message = "the run has ended"
             raise SarError(message)
-        return self._calls.give(verb, values, giver.author(f"page, {giver.address}"), giver.seen)
+        return self._calls.send(verb, values, giver.author(f"page, {giver.address}"), giver.seen)
 
 
 def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = False) -> None:
@@ -258,7 +258,7 @@ class _TeamPage:
 
         for robot, follower in enumerate(self._followers):
             is_gone = not is_locked(follower.path)
-            for entry in follower.news():
+            for entry in follower.read_new():
                 self._heard[robot] = time.monotonic()
                 self.feed.take(entry, robot)
                 self._process_entry(robot, entry, follower.path)
@@ -279,7 +279,7 @@ class _TeamPage:
 
 def _explain(path: Path, workspace: "Workspace | None" = None) -> Explanation:
 
-    with JournalFile.reading(path) as file:
+    with JournalFile.open_snapshot(path) as file:
         return Explanation.explain(file, workspace)
 
 

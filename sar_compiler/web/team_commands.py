@@ -48,15 +48,15 @@ class TeamCommands:
         """Return the commands that a robot accepts now."""
         return self._calls[robot][1].available() if robot in self._calls else []
 
-    def give(self, verb: str, values: Mapping[str, Any], giver: CommandSender) -> "Future[tuple[bool, str]]":
-        """Send a command; see `CommandClient.give`.
+    def send(self, verb: str, values: Mapping[str, Any], giver: CommandSender) -> "Future[tuple[bool, str]]":
+        """Send a command; see `CommandClient.send`.
 
         Raises:
             CommandError: If it is invalid, or its robot is unknown.
         """
         if giver.robot not in self._calls:
             raise CommandError("this robot accepts no commands here, because its mission is not installed")
-        return self._calls[giver.robot][1].give(verb, values, giver.author(self._page), giver.seen)
+        return self._calls[giver.robot][1].send(verb, values, giver.author(self._page), giver.seen)
 
 
 @contextmanager

@@ -136,7 +136,7 @@ class NavigateTo(ActionLeaf):
         if self._next_progress is None or self._next_progress.passed:
             self._next_progress = Deadline(_PROGRESS_SEC, self._clock)
             figures = {"distance": round(distance, 3), "time_left": round(seconds, 1)}
-            self.record.journal.watch(PROGRESS, target=self._target, **figures)
+            self.record.journal.record_observation(PROGRESS, target=self._target, **figures)
         return None
 
     def on_result(self, status: int, result: Any) -> Status:

@@ -19,10 +19,10 @@ from sar_compiler.leaves import (
     RosLeaf,
     Use,
     at_least,
+    plausible_number,
     register,
     remaining_poses,
     robot_estimate,
-    sensible,
 )
 from search_and_rescue.actions.navigation import OF_PLANNER, NavigateTo, drive_outcomes, error_code
 from search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
@@ -37,7 +37,7 @@ from search_and_rescue.sweeps import SweepPattern, sweep
 from search_and_rescue.zone_manager import Geofence, MapPose, ZoneManager
 
 Passes = Annotated[int, at_least(1)]
-Share = Annotated[float, sensible(0, 1)]
+Share = Annotated[float, plausible_number(0, 1)]
 # The number of pieces is unknown before the run, so the outcome of a leaf says whether a piece is open. Verification assumes this many
 # pieces beyond one a pass.
 _PIECES = {"zones_left": 3, "piece_open": False, "more_pieces": 1}
@@ -116,7 +116,7 @@ class _PlanLeaf(_SweepLeaf):
     """
 
     _: KW_ONLY
-    clearance: Annotated[float, sensible(0)] = 0.3
+    clearance: Annotated[float, plausible_number(0)] = 0.3
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -211,7 +211,7 @@ class PlanSweep(_PlanLeaf):
     """
 
     pattern: SweepPattern = "parallel"
-    coverage: Annotated[float, sensible(0, is_open=True)] = COVERAGE
+    coverage: Annotated[float, plausible_number(0, is_open=True)] = COVERAGE
     orders: OperatorCommands = field(default_factory=OperatorCommands)
     fence: Geofence = field(default_factory=Geofence)
 

@@ -58,7 +58,7 @@ class Flown:
         for _ in range(ticks):
             if not flown_tick(watch, tree, recorder):
                 break
-        journal.end(Ending.STOPPED, 0)
+        journal.end_run(Ending.STOPPED, 0)
         self.events = [*recorded_events(stream)]
         self.broken = {each.about: (each.event, each.tick) for each in watch.alarms if each.cause.is_broken}
         self.owed = set(watch.pending_properties)

@@ -20,7 +20,7 @@ def taken(text):
     document = parse_yaml(text, "scenario.yaml", "")
     apply_controls(document, document.root, binding, registry, forest.files)
     found = [(f.code, f.span.column, f.suggestion) for f in document.findings]
-    return found, [node.spec.tag for node in binding.nodes() if not node.spec.kind.is_leaf]
+    return found, [node.spec.tag for node in binding.all_nodes() if not node.spec.kind.is_leaf]
 
 
 def test_each_node_stands_where_its_tag_stands():

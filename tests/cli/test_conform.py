@@ -165,7 +165,7 @@ def test_what_is_otherwise_in_the_tree_since_is_told(conform, flight, place):
 def test_a_journal_without_a_tree_is_told_so(conform, place):
     with closing(open_journal(place / "bare.journal")) as journal:
         journal.begin({}, {})
-        journal.end(Ending.STOPPED, 0)
+        journal.end_run(Ending.STOPPED, 0)
     status, out, _ = conform(place / "bare.journal")
     assert status == 1
     assert out.endswith("bare.journal: not compared: it contains no run of a tree\n")
@@ -174,7 +174,7 @@ def test_a_journal_without_a_tree_is_told_so(conform, place):
 def test_a_journal_that_is_still_written_is_judged_so_far(conform, place, monkeypatch):
     live = place / "live.journal"
     with closing(open_journal(live)) as journal:
-        monkeypatch.setattr(journal, "end", lambda *_: None)
+        monkeypatch.setattr(journal, "end_run", lambda *_: None)
         flown(simulated(place / "tree.xml"), Said(Drive=["RUNNING"] * 9), journal, tree_id="Main")
         status, out, _ = conform(live)
     assert status == 0

@@ -24,8 +24,8 @@ def closed_pipe(monkeypatch):
 
 def test_what_is_shown_and_said_stands_on_standard_output(capsys):
     output = RunOutput()
-    output.show("a tree")
-    output.say("a summary")
+    output.print_momentary("a tree")
+    output.print_important("a summary")
     assert capsys.readouterr() == ("a tree\na summary\n", "")
 
 
@@ -42,7 +42,7 @@ class Pieces(io.BytesIO):
         return len(data)
 
 
-@pytest.mark.parametrize(("name", "show"), [("stdout", RunOutput().show), ("stderr", print_error)])
+@pytest.mark.parametrize(("name", "show"), [("stdout", RunOutput().print_momentary), ("stderr", print_error)])
 def test_a_line_is_written_in_one_piece_so_that_the_log_comes_between_lines(monkeypatch, name, show):
     pieces = Pieces()
     # As Python itself has it with PYTHONUNBUFFERED.
@@ -56,8 +56,8 @@ def test_a_line_is_written_in_one_piece_so_that_the_log_comes_between_lines(monk
 def test_that_nobody_reads_any_more_is_said_once_on_standard_error(capsys, monkeypatch):
     with closed_pipe(monkeypatch):
         output = RunOutput()
-        output.show("a tree")
-        output.show("another tree")
+        output.print_momentary("a tree")
+        output.print_momentary("another tree")
     assert output.lost
     assert capsys.readouterr().err == (
         "sar-run: standard output can no longer be written (Broken pipe). The run continues without output\n"
@@ -66,12 +66,12 @@ def test_that_nobody_reads_any_more_is_said_once_on_standard_error(capsys, monke
 
 def test_what_somebody_should_see_is_said_on_standard_error_then(capsys, monkeypatch):
     with closed_pipe(monkeypatch):
-        RunOutput().say("a summary")
+        RunOutput().print_important("a summary")
     assert capsys.readouterr().err.endswith("The run continues without output\na summary\n")
 
 
 def test_a_drawing_that_the_terminal_cannot_show_does_not_end_the_run(capsys, monkeypatch, tmp_path):
     with (tmp_path / "out").open("w", encoding="ascii") as stream, monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", stream)
-        RunOutput().show("ZonesRemaining? [✓]")
+        RunOutput().print_momentary("ZonesRemaining? [✓]")
     assert "'ascii' codec can't encode" in capsys.readouterr().err

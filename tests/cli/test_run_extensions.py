@@ -89,8 +89,8 @@ def test_one_that_fails_while_it_listens_takes_nothing_from_the_others(stage: St
         makes = [lambda _, name=name: stage.make(name, fails=name == "a") for name in "ab"]
         stage.extend(stack, *makes)
         assert stage.journal.is_wanted
-        stage.journal.note("zone_visited")
-        stage.journal.note("base_reached")
+        stage.journal.record_event("zone_visited")
+        stage.journal.record_event("base_reached")
     done = [did for did in stage.done if not did.startswith("journal")]
     assert done[:3] == ["a zone_visited", "b zone_visited", "b base_reached"]
 
@@ -160,7 +160,7 @@ def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     stage.output.leave = lambda: stage.done.append("closed")
     signals: Any = SimpleNamespace()
     end = ForcedEnd("sar-run", stage.node, leaf, signals, None, 1.0, before_message=stage.output.leave)
-    assert end.hurry() == ROBOT_MAY_MOVE
+    assert end.end_immediately() == ROBOT_MAY_MOVE
     assert stage.done == ["cancelled", "closed"]
     assert "leaves were stopped" in capsys.readouterr().err
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from sar_compiler.nodes.btcpp.port_types import is_number, is_untyped, may_share
-from sar_compiler.nodes.cpp_names import TEXT, normalized
+from sar_compiler.nodes.cpp_names import TEXT, normalize
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.model import Element
@@ -167,7 +167,7 @@ def _types_of_a_key(case: Case, difference: Difference) -> bool:
     if difference.what != "accepted":
         return False
     match = _TYPES.search(difference.expected) or _DECLARED.search(difference.expected)
-    is_refused = match is not None and not may_share(*map(normalized, match.groups()))
+    is_refused = match is not None and not may_share(*map(normalize, match.groups()))
     is_given = any(f"[{key}]" in difference.expected for key in case.get("bb", {}))
     return is_refused and (is_given or not _OF_TYPES.isdisjoint(difference.seen.split()))
 
@@ -175,7 +175,7 @@ def _types_of_a_key(case: Case, difference: Difference) -> bool:
 def _text_by_root_key(_: Case, difference: Difference) -> bool:
     """Whether a text came first through a key of the main tree that subtrees are given."""
     match = _DECLARED.search(difference.expected) if difference.what == "accepted" else None
-    is_text = match is not None and normalized(match.group(1)) == TEXT
+    is_text = match is not None and normalize(match.group(1)) == TEXT
     return is_text and "Blackboard entry [@" in difference.expected
 
 
@@ -184,7 +184,7 @@ def _set_over_another(_: Case, difference: Difference) -> bool:
     match = _DECLARED.search(difference.exception)
     if match is None:
         return False
-    declared, current = map(normalized, match.groups())
+    declared, current = map(normalize, match.groups())
     return (is_number(declared) or declared == TEXT) and (is_number(current) or is_untyped(current))
 
 

@@ -132,7 +132,7 @@ def test_of_a_zone_out_of_reach_the_journal_says_which_answer_would_have_been_en
 
 def test_each_fact_of_a_flight_belongs_to_an_answer_of_the_leaf_that_has_noted_it(out_of_reach):
     with closing(JournalFile.read(out_of_reach[-1])) as file:
-        noted = [fact.kind for fact in file.facts()]
+        noted = [fact.kind for fact in file.events()]
         events = [event for event in recorded_events(file.last_run()) if event.facts]
     assert [kind for event in events for kind, _ in event.facts] == noted
     told = {f"{event.leaf} {event.answer}: {kind}" for event in events for kind, _ in event.facts}

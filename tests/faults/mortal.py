@@ -183,7 +183,7 @@ def kinds(place):
 
     file = JournalFile.read(place)
     try:
-        facts = [*file.facts()]
+        facts = [*file.events()]
     finally:
         file.close()
     return Counter((fact.kind, fact.data.get("zone") or fact.data.get("survivor")) for fact in facts)

@@ -168,13 +168,13 @@ def edit(path: str, text: str) -> int:
         server.window_show_message = lambda params: shown.append(params.message)
         server.window_log_message = server.text_document_publish_diagnostics = lambda _: None
         uri = f"file://{quote(str(Path.cwd() / path))}"
-        server.opened(uri, text, 1)
-        if (file := await server.settled(uri)) is not None:
+        server.on_opened(uri, text, 1)
+        if (file := await server.wait_for_check(uri)) is not None:
             shown.extend(
                 str(placed.finding)
                 for placed in (*file.shown, *map(PlacedFinding.from_finding, file.elsewhere))
             )
-        server.closed(uri)
+        server.on_closed(uri)
 
     asyncio.run(session())
     sys.stdout.write("\n".join(shown))

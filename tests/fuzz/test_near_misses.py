@@ -36,7 +36,7 @@ def fitting(parameter):
 
 
 def required(spec):
-    return {parameter.name: fitting(parameter) for parameter in spec.required}
+    return {parameter.name: fitting(parameter) for parameter in spec.required_attributes}
 
 
 def written(spec, attributes):

@@ -59,7 +59,7 @@ def test_compiling_for_a_mission_raises_nothing_but_what_is_said_in_words(text):
         binding = bind_main(forest, REGISTRY)
         context = {
             parameter.target: preview_of(parameter.target)
-            for bound in binding.nodes()
+            for bound in binding.all_nodes()
             for parameter in bound.spec.handed_over
             if parameter.target is not None
         }

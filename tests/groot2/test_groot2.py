@@ -56,7 +56,7 @@ def stage(tmp_path):
             port = free_port()
             publisher = stack.enter_context(closing(Groot2Publisher(tree, port, **options)))
             ticking = BehaviourTree(tree.root)
-            publisher.watch(ticking)
+            publisher.observe(ticking)
             return ticking, stack.enter_context(closing(Client(port)))
 
         yield show

@@ -167,7 +167,7 @@ def test_a_tree_that_the_program_halts_has_one_run_before_and_one_after(tmp_path
     later = [(when + 1_000_000, uid, status) for when, uid, status in changes]
     log = tmp_path / "halted.btlog"
     log.write_bytes(written(head, [*begun, *halted, *later]))
-    with JournalFile.reading(import_log(log, tmp_path)) as file:
+    with JournalFile.open_snapshot(import_log(log, tmp_path)) as file:
         runs = file.runs()
     assert [(run.ending, run.status) for run in runs] == [(Ending.STOPPED, 1), (Ending.OVER, 0)]
 
@@ -180,9 +180,10 @@ def test_ticks_without_a_pause_between_them_are_told_apart(tmp_path):
     )
 
     def ticks(journal):
-        with JournalFile.reading(journal) as file:
+        with JournalFile.open_snapshot(journal) as file:
             return [
-                (each.data["node"], each.data["tick"], each.data["status"]) for each in file.watched(STATUS)
+                (each.data["node"], each.data["tick"], each.data["status"])
+                for each in file.observations(STATUS)
             ]
 
     assert ticks(import_log(log, tmp_path)) == ticks(import_log(FAILED, tmp_path))
@@ -199,10 +200,12 @@ def test_a_pause_within_a_tick_does_not_end_it(tmp_path):
     ]
     log.write_bytes(written(head, late))
     with (
-        JournalFile.reading(import_log(log, tmp_path)) as file,
-        JournalFile.reading(import_log(FAILED, tmp_path)) as known,
+        JournalFile.open_snapshot(import_log(log, tmp_path)) as file,
+        JournalFile.open_snapshot(import_log(FAILED, tmp_path)) as known,
     ):
-        assert [each.data for each in file.watched(STATUS)] == [each.data for each in known.watched(STATUS)]
+        assert [each.data for each in file.observations(STATUS)] == [
+            each.data for each in known.observations(STATUS)
+        ]
 
 
 def sqlite_log(log, path):
@@ -349,8 +352,10 @@ def test_a_bag_of_nav2_is_imported_with_the_tree_that_fits(form, tmp_path, capsy
     bag = tmp_path / f"bag{form}"
     write_bag(bag, bag_messages(FAILED))
     journal = import_log(bag, tmp_path, "--tree", str(other), "--tree", f"{known}.xml")
-    with JournalFile.reading(journal) as file, JournalFile.reading(known) as same:
-        assert [each.data for each in file.watched(STATUS)] == [each.data for each in same.watched(STATUS)]
+    with JournalFile.open_snapshot(journal) as file, JournalFile.open_snapshot(known) as same:
+        assert [each.data for each in file.observations(STATUS)] == [
+            each.data for each in same.observations(STATUS)
+        ]
     status, said = answer(journal_command, ["import", bag, "-o", tmp_path / "none", "--tree", other], capsys)
     assert status == 2
     assert "node 10 of the run is 'grasp the box'; in the tree it is 'take the box'" in said

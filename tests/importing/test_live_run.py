@@ -39,7 +39,7 @@ def followed(messages, tree):
     entries = []
     for message in messages:
         publisher.waiting.append(message)
-        entries += run.news()
+        entries += run.read_new()
     run.close()
     return entries
 
@@ -52,8 +52,8 @@ def tree(tmp_path):
 
 def test_a_topic_that_is_followed_has_the_entries_of_its_bag(tree):
     entries = followed(bag_messages(FAILED), tree)
-    with JournalFile.reading(tree.with_suffix("")) as file:
-        statuses = [each.data for each in file.watched(STATUS)]
+    with JournalFile.open_snapshot(tree.with_suffix("")) as file:
+        statuses = [each.data for each in file.observations(STATUS)]
     assert entries[0].kind == RUN_BEGAN
     assert [each.data for each in entries[1:]] == statuses
 
@@ -90,18 +90,18 @@ def test_a_program_with_groot2s_publisher_is_followed_from_the_statuses_that_it_
     ticking, port = BehaviourTree(compiled.root), free_port()
     publisher = Groot2Publisher(compiled, port)
     with closing(publisher):
-        publisher.watch(ticking)
+        publisher.observe(ticking)
         ticking.tick()
         with closing(Groot2Source(f"127.0.0.1:{port}")) as source:
             run = LiveRun(source, "robot", Workspace())
-            begun = run.news()
+            begun = run.read_new()
             ticking.tick()
-            later = run.news()
+            later = run.read_new()
             ticking.tick()
-            later += run.news()
+            later += run.read_new()
             publisher.close()
-            ended = run.news()
-            after = run.news()
+            ended = run.read_new()
+            after = run.read_new()
             run.close()
     assert begun[0].kind == RUN_BEGAN
     assert statuses(begun) == [(0, "RUNNING"), (1, "RUNNING")]

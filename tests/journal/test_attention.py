@@ -24,16 +24,18 @@ SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
 def mission(*landmarks, phase=None, alarms=(), gauges=(), end=None, goal=False):
     """Return the state of a mission whose display has these, and that ended with a status if one is given."""
     state = MissionState()
-    state.take(JournalEntry(1, 1, 0.0, 0.0, RUN_BEGAN, {"run": {"node": "/search"}}))
+    state.apply(JournalEntry(1, 1, 0.0, 0.0, RUN_BEGAN, {"run": {"node": "/search"}}))
     if goal:
-        state.take(JournalEntry(2, 1, 1.0, 1.0, GOAL_SENT, {"action": "navigate_to_pose", "goal": "a"}))
+        state.apply(JournalEntry(2, 1, 1.0, 1.0, GOAL_SENT, {"action": "navigate_to_pose", "goal": "a"}))
     state.situation.kinds.update({kind.name: kind for kind in KINDS})
     state.situation.landmarks.update({(each.kind, each.name): each for each in landmarks})
     state.situation.alarms.update({alarm.text: alarm for alarm in alarms})
     state.situation.gauges.update({gauge.name: gauge for gauge in gauges})
     state.situation.phase = phase or MissionPhase()
     if end is not None:
-        state.take(JournalEntry(3, 1, 2.0, 2.0, RUN_ENDED, {"ending": "over", "status": end, "reason": "so"}))
+        state.apply(
+            JournalEntry(3, 1, 2.0, 2.0, RUN_ENDED, {"ending": "over", "status": end, "reason": "so"})
+        )
     return state
 
 
@@ -155,7 +157,7 @@ def test_a_robot_that_failed_away_from_home_is_fetched():
 @pytest.mark.parametrize("process", [RunProcess(is_gone=True), RunProcess(is_gone=False, silent_sec=60.0)])
 def test_a_robot_that_may_be_driving_alone_is_stopped_at_its_button(process):
     state = mission(goal=True)
-    state.take(JournalEntry(4, 1, 3.0, 3.0, "progress", {"target": "a", "distance": 1.0, "time_left": 2.0}))
+    state.apply(JournalEntry(4, 1, 3.0, 3.0, "progress", {"target": "a", "distance": 1.0, "time_left": 2.0}))
     state.process = process
     first = find_open_tasks(state)[0]
     assert (first.level, first.text) == (
@@ -180,10 +182,10 @@ def test_errors_come_before_warnings():
 
 def test_a_lost_position_is_an_error_of_its_own_and_asks_for_the_robot_to_be_found():
     state = mission(AWAY)
-    state.take(JournalEntry(3, 1, 2.0, 2.0, LACKS, {"text": "no transform", "is_position_lost": True}))
+    state.apply(JournalEntry(3, 1, 2.0, 2.0, LACKS, {"text": "no transform", "is_position_lost": True}))
     assert condition(state)[:2] == ("position lost", "error")
     assert texts(state) == ["Check where the robot is, and correct its position on the robot's computer"]
-    state.take(JournalEntry(4, 1, 3.0, 3.0, LACKS, {"text": ""}))
+    state.apply(JournalEntry(4, 1, 3.0, 3.0, LACKS, {"text": ""}))
     assert severity(state) == "good"
 
 
@@ -197,8 +199,8 @@ def test_an_ended_search_with_less_than_the_wanted_probability_of_success_is_not
 def test_a_mission_that_an_operator_has_called_home_is_ended_early_and_no_error():
     state = mission(AT_HOME)
     changed = {"phase": {"reason": "called home by Ann"}, "by": "Ann"}
-    state.take(JournalEntry(3, 1, 2.0, 2.0, "changed", changed))
-    state.take(
+    state.apply(JournalEntry(3, 1, 2.0, 2.0, "changed", changed))
+    state.apply(
         JournalEntry(4, 1, 3.0, 3.0, RUN_ENDED, {"ending": "over", "status": 1, "reason": "b is left."})
     )
     assert condition(state)[:2] == ("ended early", "warning")

@@ -29,12 +29,12 @@ def fly(place, *, ends=True, zones=4):
     journal = open_journal(place, resume=place.exists())
     journal.begin({"mission": "patrol", "tree": {"name": "Root"}, "identity": ["zone_a"]}, {"version": "1"})
     for zone in range(zones):
-        journal.watch("status", node=0, tick=zone, status="RUNNING")
-        journal.watch("pose", x=float(zone), y=-0.0)
-        journal.note("zone_visited", zone=f"zone_{zone}")
-        journal.watch("log", text="Überall")
+        journal.record_observation("status", node=0, tick=zone, status="RUNNING")
+        journal.record_observation("pose", x=float(zone), y=-0.0)
+        journal.record_event("zone_visited", zone=f"zone_{zone}")
+        journal.record_observation("log", text="Überall")
     if ends:
-        journal.end(Ending.STOPPED, 130, "Öde.")
+        journal.end_run(Ending.STOPPED, 130, "Öde.")
     journal.close()
     return journal.head
 
@@ -191,7 +191,7 @@ def test_a_byte_of_the_file_is_found_or_changes_nothing_that_is_read(flown, tmp_
     place = tmp_path / "mission.journal"
 
     def read(file):
-        return [*file.stream()], file.about(), file.runs(), [*file.watched("pose", "log")]
+        return [*file.stream()], file.description(), file.runs(), [*file.observations("pose", "log")]
 
     with closing(JournalFile.read(flown[0])) as file:
         as_written = read(file)
@@ -217,8 +217,8 @@ def anew(place):
     """Compute a chain anew, as somebody does who has altered what is in it."""
     with closing(sqlite3.connect(place, isolation_level=None)) as base:
         before = chain.START
-        for what, number, run, *row, _ in [*chain.chained(base)]:
-            before = chain.linked(before, what, number, run, *row)
+        for what, number, run, *row, _ in [*chain.chain_entries(base)]:
+            before = chain.link_of_entry(before, what, number, run, *row)
             table, link = LINKS[what]
             at = number if what in (chain.FACT, chain.WATCHED) else run
             base.execute(f"UPDATE {table} SET {link} = ? WHERE number = ?", (before, at))  # noqa: S608 - ours
@@ -309,7 +309,7 @@ def test_a_journal_that_is_written_just_now_is_checked_too(tmp_path):
     place = tmp_path / "mission.journal"
     journal = open_journal(place)
     journal.begin({}, {})
-    journal.note("zone_visited", zone="a")
+    journal.record_event("zone_visited", zone="a")
     command = [sys.executable, "-m", "sar_compiler.cli.journal_command", "check", place]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, "not closed: the run is still active" in done.stdout) == (0, True)
@@ -320,9 +320,9 @@ def test_nothing_comes_behind_the_end_of_a_run(tmp_path):
     place = tmp_path / "mission.journal"
     journal = open_journal(place)
     journal.begin({}, {})
-    journal.end(Ending.OVER, 0)
-    journal.watch("log", text="late")
-    journal.note("base_reached")
+    journal.end_run(Ending.OVER, 0)
+    journal.record_observation("log", text="late")
+    journal.record_event("base_reached")
     journal.close()
     assert verdict(place, journal.head).state == "whole"
     assert entries(place) == []
@@ -332,15 +332,15 @@ def test_what_could_not_be_written_is_chained_once_it_is(tmp_path):
     place = tmp_path / "mission.journal"
     journal = open_journal(place)
     journal.begin({}, {})
-    journal.note("zone_visited", zone="a")
+    journal.record_event("zone_visited", zone="a")
     with closing(sqlite3.connect(place, isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
-        journal.watch("pose", x=1.0)
-        journal.note("zone_visited", zone="b")
-        journal.end(Ending.OVER, 0)
+        journal.record_observation("pose", x=1.0)
+        journal.record_event("zone_visited", zone="b")
+        journal.end_run(Ending.OVER, 0)
         assert journal.head == ""
         other.execute("ROLLBACK")
-    journal.watch("pose", x=2.0)
+    journal.record_observation("pose", x=2.0)
     journal.close()
     found = verdict(place, journal.head)
     assert (found.state, found.chain.entries) == ("whole", 4)
@@ -352,8 +352,8 @@ def test_what_waits_in_the_reserve_is_said_and_chained_by_the_next_run(tmp_path,
     journal.begin({}, {})
     with closing(sqlite3.connect(place, isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
-        journal.note("zone_visited", zone="b")
-        journal.end(Ending.STOPPED, 130)
+        journal.record_event("zone_visited", zone="b")
+        journal.end_run(Ending.STOPPED, 130)
         journal.close()
         other.execute("ROLLBACK")
     assert main(["check", str(place)]) == 0
@@ -369,7 +369,7 @@ def test_a_link_is_what_the_page_says_of_it():
     row = Row(7, 1, 1.5, -0.0, "zone_visited", '{"zone": "a"}')
     packed = b"f" + struct.pack(">qq", 7, 1) + struct.pack(">dd", 1.5, 0.0) + struct.pack(">I", 12)
     made = hashlib.sha256(bytes(32) + packed + b"zone_visited" + b'{"zone": "a"}').digest()
-    assert chain.linked(chain.START, chain.FACT, *row) == made
+    assert chain.link_of_entry(chain.START, chain.FACT, *row) == made
 
 
 def test_what_was_written_by_halves_moves_the_chain_on_by_nothing(tmp_path):

@@ -18,7 +18,7 @@ def place(tmp_path):
 
 
 def kinds(follower):
-    return [entry.kind for entry in follower.news()]
+    return [entry.kind for entry in follower.read_new()]
 
 
 def test_each_entry_comes_once_and_in_its_order(place):
@@ -27,13 +27,13 @@ def test_each_entry_comes_once_and_in_its_order(place):
     journal = open_journal(place)
     assert kinds(follower) == []
     journal.begin({}, {})
-    journal.note("zone_visited", zone="zone_a")
+    journal.record_event("zone_visited", zone="zone_a")
     assert kinds(follower) == ["run_began", "zone_visited"]
     assert kinds(follower) == []
-    journal.watch("pose", x=1.0)
-    journal.note("base_reached")
+    journal.record_observation("pose", x=1.0)
+    journal.record_event("base_reached")
     assert kinds(follower) == ["pose", "base_reached"]
-    journal.end(Ending.OVER, 0)
+    journal.end_run(Ending.OVER, 0)
     journal.close()
     assert kinds(follower) == ["run_ended"]
     assert kinds(follower) == []
@@ -44,7 +44,7 @@ def test_the_next_run_follows(place):
     for resume in (False, True):
         journal = open_journal(place, resume=resume)
         journal.begin({}, {})
-        journal.end(Ending.STOPPED, 130)
+        journal.end_run(Ending.STOPPED, 130)
         journal.close()
         assert kinds(follower) == ["run_began", "run_ended"]
 
@@ -54,7 +54,7 @@ def test_another_mission_in_the_file_is_read_from_its_beginning(place):
     for _ in range(2):
         journal = open_journal(place, anew=True)
         journal.begin({}, {})
-        journal.note("zone_visited", zone="zone_a")
+        journal.record_event("zone_visited", zone="zone_a")
         journal.close()
         assert kinds(follower) == ["run_began", "zone_visited"]
 
@@ -63,16 +63,16 @@ def test_what_is_no_journal_is_said_if_it_stays_so(place):
     place.write_text("no journal", encoding="utf-8")
     follower = JournalFollower(place)
     for _ in range(_TRIES - 1):
-        assert follower.news() == []
+        assert follower.read_new() == []
     with pytest.raises(JournalError, match="damaged, or not a journal"):
-        follower.news()
+        follower.read_new()
 
 
 def test_a_file_that_cannot_be_read_for_a_moment_is_read_afterwards(place):
     follower = JournalFollower(place)
     for _ in range(_TRIES):
         place.write_text("half a journal", encoding="utf-8")
-        assert follower.news() == []
+        assert follower.read_new() == []
         place.unlink()
         journal = open_journal(place, anew=True)
         journal.begin({}, {})
@@ -87,7 +87,7 @@ def test_what_is_read_at_once_is_of_one_moment(place):
     with closing(JournalFile.read(place)) as file:
         with file.snapshot():
             assert len(file.runs()) == 1
-            journal.note("zone_visited", zone="zone_a")
+            journal.record_event("zone_visited", zone="zone_a")
             assert [entry.kind for entry in file.stream()] == ["run_began"]
         assert [entry.kind for entry in file.stream()] == ["run_began", "zone_visited"]
     journal.close()
@@ -101,9 +101,9 @@ def test_a_file_that_a_run_has_just_opened_is_read_as_one_that_changes(place):
         fcntl.flock(opened, fcntl.LOCK_EX)
         file = JournalFile.read(place)
     with closing(file):
-        assert [*file.facts()] == []
+        assert [*file.events()] == []
         again = open_journal(place, resume=True)
         again.begin({}, {})
-        again.note("zone_visited", zone="zone_a")
-        assert [fact.kind for fact in file.facts()] == ["zone_visited"]
+        again.record_event("zone_visited", zone="zone_a")
+        assert [fact.kind for fact in file.events()] == ["zone_visited"]
         again.close()

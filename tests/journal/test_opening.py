@@ -26,20 +26,20 @@ def leave(place, ending=None, **options):
     """Run a mission with one fact; without an ending it breaks off."""
     journal = open_journal(place, **options)
     journal.begin({"mission": "patrol"}, {})
-    journal.note("zone_visited", zone="zone_a")
+    journal.record_event("zone_visited", zone="zone_a")
     if ending is not None:
-        journal.end(ending, 1, "It was enough.")
+        journal.end_run(ending, 1, "It was enough.")
     journal.close()
 
 
 def kinds(journal):
-    return [fact.kind for fact in journal.facts()]
+    return [fact.kind for fact in journal.earlier_events()]
 
 
 def test_a_new_mission_begins_without_facts(place):
     journal = open_journal(place)
     assert not journal.is_resumed
-    assert journal.facts() == []
+    assert journal.earlier_events() == []
     assert journal.active_goals() == []
     journal.close()
 
@@ -63,11 +63,14 @@ def test_a_mission_that_is_not_over_goes_on_with_its_facts(place, ending):
     assert journal.is_resumed
     assert kinds(journal) == ["zone_visited"]
     journal.begin({"mission": "another"}, {})
-    assert journal.about == {"mission": "patrol"}
-    journal.note("base_reached")
+    assert journal.description == {"mission": "patrol"}
+    journal.record_event("base_reached")
     journal.close()
     again = open_journal(place, resume=True)
-    assert [(fact.run, fact.kind) for fact in again.facts()] == [(1, "zone_visited"), (2, "base_reached")]
+    assert [(fact.run, fact.kind) for fact in again.earlier_events()] == [
+        (1, "zone_visited"),
+        (2, "base_reached"),
+    ]
     again.close()
 
 
@@ -75,7 +78,7 @@ def test_new_keeps_the_former_journal_under_another_name_once_it_begins(place):
     leave(place)
     journal = open_journal(place, anew=True)
     assert list(place.parent.glob("*.journal")) == [place]
-    assert journal.facts() == []
+    assert journal.earlier_events() == []
     journal.begin({"mission": "patrol"}, {})
     journal.close()
     (aside,) = set(place.parent.glob("*.journal")) - {place}
@@ -152,8 +155,8 @@ def test_goals_whose_end_was_not_seen_are_left(place):
     journal = open_journal(place)
     journal.begin({}, {})
     for number in (1, 2, 3):
-        journal.note(GOAL_SENT, action="/navigate_to_pose", goal=f"{number:032x}")
-    journal.watch(GOAL_ENDED, goal=f"{2:032x}", status=4)
+        journal.record_event(GOAL_SENT, action="/navigate_to_pose", goal=f"{number:032x}")
+    journal.record_observation(GOAL_ENDED, goal=f"{2:032x}", status=4)
     journal.close()
     again = open_journal(place, resume=True)
     assert [(goal.action, int(goal.goal_id, 16)) for goal in again.active_goals()] == [
@@ -176,7 +179,7 @@ def test_goals_whose_end_was_not_seen_are_left(place):
 def test_a_goal_that_could_not_be_sent_is_refused_with_its_number(place, data):
     journal = open_journal(place)
     journal.begin({}, {})
-    journal.note(GOAL_SENT, **data)
+    journal.record_event(GOAL_SENT, **data)
     journal.close()
     again = open_journal(place, resume=True)
     with pytest.raises(
@@ -201,10 +204,10 @@ def test_entries_have_the_time_of_the_missions_clock(place):
     journal.clock = clock = ManualClock(5.0)
     journal.begin({}, {})
     clock.advance(2.5)
-    journal.note("base_reached")
+    journal.record_event("base_reached")
     journal.close()
     again = open_journal(place, resume=True)
-    assert [fact.time for fact in again.facts()] == [7.5]
+    assert [fact.time for fact in again.earlier_events()] == [7.5]
     again.close()
 
 
@@ -212,7 +215,7 @@ def test_a_value_that_is_no_json_is_the_callers_mistake(place):
     journal = open_journal(place)
     journal.begin({}, {})
     with pytest.raises(TypeError, match="not JSON serializable"):
-        journal.note("photo", image=object())
+        journal.record_event("photo", image=object())
     journal.close()
 
 
@@ -224,8 +227,8 @@ def test_after_a_full_disk_what_is_told_is_of_the_same_run_still(place):
     journal.begin({}, {})
     assert journal._file is not None
     journal._file._connection.execute("PRAGMA query_only = 1")
-    journal.note("base_reached")
-    journal.end(Ending.OVER, 0)
+    journal.record_event("base_reached")
+    journal.end_run(Ending.OVER, 0)
     journal.close()
     assert [(entry.run, entry.kind) for entry in told] == [
         (2, "run_began"),

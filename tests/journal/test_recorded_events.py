@@ -155,12 +155,12 @@ class Noting(Behaviour):
         self.journal = Journal()
 
     def update(self):
-        self.journal.note("seen", tick=len(self.statuses))
+        self.journal.record_event("seen", tick=len(self.statuses))
         return self.statuses.pop(0)
 
     def terminate(self, new_status):
         if new_status is Status.INVALID:
-            self.journal.note("given_up")
+            self.journal.record_event("given_up")
 
 
 def noting(root, ticks):
@@ -257,7 +257,7 @@ def test_with_each_run_ticks_and_times_begin_anew():
 def test_a_tick_in_which_an_assumption_failed_is_told_although_all_was_as_before():
     flight = Flight(StatusQueue("one", [R, R, R], None))
     flight.tick()
-    flight.journal.note("assumption_failed", tick=3)
+    flight.journal.record_event("assumption_failed", tick=3)
     assert [(each.tick, each.what, each.status) for each in recorded_events(flight.stream)] == [
         (1, STARTED, ""),
         (1, "answered", "RUNNING"),

@@ -71,21 +71,21 @@ def kinds(place, which="facts"):
 
 def resume(place):
     journal = open_journal(place, resume=True)
-    found = [fact.kind for fact in journal.facts()]
+    found = [fact.kind for fact in journal.earlier_events()]
     journal.close()
     return found
 
 
 def test_what_a_full_disk_has_kept_from_the_journal_is_written_in_its_order_once_there_is_room(place):
     mission = Mission(place)
-    mission.journal.note("first")
+    mission.journal.record_event("first")
     mission.full = True
-    mission.journal.note("second")
-    mission.journal.watch("pose", x=1.0)
-    mission.journal.note("third")
+    mission.journal.record_event("second")
+    mission.journal.record_observation("pose", x=1.0)
+    mission.journal.record_event("third")
     mission.full = False
-    mission.journal.note("fourth")
-    mission.journal.end(Ending.OVER, 0)
+    mission.journal.record_event("fourth")
+    mission.journal.end_run(Ending.OVER, 0)
     mission.journal.close()
     assert kinds(place) == ["first", "second", "third", "fourth"]
     assert [fact["number"] for fact in read(place)["facts"]] == [1, 2, 4, 5]
@@ -103,7 +103,7 @@ def test_what_a_full_disk_has_kept_from_the_journal_is_written_in_its_order_once
 def test_writing_is_tried_again_each_second_though_nothing_happens(place, monkeypatch):
     mission = Mission(place)
     mission.full = True
-    mission.journal.note("first")
+    mission.journal.record_event("first")
     mission.full = False
     mission.journal.write_when_due()
     assert len(mission.said) == 1
@@ -116,10 +116,10 @@ def test_writing_is_tried_again_each_second_though_nothing_happens(place, monkey
 
 def test_a_mission_killed_while_its_disk_was_full_is_resumed_with_all_of_its_facts(place):
     mission = Mission(place)
-    mission.journal.note("first")
+    mission.journal.record_event("first")
     mission.full = True
     for number in range(200):
-        mission.journal.note(f"fact_{number}", zone="zone_a", x=1.25)
+        mission.journal.record_event(f"fact_{number}", zone="zone_a", x=1.25)
     mission.die()
     expected = ["first", *(f"fact_{number}" for number in range(200))]
     assert kinds(place) == expected
@@ -132,8 +132,8 @@ def test_a_mission_killed_while_its_disk_was_full_is_resumed_with_all_of_its_fac
 def test_a_mission_that_was_over_while_its_disk_was_full_is_over(place):
     mission = Mission(place)
     mission.full = True
-    mission.journal.note("base_reached")
-    mission.journal.end(Ending.OVER, 0, "Mission complete.")
+    mission.journal.record_event("base_reached")
+    mission.journal.end_run(Ending.OVER, 0, "Mission complete.")
     mission.journal.close()
     assert "are in the reserve beside it" in mission.said[-1]
     assert read(place)["runs"][-1]["ending"] == "over"
@@ -156,13 +156,13 @@ def test_a_lock_of_somebody_else_holds_up_no_fact_and_loses_none(place):
     other = sqlite3.connect(place, isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
     assert mission.file._connection.execute("PRAGMA busy_timeout").fetchone() == (0,)
-    mission.journal.note("first")
+    mission.journal.record_event("first")
     assert "database is locked" in mission.said[0]
     with closing(JournalFile.read(place)) as file:
-        assert [fact.kind for fact in file.facts()] == ["first"]
+        assert [fact.kind for fact in file.events()] == ["first"]
     other.execute("COMMIT")
     other.close()
-    mission.journal.note("second")
+    mission.journal.record_event("second")
     mission.journal.close()
     assert kinds(place) == ["first", "second"]
 
@@ -171,11 +171,11 @@ def test_who_follows_a_journal_is_told_of_each_fact_once_and_while_it_cannot_be_
     mission = Mission(place)
     follower = JournalFollower(place)
     mission.full = True
-    mission.journal.note("first")
-    assert [entry.kind for entry in follower.news()] == ["run_began", "first"]
+    mission.journal.record_event("first")
+    assert [entry.kind for entry in follower.read_new()] == ["run_began", "first"]
     mission.full = False
-    mission.journal.note("second")
-    assert [entry.kind for entry in follower.news()] == ["second"]
+    mission.journal.record_event("second")
+    assert [entry.kind for entry in follower.read_new()] == ["second"]
     mission.journal.close()
 
 
@@ -184,7 +184,7 @@ def test_of_more_facts_than_there_is_room_for_the_next_run_knows_how_many_and_th
     mission.journal.store_highest_number("survivor", 7)
     mission.full = True
     for _ in range(50):
-        mission.journal.note("much", text="x" * 5_000)
+        mission.journal.record_event("much", text="x" * 5_000)
     mission.die()
     *kept, last = read(place)["facts"]
     assert {fact["kind"] for fact in kept} == {"much"}
@@ -199,8 +199,8 @@ def test_what_waits_in_memory_is_bounded_and_what_was_left_out_is_said(place, mo
     mission = Mission(place)
     mission.full = True
     for _ in range(30):
-        mission.journal.note("fact")
-        mission.journal.watch("pose")
+        mission.journal.record_event("fact")
+        mission.journal.record_observation("pose")
     assert len(mission.journal._pending) == 10
     mission.full = False
     mission.journal.close()
@@ -214,8 +214,8 @@ def test_where_nothing_can_be_kept_beside_it_either_that_is_said(place):
     mission = Mission(place)
     mission.full = True
     with full_disk():
-        mission.journal.note("first")
-        mission.journal.note("second")
+        mission.journal.record_event("first")
+        mission.journal.record_event("second")
     assert len(mission.said) == 1
     assert "until then the mission cannot be resumed from here" in mission.said[0]
     mission.full = False
@@ -226,12 +226,12 @@ def test_where_nothing_can_be_kept_beside_it_either_that_is_said(place):
 def test_the_reserve_of_another_journal_is_left_alone(place):
     mission = Mission(place)
     mission.full = True
-    mission.journal.note("first")
+    mission.journal.record_event("first")
     mission.die()
     for ending in ("", "-wal", "-shm"):
         place.with_name(place.name + ending).unlink(missing_ok=True)
     other = Mission(place)
-    other.journal.note("mine")
+    other.journal.record_event("mine")
     other.die()
     assert resume(place) == ["mine"]
 
@@ -250,10 +250,10 @@ def test_whoever_dies_while_the_reserve_is_written_leaves_what_was_in_it_or_what
     before = SpilledEntries()
     for count in counts:
         before = SpilledEntries(1.0, [fact(number, json.dumps({"x": number})) for number in range(count)])
-        reserve.keep(before, {})
+        reserve.replace_content(before, {})
     old = reserve.path.read_bytes()
     after = SpilledEntries(1.0, [fact(9)])
-    reserve.keep(after, {})
+    reserve.replace_content(after, {})
     new = reserve.path.read_bytes()
     assert read_reserve(place) == after
     first = next(index for index in range(size) if old[index] != new[index])

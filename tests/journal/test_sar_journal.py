@@ -25,9 +25,9 @@ def place(tmp_path):
         journal.clock = clock = ManualClock(100.0)
         journal.begin({"mission": "search_and_rescue", "tree": TREE}, {})
         clock.advance(3.5)
-        journal.note("zone_searched", zone="zone_a\x1b[2J\n", survivor=(-2.5, 3.2))
-        journal.watch("status", node=2, status="SUCCESS", message="\u202e")
-        journal.end(ending, status, reason)
+        journal.record_event("zone_searched", zone="zone_a\x1b[2J\n", survivor=(-2.5, 3.2))
+        journal.record_observation("status", node=2, status="SUCCESS", message="\u202e")
+        journal.end_run(ending, status, reason)
         journal.close()
     return place
 
@@ -55,7 +55,7 @@ def test_the_leaf_that_has_noted_a_fact_is_told_by_its_name(tmp_path, capsys):
     journal = open_journal(tmp_path / "mission.journal")
     journal.begin({"tree": TREE}, {})
     journal.leaf_in_hand = lambda: {"leaf": 0, "tick": 3}
-    journal.note("base_reached")
+    journal.record_event("base_reached")
     journal.close()
     assert f"changed       leaf '{TREE['name']}', tick 3" in shown(
         capsys, tmp_path / "mission.journal", "--all"
@@ -81,7 +81,7 @@ def test_json_has_everything_as_it_is(place, capsys):
 def test_a_mission_that_runs_is_told_as_running(tmp_path, capsys):
     journal = open_journal(tmp_path / "mission.journal")
     journal.begin({"mission": None}, {})
-    journal.note("base_reached")
+    journal.record_event("base_reached")
     out = shown(capsys, tmp_path / "mission.journal")
     assert out.startswith("a tree of no mission, working\n")
     assert "base_reached" in out
@@ -113,8 +113,8 @@ def test_a_journal_in_which_nothing_has_begun_has_a_report_too(tmp_path):
 def test_a_report_is_written_of_a_journal_in_each_form_that_is_asked_for(tmp_path, capsys):
     journal = open_journal(tmp_path / "m.journal")
     journal.begin({"mission": "patrol", "tree": {"class": "x", "name": "Main", "children": []}}, {})
-    journal.note("zone_visited", zone="zone_a")
-    journal.end(Ending.OVER, 0)
+    journal.record_event("zone_visited", zone="zone_a")
+    journal.end_run(Ending.OVER, 0)
     journal.close()
     out = tmp_path / "r.html", tmp_path / "r.json"
     assert main(["report", str(tmp_path / "m.journal"), "-o", *map(str, out)]) == 0

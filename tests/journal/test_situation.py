@@ -20,9 +20,9 @@ from sar_compiler.journal.display import (
     Level,
     MissionPhase,
     RasterLayer,
-    beginning,
     changes,
     default_sentence,
+    initial_display,
     with_author,
 )
 from sar_compiler.journal.errors import JournalError
@@ -95,7 +95,7 @@ def by_name(landmarks: Any) -> dict[tuple[str, str], Landmark]:
 def test_what_is_folded_from_the_changes_is_what_is_shown(moments: list[Display]) -> None:
     situation, before = DisplayState(), Display()
     for shown in moments:
-        situation.take(**json_value(json_text(changes(before, shown))))
+        situation.apply(**json_value(json_text(changes(before, shown))))
         before = shown
         assert situation.landmarks == by_name(shown.landmarks)
         assert set(shown.figures) <= set(situation.figures.values())
@@ -107,7 +107,7 @@ def test_what_is_folded_from_the_changes_is_what_is_shown(moments: list[Display]
 def test_what_has_not_changed_is_not_written() -> None:
     shown = Display([Landmark("zone", "a", 1.0, 2.0)], [Figure("zones", 1.0)])
     assert changes(shown, shown) == {}
-    assert beginning([LandmarkKind("zone", "zones")], shown) == {
+    assert initial_display([LandmarkKind("zone", "zones")], shown) == {
         "kinds": [{"name": "zone", "plural": "zones"}],
         "landmarks": [{"kind": "zone", "name": "a", "x": 1.0, "y": 2.0}],
         "figures": [{"name": "zones", "value": 1.0}],
@@ -125,13 +125,13 @@ def test_a_figure_has_words(figure: Figure, text: str) -> None:
 @pytest.mark.parametrize("place", [(math.nan, 0.0), (None, 0.0), ("x", 0.0), (0.0, math.inf)])
 def test_a_landmark_nowhere_is_refused(place: tuple[Any, Any]) -> None:
     with pytest.raises((TypeError, ValueError)):
-        DisplayState().take(landmarks=[{"kind": "zone", "name": "a", "x": place[0], "y": place[1]}])
+        DisplayState().apply(landmarks=[{"kind": "zone", "name": "a", "x": place[0], "y": place[1]}])
 
 
 @pytest.mark.parametrize("shade", [-0.1, 1.1, math.nan, "dark"])
 def test_a_shade_that_is_no_share_is_refused(shade: Any) -> None:
     with pytest.raises((TypeError, ValueError)):
-        DisplayState().take(landmarks=[{"kind": "zone", "name": "a", "x": 0, "y": 0, "shade": shade}])
+        DisplayState().apply(landmarks=[{"kind": "zone", "name": "a", "x": 0, "y": 0, "shade": shade}])
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_a_shade_that_is_no_share_is_refused(shade: Any) -> None:
 )
 def test_a_figure_or_gauge_that_is_no_number_is_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match="is not a number"):
-        DisplayState().take(**wrong)
+        DisplayState().apply(**wrong)
 
 
 def test_the_cells_of_a_layer_are_in_tenths_and_those_that_are_alike_are_counted() -> None:
@@ -172,9 +172,9 @@ def test_the_cells_of_a_layer_are_in_tenths_and_those_that_are_alike_are_counted
 )
 def test_cells_that_are_no_raster_are_refused(wrong: dict[str, Any]) -> None:
     layer = RasterLayer("lawn", "mown", 0.0, 0.0, 0.25, 4, "4a2-2b")._asdict()
-    DisplayState().take(rasters=[layer])
+    DisplayState().apply(rasters=[layer])
     with pytest.raises((TypeError, ValueError)):
-        DisplayState().take(rasters=[{**layer, **wrong}])
+        DisplayState().apply(rasters=[{**layer, **wrong}])
 
 
 def test_a_fact_that_nobody_has_put_into_a_sentence_has_words_too() -> None:
@@ -206,7 +206,7 @@ def test_a_fact_changes_the_state_and_what_that_has_changed_comes_behind_it() ->
     journal, state, heard = Journal(), Count(), []
     journal.listen(lambda entry: heard.append((entry.kind, entry.data)))
     journal.attach(state)
-    journal.note("counted")
+    journal.record_event("counted")
     assert state.count == 1
     assert heard == [
         ("counted", {}),
@@ -219,7 +219,7 @@ def test_what_a_fact_has_changed_is_on_the_disk_with_the_fact(tmp_path: Path) ->
     journal = open_journal(place)
     journal.attach(Count())
     journal.begin({}, {})
-    journal.note("counted")
+    journal.record_event("counted")
     assert journal._file is not None
     journal._file.close()  # as by SIGKILL
     resumed = open_journal(place, resume=True)
@@ -233,11 +233,11 @@ def test_a_run_that_goes_on_begins_with_all_that_is_shown(tmp_path: Path) -> Non
     journal = open_journal(place)
     journal.attach(Count())
     journal.begin({}, {})
-    journal.note("counted")
-    journal.end(Ending.STOPPED, 130)
+    journal.record_event("counted")
+    journal.end_run(Ending.STOPPED, 130)
     journal.close()
     journal, state, situation = open_journal(place, resume=True), Count(), DisplayState()
-    journal.listen(lambda entry: situation.take(**entry.data) if entry.kind == CHANGED else None)
+    journal.listen(lambda entry: situation.apply(**entry.data) if entry.kind == CHANGED else None)
     journal.attach(state)
     journal.begin({}, {})
     assert (state.count, situation.figures["facts"].value) == (1, 1)
@@ -249,7 +249,7 @@ def test_facts_that_cannot_have_been_are_refused_with_their_number(tmp_path: Pat
     journal = open_journal(place)
     journal.begin({}, {})
     for _ in range(4):
-        journal.note("counted")
+        journal.record_event("counted")
     journal.close()
     journal = open_journal(place, resume=True)
     with pytest.raises(
@@ -265,12 +265,12 @@ def test_a_fact_that_cannot_be_is_not_written(tmp_path: Path) -> None:
     journal.attach(Count())
     journal.begin({}, {})
     for _ in range(3):
-        journal.note("counted")
+        journal.record_event("counted")
     with pytest.raises(ValueError, match="three is the end"):
-        journal.note("counted")
+        journal.record_event("counted")
     journal.close()
     journal = open_journal(place, resume=True)
-    assert len(journal.facts()) == 3
+    assert len(journal.earlier_events()) == 3
     journal.close()
 
 
@@ -302,14 +302,14 @@ def test_an_alarm_that_is_no_mission_s_own_is_shown_beside_those_of_the_mission(
     journal.attach(Mission())
     journal.begin({}, {})
     journal.raise_alarm("Property violated: p", "property_broken", property="p")
-    journal.note("photo_taken")
+    journal.record_event("photo_taken")
     fact, changed = entries[2:4]
     assert (fact.kind, dict(fact.data)) == ("property_broken", {"property": "p"})
     assert changed.data == {"said": "Property violated: p", "alarms": [{"text": "Property violated: p"}]}
     situation = DisplayState()
     for entry in entries:
         if entry.kind == CHANGED:
-            situation.take(**entry.data)
+            situation.apply(**entry.data)
     assert [each.is_over for each in situation.alarms.values()] == [False, False]
 
 

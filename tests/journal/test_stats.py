@@ -34,9 +34,9 @@ def fly(place, *ticks, tree=TREE):
         clock.advance(2.0)
         for node, status, *label in tick:
             said = {"label": label[0]} if label else {}
-            journal.watch("status", node=node, tick=number, status=status, message="", **said)
-        journal.watch("pose", x=1.0, y=1.0, yaw=0.0)
-    journal.end(Ending.STOPPED, 130)
+            journal.record_observation("status", node=node, tick=number, status=status, message="", **said)
+        journal.record_observation("pose", x=1.0, y=1.0, yaw=0.0)
+    journal.end_run(Ending.STOPPED, 130)
     journal.close()
     return place
 

@@ -35,7 +35,7 @@ def watched(journal, root, ticks):
     for _ in range(ticks):
         tree.tick()
     journal._write()
-    entries = [entry.data for entry in journal._file.watched("status")]
+    entries = [entry.data for entry in journal._file.observations("status")]
     return [(entry["tick"], entry["node"], entry["status"]) for entry in entries]
 
 
@@ -69,7 +69,7 @@ def test_a_tree_that_is_stopped_from_outside_is_written_down_to_its_leaves(journ
     root.stop(Status.INVALID)
     watch.finalise()
     journal._write()
-    last = {entry.data["node"]: entry.data["status"] for entry in journal._file.watched("status")}
+    last = {entry.data["node"]: entry.data["status"] for entry in journal._file.observations("status")}
     assert last == {0: "HALTED", 1: "IDLE", 2: "IDLE", 3: "HALTED"}
 
 
@@ -95,7 +95,7 @@ def test_a_node_that_is_halted_after_it_was_skipped_while_it_ran_is_written_as_h
     for _ in range(3):
         watched_tick(tree, watch)
     journal._write()
-    entries = [entry.data for entry in journal._file.watched("status") if entry.data["node"] == 2]
+    entries = [entry.data for entry in journal._file.observations("status") if entry.data["node"] == 2]
     assert [entry["status"] for entry in entries] == ["RUNNING", "SKIPPED", "HALTED"]
 
 
@@ -108,7 +108,7 @@ def test_a_message_that_changes_is_written(journal):
         one.update = lambda: Status.RUNNING
         tree.tick()
     journal._write()
-    entries = [entry.data["message"] for entry in journal._file.watched("status")]
+    entries = [entry.data["message"] for entry in journal._file.observations("status")]
     assert entries == ["2.5 m left", "1.0 m left"]
 
 
@@ -141,7 +141,7 @@ def labels_of(journal, statuses, said, warnings):
     for _ in statuses:
         tree.tick()
     journal._write()
-    return [entry.data["label"] for entry in journal._file.watched("status")]
+    return [entry.data["label"] for entry in journal._file.observations("status")]
 
 
 class Scripted(Behaviour):
@@ -187,7 +187,7 @@ def test_an_answer_that_is_not_declared_is_told_once(journal):
 
 def test_of_a_leaf_without_declared_answers_there_is_no_label(journal):
     assert watched(journal, leaf("one", Status.SUCCESS), 1) == [(1, 0, "SUCCESS")]
-    (entry,) = journal._file.watched("status")
+    (entry,) = journal._file.observations("status")
     assert "label" not in entry.data
 
 
@@ -202,7 +202,7 @@ def test_a_leaf_that_was_ticked_twice_is_shown_with_each_of_its_answers(journal)
     for behaviour in show_visits(visits):
         watch.run(behaviour)
     journal._write()
-    entries = [entry.data for entry in journal._file.watched("status")]
+    entries = [entry.data for entry in journal._file.observations("status")]
     assert [entry["label"] for entry in entries] == ["no answer", "nothing"]
     assert one.answer_label == "nothing"
 
@@ -214,7 +214,7 @@ class Record:
         self._journal = journal
 
     def see(self, what):
-        self._journal.note("seen", what=what)
+        self._journal.record_event("seen", what=what)
 
 
 class Seeing(Behaviour):
@@ -241,7 +241,7 @@ class Seeing(Behaviour):
 def facts_by_leaf(journal):
     """Return what was noted, each with the number of the leaf and of the tick that are written behind it; None where there are none."""
     journal._write()
-    behind = {entry.number - 1: entry.data for entry in journal._file.watched("changed")}
+    behind = {entry.number - 1: entry.data for entry in journal._file.observations("changed")}
     return [
         (fact.data["what"], *(behind.get(fact.number, {}).get(key) for key in ("leaf", "tick")))
         for fact in journal._file.entries(1, with_watched=False)
@@ -267,7 +267,7 @@ def test_behind_a_fact_stands_which_leaf_has_noted_it_in_which_tick_and_nothing_
 def test_a_fact_that_is_noted_by_what_stands_around_leaves_is_none_of_theirs(journal):
     class Around(Sequence):
         def stop(self, new_status=Status.INVALID):
-            journal.note("seen", what="the end")
+            journal.record_event("seen", what="the end")
             super().stop(new_status)
 
     tree = BehaviourTree(Around("root", memory=True, children=[leaf("one", Status.FAILURE)]))
@@ -278,5 +278,7 @@ def test_a_fact_that_is_noted_by_what_stands_around_leaves_is_none_of_theirs(jou
 
 def test_the_answer_by_which_a_fact_came_is_written_though_it_is_as_the_last_one(journal):
     one = Seeing("one", Record(journal), *[Status.RUNNING] * 3)
-    one._record.see = lambda what: journal.note("seen", what=what) if len(one._statuses) != 2 else None
+    one._record.see = lambda what: (
+        journal.record_event("seen", what=what) if len(one._statuses) != 2 else None
+    )
     assert watched(journal, one, 3) == [(1, 0, "RUNNING"), (3, 0, "RUNNING")]

@@ -49,7 +49,7 @@ def status(node, tick, word="RUNNING", message="", **more):
 
 
 def numbers(path, **options):
-    with JournalFile.reading(path) as file:
+    with JournalFile.open_snapshot(path) as file:
         return [entry.number for entry in file.last_run(**options)][1:]
 
 
@@ -115,7 +115,7 @@ def random_rows(chance):
 
 def computed(path, **options):
     """Return all that is computed of a journal."""
-    with JournalFile.reading(path) as file:
+    with JournalFile.open_snapshot(path) as file:
         state = MissionState.from_stream(file.every_run(**options))
         inquiry = FailureAnalysis.from_stream(file.last_run(without=OF_ROBOT, **options))
         found = RunStatistics()
@@ -141,7 +141,7 @@ def test_what_is_computed_of_a_journal_is_the_same_without_them(seed, tmp_path):
 @pytest.mark.parametrize("seed", range(rounds(20)))
 def test_one_reading_for_state_and_cause_gives_the_same_as_two(seed, tmp_path):
     rows = [*random_rows(random.Random(seed)), ("photo_taken", {"photo": 1}), status(9, 99)]  # noqa: S311
-    with JournalFile.reading(written(tmp_path / "j", rows)) as file:
+    with JournalFile.open_snapshot(written(tmp_path / "j", rows)) as file:
         inquiry, state = FailureAnalysis.with_state(file.every_run())
         alone = MissionState.from_stream(file.every_run())
         assert inquiry.why() == FailureAnalysis.from_stream(file.last_run()).why()

@@ -26,9 +26,9 @@ def place(tmp_path):
     place = tmp_path / "mission.journal"
     journal = open_journal(place)
     journal.begin({"mission": "patrol"}, {})
-    journal.note("zone_searched", zone="zone_a", survivor=(1.0, 2.0))
-    journal.watch("pose", x=float("nan"), y=float("inf"), yaw=0.5)
-    journal.end(Ending.STOPPED, 130)
+    journal.record_event("zone_searched", zone="zone_a", survivor=(1.0, 2.0))
+    journal.record_observation("pose", x=float("nan"), y=float("inf"), yaw=0.5)
+    journal.end_run(Ending.STOPPED, 130)
     journal.close()
     return place
 
@@ -92,7 +92,7 @@ def test_a_value_that_is_never_written_is_an_error_of_the_journal_for_every_comm
 
 def test_what_sqlites_own_tools_leave_is_read(place):
     change(place, "ANALYZE", "VACUUM")
-    assert [fact.kind for fact in open_journal(place, resume=True).facts()] == ["zone_searched"]
+    assert [fact.kind for fact in open_journal(place, resume=True).earlier_events()] == ["zone_searched"]
 
 
 def test_a_file_that_takes_far_more_work_than_its_size_has_is_given_up(place, monkeypatch):
@@ -154,7 +154,7 @@ def test_a_number_that_is_not_finite_is_null_in_every_json(place, tmp_path, caps
 def test_a_time_that_is_none_is_refused(place, column):
     change(place, f"UPDATE fact SET {column} = 9e999")  # noqa: S608 - the test's own
     with closing(JournalFile.read(place)) as file, pytest.raises(JournalError, match="inf is not a time"):
-        [*file.facts()]
+        [*file.events()]
 
 
 def _a_link(name, other):
@@ -177,7 +177,7 @@ def test_a_journal_that_is_exchanged_after_the_check_is_not_read(
 ):
     other, aside = tmp_path / "secret", tmp_path / "aside"
     shutil.copy(place, other)
-    connect = database._connected
+    connect = database._connect
 
     def exchange_and_connect(*arguments, **options):
         place.rename(aside)
@@ -188,7 +188,7 @@ def test_a_journal_that_is_exchanged_after_the_check_is_not_read(
             if is_put_back:
                 aside.replace(place)
 
-    monkeypatch.setattr(database, "_connected", exchange_and_connect)
+    monkeypatch.setattr(database, "_connect", exchange_and_connect)
     monkeypatch.setattr(database, "_is_used", lambda _path: way == "read while it is written")
     # SQLite itself refuses most pipes.
     reason = None if put is _a_pipe else "it was replaced while it was opened"
@@ -197,8 +197,8 @@ def test_a_journal_that_is_exchanged_after_the_check_is_not_read(
 
 
 def test_a_journal_that_this_process_has_open_is_opened_again(place):
-    with JournalFile.reading(place) as first, JournalFile.reading(place) as second:
-        assert first.about() == second.about()
+    with JournalFile.open_snapshot(place) as first, JournalFile.open_snapshot(place) as second:
+        assert first.description() == second.description()
 
 
 WRITER = """
@@ -217,7 +217,7 @@ def test_a_file_beside_a_journal_that_is_exchanged_is_neither_followed_nor_waite
     place, tmp_path, monkeypatch, suffix, put
 ):
     beside, other = place.with_name(f"{place.name}{suffix}"), tmp_path / "secret"
-    connect = database._connected
+    connect = database._connect
 
     def connect_and_exchange(*arguments, **options):
         connection = connect(*arguments, **options)
@@ -235,7 +235,7 @@ def test_a_file_beside_a_journal_that_is_exchanged_is_neither_followed_nor_waite
         writer.stdin.write(b"\n")
         writer.stdin.flush()
         assert writer.stdout.readline() == b"written\n"
-        monkeypatch.setattr(database, "_connected", connect_and_exchange)
-        with suppress(JournalError), JournalFile.reading(place) as file:
-            assert file.about()["mission"] == "written"
+        monkeypatch.setattr(database, "_connect", connect_and_exchange)
+        with suppress(JournalError), JournalFile.open_snapshot(place) as file:
+            assert file.description()["mission"] == "written"
         writer.communicate()

@@ -23,9 +23,9 @@ def live(journal):
     told: list[JournalEntry] = []
     journal.listen(told.append)
     journal.begin({"mission": "patrol"}, {"node": "/patrol"})
-    journal.watch("pose", x=1.0)
-    journal.note("zone_visited", zone="zone_a")
-    journal.end(Ending.OVER, 0, "Complete.")
+    journal.record_observation("pose", x=1.0)
+    journal.record_event("zone_visited", zone="zone_a")
+    journal.end_run(Ending.OVER, 0, "Complete.")
     journal.close()
     return [(entry.number, entry.run, entry.kind, entry.data) for entry in told]
 
@@ -61,8 +61,8 @@ def test_a_listener_that_raises_is_left_out_and_told_of_and_the_others_go_on():
 
     journal.listen(fail)
     journal.listen(told.append)
-    journal.note("zone_visited", zone="zone_a")
-    journal.note("zone_visited", zone="zone_b")
+    journal.record_event("zone_visited", zone="zone_a")
+    journal.record_event("zone_visited", zone="zone_b")
     assert [entry.data["zone"] for entry in told] == ["zone_a", "zone_b"]
     assert said == ["A listener of the journal has failed and was removed: OSError()."]
 
@@ -72,8 +72,8 @@ def test_the_runs_of_a_mission_come_one_after_the_other(tmp_path):
     for resume in (False, True):
         journal = open_journal(place, resume=resume)
         journal.begin({}, {})
-        journal.note("zone_visited", zone="zone_a")
-        journal.end(Ending.STOPPED, 130)
+        journal.record_event("zone_visited", zone="zone_a")
+        journal.end_run(Ending.STOPPED, 130)
         journal.close()
     with closing(JournalFile.read(place)) as file:
         stream = [(entry.run, entry.kind) for entry in file.stream()]
@@ -90,8 +90,8 @@ def test_what_has_happened_keeps_its_order_though_the_system_s_clock_is_set_back
         journal = open_journal(place, resume=run == 2)
         journal.begin({}, {})
         for number in range(3):
-            journal.watch("pose", x=float(number))
-            journal.note("zone_visited", zone=f"zone_{number}")
+            journal.record_observation("pose", x=float(number))
+            journal.record_event("zone_visited", zone=f"zone_{number}")
             written += [(run, "pose"), (run, "zone_visited")]
         journal.close()
     with closing(JournalFile.read(place)) as file:
@@ -107,7 +107,7 @@ def test_a_value_that_is_no_json_is_the_callers_mistake_without_a_file_too():
     entries: list[JournalEntry] = []
     journal.listen(entries.append)
     journal.begin({}, {})
-    for tell in (journal.note, journal.watch):
+    for tell in (journal.record_event, journal.record_observation):
         with pytest.raises(TypeError, match="not JSON serializable"):
             tell("odd", value={1, 2})
     assert [entry.kind for entry in entries] == ["run_began"]

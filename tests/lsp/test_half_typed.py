@@ -129,7 +129,7 @@ def test_a_finding_goes_where_its_text_goes_and_is_touched_by_what_is_typed_into
     text = "".join(map(chr, range(ord("A"), ord("A") + 30)))
     (start, end), (first, last) = place, edited
     after = text[:first] + came + text[last:]
-    moved = PlacedFinding(FOUND, start, end).moved(Edit(first, last, len(came)))
+    moved = PlacedFinding(FOUND, start, end).after_edit(Edit(first, last, len(came)))
     assert moved.is_touched == (last > start and first <= end)
     assert 0 <= moved.start <= moved.end <= len(after)
     if not moved.is_touched:
@@ -145,5 +145,5 @@ def test_what_ticks_have_raised_stays_over_a_check_until_its_own_text_is_edited(
     ]
     opened.set_tick_errors(raised)
     opened.change(text.replace("B", "BB"), 2)
-    opened.take(None, [])
+    opened.set_findings(None, [])
     assert [each.finding.code for each in opened.shown] == ["wrong-value"]

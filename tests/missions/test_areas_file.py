@@ -20,7 +20,7 @@ CORNERS = [(10.0, 5.0), (30.0, 5.0), (30.0, 20.0), (10.0, 20.0)]
 
 def ring(corners: list[tuple[float, float]] = CORNERS) -> list[list[float]]:
     """Return corners in metres as GeoJSON has them: longitude, latitude, closed."""
-    turned = [PLACE.located(*corner)[::-1] for corner in corners]
+    turned = [PLACE.to_coordinates(*corner)[::-1] for corner in corners]
     return [list(each) for each in (*turned, turned[0])]
 
 

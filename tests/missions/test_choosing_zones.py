@@ -158,13 +158,13 @@ def test_a_search_without_probabilities_shows_what_it_did_before() -> None:
     shown = searching({}).display()
     assert [each.name for each in shown.figures] == ["zones visited", "survivors found", "survivors reported"]
     assert not any("probability now" in each.details for each in shown.landmarks)
-    assert len(searching({}).greeting()) == 2
+    assert len(searching({}).start_lines()) == 2
     assert "areas" not in searching({}).identity()
 
 
 def test_the_plan_that_is_told_has_urgent_zones_first_as_the_flight_has() -> None:
     urgent = begun({**probabilities(), "zones.b.priority": 1.0, "zones.a.poa": 0.5, "zones.b.poa": 0.1, "zones.b.x": 9.0, "base_station.x": 0.0, "base_station.y": 1.0, "base_station.yaw": 0.0})  # fmt: skip
-    told = [line.strip().partition(":")[0] for line in Search(urgent).greeting()[3:]]
+    told = [line.strip().partition(":")[0] for line in Search(urgent).start_lines()[3:]]
     assert told == ["b", "a"]
     assert [zone["id"] for zone in urgent.eligible_zones()] == ["b"]
 
@@ -188,7 +188,7 @@ def test_other_probabilities_make_another_mission() -> None:
 
 def test_the_plan_is_told_before_the_flight_with_its_times_and_chances() -> None:
     # 3 m, 1 m and 1 m at 0.5 m/s are 9, 3 and 3 s with the detours; each look takes 5 s.
-    assert searching().greeting()[2:] == [
+    assert searching().start_lines()[2:] == [
         "By expected_find (18 s to the first detection, if there is one; paths are 1.5 times the straight line):",
         "  c: searched after 14 s, POS 30%",
         "  b: searched after 22 s, POS 40%",
@@ -258,7 +258,7 @@ def test_of_many_zones_the_planner_is_asked_for_those_that_reward_their_time_mos
 def test_the_plan_of_many_zones_says_how_they_are_ordered_in_twenty_lines() -> None:
     zones = many_zones(60, np.random.default_rng(6))
     areas = {zone["id"]: SearchExpectation(0.01, 0.9, 5.0) for zone in zones}
-    head, *lines = Search(ZoneManager(zones, BASE, areas=areas)).greeting()[2:]
+    head, *lines = Search(ZoneManager(zones, BASE, areas=areas)).start_lines()[2:]
     assert head.endswith("; 60 zones are ordered by probability per second):")
     assert len(lines) == 20
     assert lines[-2] == "  … 41 more zones …"
@@ -319,7 +319,7 @@ def test_a_resumed_search_has_the_same_map_and_the_same_zone(journal: Path) -> N
     first.zones.choose("b")
     kept.close()
     kept = opened(second, resume=True)
-    assert [second.sentence(fact) for fact in kept.facts() if fact.kind == "zone_chosen"] == [
+    assert [second.sentence(fact) for fact in kept.earlier_events() if fact.kind == "zone_chosen"] == [
         "chose c",
         "chose b",
     ]
@@ -340,7 +340,7 @@ def test_hints_multiply_and_a_resumed_search_has_them(journal: Path) -> None:
     kept.close()
     kept = open_journal(journal, resume=True)
     second.keep_in(kept)
-    told = [second.sentence(fact) for fact in kept.facts() if fact.kind == "hint_given"]
+    told = [second.sentence(fact) for fact in kept.earlier_events() if fact.kind == "hint_given"]
     assert told == ["the operator: a hint on a, times 3", "the operator: a hint on a, times 2"]
     kept.close()
     assert second.zones.hints == {"a": 6.0}

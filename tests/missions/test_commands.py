@@ -67,7 +67,7 @@ class CommandedMission:
         manager = ZoneManager(zones, {"x": 0.0, "y": 0.0, "yaw": 0.0}, areas=areas)
         self.search = search = Search(manager)
         self.state, self.journal = MissionState(), Journal()
-        self.journal.listen(self.state.take)
+        self.journal.listen(self.state.apply)
         search.keep_in(self.journal)
         self.journal.begin({}, {})
         self.node = ros.node("mission", allow_undeclared_parameters=True)

@@ -175,7 +175,7 @@ def test_a_mission_without_other_areas_asks_how_far_one_sees() -> None:
 def test_a_later_run_has_the_areas_that_were_drawn() -> None:
     told: list[tuple[str, dict[str, Any]]] = []
     search = begun(**LIKELY)
-    search.zones.journal.note = lambda kind, **data: told.append((kind, data))  # type: ignore[method-assign]
+    search.zones.journal.record_event = lambda kind, **data: told.append((kind, data))  # type: ignore[method-assign]
     draw(search, poa=0.5)
     [(kind, data)] = told
     later = begun(**LIKELY)

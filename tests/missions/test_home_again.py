@@ -310,7 +310,7 @@ def test_a_resumed_search_knows_why_the_robot_comes_home(tmp_path: Path) -> None
         if not resume:
             search.record.home_first("zone_a", SHORT, need=0.3, share=None)
         else:
-            said = [search.sentence(fact) for fact in kept.facts() if fact.kind == "home_first"]
+            said = [search.sentence(fact) for fact in kept.earlier_events() if fact.kind == "home_first"]
             assert said == [f"{SHORT}: home first"]
         kept.close()
     assert [each.text for each in second.display().alarms] == [f"{SHORT}: home first"]

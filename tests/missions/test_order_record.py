@@ -29,7 +29,7 @@ class Robot:
         self.search = Search(ZoneManager([zone], {"x": 0.0, "y": 0.0, "yaw": 0.0}))
         self.state, journal = MissionState(), Journal()
         self.entries: list[JournalEntry] = []
-        journal.listen(self.state.take)
+        journal.listen(self.state.apply)
         journal.listen(self.entries.append)
         self.search.keep_in(journal)
         journal.begin({}, {})
@@ -53,7 +53,7 @@ class Robot:
         return carry_out
 
     def call(self, verb: str) -> None:
-        given = self.calls.give(verb, {})
+        given = self.calls.send(verb, {})
         self.ros.spin_until(given.done, "the answer")
 
     def sign(self, verb: str, by: Any) -> bool:
@@ -198,7 +198,7 @@ def test_what_the_mission_notes_after_an_order_was_not_ordered(robot):
 def test_the_end_of_a_mission_that_somebody_has_ended_says_who(robot):
     with robot.journal.ordered_by(CommandAuthor("Ada")):
         robot.search.orders.give("abort")
-    robot.journal.end(Ending.OVER, 1, "It has ended here.")
+    robot.journal.end_run(Ending.OVER, 1, "It has ended here.")
     assert condition(robot.state).text() == "ABORTED: By Ada. It has ended here."
 
 

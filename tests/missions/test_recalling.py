@@ -60,7 +60,7 @@ class Life:
 
     def take(self, entry: JournalEntry) -> None:
         if entry.kind == CHANGED:
-            self.situation.take(**json_value(json_text(entry.data)))
+            self.situation.apply(**json_value(json_text(entry.data)))
 
     def part(self, kind: type) -> Any:
         return self.run.context[kind]
@@ -262,7 +262,7 @@ def test_facts_that_do_not_fit_are_refused_with_their_number(
 ) -> None:
     journal = open_journal(tmp_path / "mission.journal")
     journal.begin({"mission": MISSION.name}, {})
-    journal.note(kind, **data)
+    journal.record_event(kind, **data)
     journal.close()
     with pytest.raises(JournalError, match=f"event 1 of the journal, {kind}"):
         live(resume=True)
@@ -302,7 +302,7 @@ def test_facts_of_any_content_are_taken_over_or_refused_in_words(
     run = MISSION.begin(ParameterReader(PARAMETERS))
     entries = [JournalEntry(number, 1, 0.0, 0.0, *fact) for number, fact in enumerate(facts, 1)]
     journal = Journal()
-    journal.facts = lambda: entries  # type: ignore[method-assign]
+    journal.earlier_events = lambda: entries  # type: ignore[method-assign]
     with suppress(JournalError):
         run.keep_in(journal)
         run.shortfalls()
@@ -310,7 +310,7 @@ def test_facts_of_any_content_are_taken_over_or_refused_in_words(
 
 def test_facts_of_other_kinds_are_passed_over(live: Callable[..., Life]) -> None:
     life = live()
-    life.journal.note("goal_sent", action="/navigate_to_pose", goal="00")
+    life.journal.record_event("goal_sent", action="/navigate_to_pose", goal="00")
     state = life.state()
     life.die()
     assert live(resume=True).state() == state
@@ -335,7 +335,7 @@ def test_without_a_journal_nothing_is_written() -> None:
 )
 def test_a_fact_with_a_position_that_is_none_is_refused(kind: str, data: dict[str, Any]) -> None:
     journal = Journal()
-    journal.facts = lambda: [JournalEntry(1, 1, 0.0, 0.0, kind, data)]  # type: ignore[method-assign]
+    journal.earlier_events = lambda: [JournalEntry(1, 1, 0.0, 0.0, kind, data)]  # type: ignore[method-assign]
     with pytest.raises(JournalError, match="does not fit: "):
         MISSION.begin(ParameterReader(PARAMETERS)).keep_in(journal)
 
@@ -343,6 +343,6 @@ def test_a_fact_with_a_position_that_is_none_is_refused(kind: str, data: dict[st
 def test_numbers_that_lost_facts_have_given_are_not_given_again() -> None:
     journal, run = Journal(), MISSION.begin(ParameterReader(PARAMETERS))
     lost = {"count": 5, "numbers": {"survivor": 7}}
-    journal.facts = lambda: [JournalEntry(1, 1, 0.0, 0.0, "facts_lost", lost)]  # type: ignore[method-assign]
+    journal.earlier_events = lambda: [JournalEntry(1, 1, 0.0, 0.0, "facts_lost", lost)]  # type: ignore[method-assign]
     run.keep_in(journal)
     assert run.context[ZoneManager].next_survivor_id() == "survivor_8"

@@ -44,7 +44,7 @@ def test_an_event_that_no_search_has_is_refused_when_it_is_written_and_when_a_ru
     journal = open_journal(place)
     if is_resumed:  # as a newer version has written it
         journal.begin({}, {})
-        journal.note("zone_flooded", zone="a")
+        journal.record_event("zone_flooded", zone="a")
         journal.close()
         journal = open_journal(place, resume=True)
         with pytest.raises(JournalError, match="this version does not support the event 'zone_flooded'"):
@@ -53,8 +53,8 @@ def test_an_event_that_no_search_has_is_refused_when_it_is_written_and_when_a_ru
         search.keep_in(journal)
         journal.begin({}, {})
         with pytest.raises(ValueError, match="this version does not support the event 'zone_flooded'"):
-            journal.note("zone_flooded", zone="a")
-        assert [each for each in journal.facts() if each.kind == "zone_flooded"] == []
+            journal.record_event("zone_flooded", zone="a")
+        assert [each for each in journal.earlier_events() if each.kind == "zone_flooded"] == []
     journal.close()
 
 
@@ -186,6 +186,6 @@ def test_no_zone_is_under_way_once_the_run_has_ended(search: Search, tmp_path: P
     search.record.zone_started("a")
     from sar_compiler.journal.journal_entries import Ending
 
-    journal.end(Ending.STOPPED, 130)
+    journal.end_run(Ending.STOPPED, 130)
     journal.close()
     assert shown(search, "zone")[0] == ("a", "open", Level.TO_COME)

@@ -231,7 +231,7 @@ def test_facts_that_cannot_be_are_none_of_a_sweep(kind: str, data: dict[str, Any
     search = planned(searching())
     before = search.sweeps.of("a")
     with pytest.raises((ArithmeticError, LookupError, TypeError, ValueError, SarError)):
-        search.sweeps.journal.note(kind, **data)
+        search.sweeps.journal.record_event(kind, **data)
     assert search.sweeps.of("a") == before
 
 

@@ -43,19 +43,19 @@ def stage(ros):
 
 
 def test_an_order_is_called_and_its_answer_comes_back(stage):
-    assert stage.answer(stage.calls.give("pause", {})).result() == (False, "it stands still already")
+    assert stage.answer(stage.calls.send("pause", {})).result() == (False, "it stands still already")
     assert stage.carried_out == ["pause"]
 
 
 def test_an_order_that_was_given_up_before_it_was_sent_is_not_carried_out(stage):
-    given_up, heeded = stage.calls.give("pause", {}), stage.calls.give("pause", {})
+    given_up, heeded = stage.calls.send("pause", {}), stage.calls.send("pause", {})
     assert given_up.cancel()
     stage.answer(heeded)
     assert stage.carried_out == ["pause"]
 
 
 def test_an_order_that_was_sent_cannot_be_given_up_any_more(stage):
-    order = stage.calls.give("pause", {})
+    order = stage.calls.send("pause", {})
     stage.ros.spin_until(order.running, "the call")
     assert not order.cancel()
     assert stage.answer(order).result() == (False, "it stands still already")
@@ -69,15 +69,15 @@ def test_what_cannot_be_sent_is_said_and_ends_nothing(stage, monkeypatch):
 
     with monkeypatch.context() as broken:
         broken.setattr(client, "call_async", refuse)
-        order = stage.answer(stage.calls.give("pause", {}))
+        order = stage.answer(stage.calls.send("pause", {}))
     with pytest.raises(CommandError, match=r"the command cannot be sent: .* surrogates not allowed"):
         order.result()
-    assert stage.answer(stage.calls.give("pause", {})).result()[1] == "it stands still already"
+    assert stage.answer(stage.calls.send("pause", {})).result()[1] == "it stands still already"
 
 
 def test_an_order_that_nobody_has_a_service_for_is_refused(ros):
     stage = Stage(ros, PAUSE, OperatorCommand("dance", "Dance", "Dances.")).ready()
     with pytest.raises(CommandError, match="no node of this tree executes 'dance'"):
-        stage.calls.give("dance", {})
+        stage.calls.send("dance", {})
     with pytest.raises(CommandError, match=r"unknown command 'swim\\n'"):
-        stage.calls.give("swim\n", {})
+        stage.calls.send("swim\n", {})

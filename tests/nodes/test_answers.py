@@ -148,7 +148,11 @@ def test_the_place_of_a_mistake_is_that_in_the_text_with_its_placeholders():
 
 def test_nodes_of_one_name_get_identifiers_of_their_own():
     identifiers = Identifiers()
-    assert [identifiers.take(name) for name in ("Look!", "Look?", "Über 9")] == ["Look_", "Look__2", "_ber_9"]
+    assert [identifiers.assign(name) for name in ("Look!", "Look?", "Über 9")] == [
+        "Look_",
+        "Look__2",
+        "_ber_9",
+    ]
 
 
 def test_what_is_usual_is_the_first_answer_that_is_an_end():

@@ -343,7 +343,7 @@ def test_a_node_of_py_trees_is_the_same_again_when_the_file_is_read():
     body = "<Sequence><OneShot policy='ON_SUCCESSFUL_COMPLETION'><ZonesRemaining/></OneShot><Count><Success/></Count></Sequence>"
     text = write_xml(to_btcpp(parse_xml(document(body)), REGISTRY)[0])
     assert text.count('<Metadata library="py_trees"/>') == 2
-    assert not any(node.spec.is_only_described for node in bind_main(forest_of(text), REGISTRY).nodes())
+    assert not any(node.spec.is_only_described for node in bind_main(forest_of(text), REGISTRY).all_nodes())
 
 
 def test_every_node_that_behaviortree_cpp_does_not_have_is_described():

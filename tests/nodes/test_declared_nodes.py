@@ -20,7 +20,7 @@ from sar_compiler.nodes.nav2 import VERSIONS, specs
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.registry import Registry, RegistryError, load_registry, registered_leaves
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, ParameterRole, Signature, Use, load
-from sar_compiler.nodes.values import Seconds, at_least, sensible, strip_none
+from sar_compiler.nodes.values import Seconds, at_least, plausible_number, strip_none
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
@@ -192,7 +192,7 @@ class Whole(Behaviour):
         other: "Whole",
         place: Output[float],
         numbers: Input[list[float]],
-        share: Annotated[float, sensible(0)] = 0.5,
+        share: Annotated[float, plausible_number(0)] = 0.5,
         tries: Annotated[int, at_least(2)] = 3,
         how: Literal["fast", "slow"] = "fast",
         wait: Seconds = 1.0,

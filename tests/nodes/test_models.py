@@ -345,7 +345,7 @@ def test_a_node_that_is_declared_by_the_name_of_one_of_py_trees_is_that_node(nam
     assert slips(text, *palettes) == []
     binding = bind_main(forest_of(text), REGISTRY, None, [parse_xml(each) for each in palettes])
     tag = re.findall('ID="(.*?)"', model)[0]
-    (node,) = [node for node in binding.nodes() if node.spec.tag == tag]
+    (node,) = [node for node in binding.all_nodes() if node.spec.tag == tag]
     assert node.spec.is_only_described
     with pytest.raises(TreeError) as caught:
         compile_tree(binding, {}, {})
@@ -372,7 +372,7 @@ def test_what_behaviortree_cpp_or_a_class_has_stays_what_it_is(tag):
     node = f"<{tag}><Success/></{tag}>" if tag in ("Sequence", "Inverter") else f"<{tag}/>"
     text = palette(f'<Condition ID="{tag}"/>', trees=f'<BehaviorTree ID="A">{node}</BehaviorTree>')
     binding = bind_main(forest_of(text), REGISTRY)
-    assert [node.spec.tag for node in binding.nodes() if node.spec.is_only_described] == []
+    assert [node.spec.tag for node in binding.all_nodes() if node.spec.is_only_described] == []
     assert ("model-mismatch", 2) in [(f.code, f.span.line) for f in check(forest_of(text), REGISTRY)]
 
 

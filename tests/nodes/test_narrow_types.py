@@ -14,7 +14,7 @@ from sar_compiler.checks.schema_validation import schema_errors
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.nodes.values import UNSIGNED, ConversionError, at_least, sensible, type_of_cpp_name
+from sar_compiler.nodes.values import UNSIGNED, ConversionError, at_least, plausible_number, type_of_cpp_name
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.ports import PortError
 from sar_compiler.tree.diagnostic import Severity, TreeError
@@ -94,7 +94,7 @@ class Patient(Behaviour):
         name: str,
         attempts: Annotated[int, at_least(1)] = 3,
         speed: Annotated[float, "m/s"] = 0.5,
-        share: Annotated[float, sensible(0, 1)] = 0.5,
+        share: Annotated[float, plausible_number(0, 1)] = 0.5,
     ) -> None:
         super().__init__(name)
         self.share = share

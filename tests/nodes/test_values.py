@@ -230,11 +230,11 @@ def test_the_nearest_word_is_first_of_all_the_same_in_another_case():
 def test_values_of_the_type_that_is_kept_are_returned_as_they_are(annotation, held):
     value_type = value_type_of(annotation)
     assert value_type is not None
-    if type(held) is value_type.kept:
+    if type(held) is value_type.unchanged_type:
         assert value_type.fit(held) is held
 
 
 def test_a_type_with_limits_keeps_nothing_without_a_look():
     value_type = value_type_of(Milliseconds)
     assert value_type is not None
-    assert value_type.kept is None
+    assert value_type.unchanged_type is None

@@ -5,8 +5,8 @@ from pathlib import Path
 from sar_compiler.checks.btcpp_conversion import convert_to_btcpp
 from sar_compiler.nodes.btcpp import BUILT_IN
 from sar_compiler.nodes.btcpp.port_types import is_untyped
-from sar_compiler.nodes.cpp_names import normalized
-from sar_compiler.nodes.language.node_rules import own
+from sar_compiler.nodes.cpp_names import normalize
+from sar_compiler.nodes.language.node_rules import language_spec
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind
 from tests.trees import document, forest_of
@@ -38,13 +38,13 @@ def test_the_ports_of_built_in_nodes_have_the_types_of_btcpp():
             if said is None or (spec.tag, parameter.name) == ("ScriptCondition", "code"):
                 continue  # py_trees' attribute of that tag; a script, which is a text for whoever writes it
             compared += 1
-            assert normalized(cpp) == normalized(said), (spec.tag, parameter.name)
-            assert is_untyped(normalized(cpp)) or cpp
+            assert normalize(cpp) == normalize(said), (spec.tag, parameter.name)
+            assert is_untyped(normalize(cpp)) or cpp
     assert compared > 40
 
 
 def test_a_decorator_of_the_language_that_btcpp_lacks_is_converted_with_a_finding_and_a_model():
-    slow = own(Kind.DECORATOR, "SlowDown", "kernel.turning:TurningNode", "Takes its time.")
+    slow = language_spec(Kind.DECORATOR, "SlowDown", "kernel.turning:TurningNode", "Takes its time.")
     registry = Registry([*default_registry().specs(), slow])
     converted = convert_to_btcpp(forest_of(document("<SlowDown><AlwaysSuccess/></SlowDown>")), registry)
     assert [(each.code, each.message) for each in converted.losses] == [

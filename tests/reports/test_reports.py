@@ -18,7 +18,7 @@ from cap_tools.models import Alert, Category, Certainty, ResponseType, Scope, Se
 from lxml import etree
 from xsdata.formats.dataclass.parsers import XmlParser
 
-from sar_compiler.journal.display import Display, beginning, changes_of_event
+from sar_compiler.journal.display import Display, changes_of_event, initial_display
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CHANGED, OF_EVERY_MISSION, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
@@ -49,7 +49,7 @@ def with_display(stream):
                 SearchAndRescue().begin(ParameterReader(entry.data["run"]["parameters"])),
                 Display(),
             )
-            yield entry._replace(kind=CHANGED, data=beginning(search.kinds, shown := search.display()))
+            yield entry._replace(kind=CHANGED, data=initial_display(search.kinds, shown := search.display()))
         elif entry.kind in {*_SENTENCES, *OF_EVERY_MISSION}:
             search.apply(entry)
             before, shown = shown, search.display()
@@ -148,11 +148,11 @@ class TestWhereTheMapLies:
         ],
     )
     def test_a_position_on_the_map_is_one_on_the_earth(self, heading, x, y, lat, lon):
-        assert Georeference(0.0, 0.0, heading).located(x, y) == pytest.approx((lat, lon), abs=1e-8)
+        assert Georeference(0.0, 0.0, heading).to_coordinates(x, y) == pytest.approx((lat, lon), abs=1e-8)
 
     def test_it_is_known_only_if_all_of_it_is_said(self):
-        assert Georeference.among(VIENNA) == (48.2, 16.37, 90.0)
-        assert Georeference.among({"georeference.lat": 48.2}) is None
+        assert Georeference.from_parameters(VIENNA) == (48.2, 16.37, 90.0)
+        assert Georeference.from_parameters({"georeference.lat": 48.2}) is None
 
     @pytest.mark.parametrize(
         ("name", "value"),
@@ -165,7 +165,7 @@ class TestWhereTheMapLies:
         ],
     )
     def test_it_is_a_place_on_the_earth(self, name, value):
-        assert Georeference.among({**VIENNA, f"georeference.{name}": value}) is None
+        assert Georeference.from_parameters({**VIENNA, f"georeference.{name}": value}) is None
 
 
 HEAD = "6bd4f795" * 8

@@ -67,7 +67,7 @@ def journal_of(tmp_path):
     def write(**parameters):
         journal = open_journal(tmp_path / "m.journal")
         journal.begin({"mission": "patrol"}, {"parameters": parameters})
-        journal.note("survivor_named", survivor="survivor_1", x=0.0, y=0.0)
+        journal.record_event("survivor_named", survivor="survivor_1", x=0.0, y=0.0)
         journal.close()
         return str(tmp_path / "m.journal")
 
@@ -171,7 +171,7 @@ def test_every_form_tells_paths_as_seen_from_the_journal(files, tmp_path, is_of_
     if is_of_journal:
         with closing(open_journal(place)) as journal:
             journal.begin({"mission": "patrol"}, {"parameters": photo})
-            journal.note("photo_taken", **photo)
+            journal.record_event("photo_taken", **photo)
         assert main(["report", str(place), "-o", *map(str, files)]) == 0
     else:
         report = RunReport(files, None, [], tmp_path)

@@ -61,8 +61,8 @@ def flown(root, ticks=1, journal=None, told=(), ending=Ending.OVER, **about):
     for _ in range(ticks):
         tree.tick()
     for kind, data in told:
-        journal.note(kind, **data)
-    journal.end(ending, int(root.status is not S), "The root has failed.")
+        journal.record_event(kind, **data)
+    journal.end_run(ending, int(root.status is not S), "The root has failed.")
     return stream
 
 
@@ -174,25 +174,25 @@ def mission(update, told):
 
 def test_behind_a_condition_stands_what_has_cost_the_mission_a_zone():
     lost = ("zone_abandoned", {"zone": "zone_a", "attempts": 1, "reason": ""})
-    reasons = mission(lambda journal: journal.note("zone_started", zone="zone_a"), [lost])
+    reasons = mission(lambda journal: journal.record_event("zone_started", zone="zone_a"), [lost])
     assert names(reasons.chain) == ["root", "complete?"]
     assert names(reasons.answers) == ["act", "complete?"]
 
 
 def test_behind_a_condition_stands_what_has_cost_the_mission_a_report_though_the_zone_is_left_in_the_same_tick():
     def report(journal):
-        journal.note("zone_started", zone="zone_a")
-        journal.note("zone_searched", zone="zone_a", survivor=(1.0, 2.0))
-        journal.note("zone_visited", zone="zone_a")
+        journal.record_event("zone_started", zone="zone_a")
+        journal.record_event("zone_searched", zone="zone_a", survivor=(1.0, 2.0))
+        journal.record_event("zone_visited", zone="zone_a")
 
     assert names(mission(report, [("base_reached", {})]).answers) == ["act", "complete?"]
 
 
 def test_what_has_cost_the_mission_nothing_does_not_stand_behind_it():
     def search(journal):
-        journal.note("zone_started", zone="zone_a")
-        journal.note("zone_searched", zone="zone_a", survivor=None)
-        journal.note("zone_visited", zone="zone_a")
+        journal.record_event("zone_started", zone="zone_a")
+        journal.record_event("zone_searched", zone="zone_a", survivor=None)
+        journal.record_event("zone_visited", zone="zone_a")
 
     assert names(mission(search, [("base_reached", {})]).answers) == ["complete?"]
 
@@ -248,12 +248,12 @@ def given_up(*ways):
 
     class Abandon(StatusQueue):
         def update(self):
-            journal.note("zone_abandoned", zone="zone_a", attempts=1, reason="")
+            journal.record_event("zone_abandoned", zone="zone_a", attempts=1, reason="")
             return S
 
     class Begin(StatusQueue):
         def update(self):
-            journal.note("zone_started", zone="zone_a")
+            journal.record_event("zone_started", zone="zone_a")
             return S
 
     journal = Journal()

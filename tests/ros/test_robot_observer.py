@@ -162,7 +162,7 @@ def test_a_plan_is_not_told_after_the_end_of_its_goal(watched):
 
     for _ in range(2):
         watched.watch._take("plan", Path())
-    watched.journal.watch("goal_ended", goal="a")
+    watched.journal.record_observation("goal_ended", goal="a")
     watched.clock.advance(1.0)
     watched.watch._look()
     assert len(watched.told("plan")) == 1

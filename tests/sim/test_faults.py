@@ -116,7 +116,7 @@ def test_goals_are_rejected_as_often_as_said() -> None:
 def test_goals_for_an_aborted_zone_are_aborted_every_time() -> None:
     faults = plan("navigate_to_pose:abort=zone_b")
     navigation, [aborts] = faults.for_navigation(), faults.faults
-    assert [navigation.accepted(zone) for zone in ("zone_b", "zone_a", None, "zone_b")] == [
+    assert [navigation.fault_for_goal(zone) for zone in ("zone_b", "zone_a", None, "zone_b")] == [
         aborts,
         None,
         None,
@@ -127,20 +127,20 @@ def test_goals_for_an_aborted_zone_are_aborted_every_time() -> None:
 def test_a_code_comes_without_a_zone_to_every_goal() -> None:
     faults = plan("navigate_to_pose:code=208,after=14s")
     navigation = faults.for_navigation()
-    assert [navigation.accepted(zone) for zone in ("zone_a", None)] == [*faults.faults] * 2
+    assert [navigation.fault_for_goal(zone) for zone in ("zone_a", None)] == [*faults.faults] * 2
     faults = plan("navigate_to_pose:code=107@zone_c")
     navigation = faults.for_navigation()
-    assert [navigation.accepted(zone) for zone in ("zone_c", "zone_a")] == [*faults.faults, None]
+    assert [navigation.fault_for_goal(zone) for zone in ("zone_c", "zone_a")] == [*faults.faults, None]
 
 
 @pytest.mark.parametrize("kind", ["late=50ms", "starved", "succeed"])
 def test_a_busy_computer_fails_every_goal_and_at_a_zone_one(kind: str) -> None:
     faults = plan(f"navigate_to_pose:{kind}")
     navigation = faults.for_navigation()
-    assert [navigation.accepted(zone) for zone in ("zone_a", None)] == [*faults.faults] * 2
+    assert [navigation.fault_for_goal(zone) for zone in ("zone_a", None)] == [*faults.faults] * 2
     faults = plan(f"navigate_to_pose:{kind}@zone_b")
     navigation = faults.for_navigation()
-    assert [navigation.accepted(zone) for zone in ("zone_a", "zone_b", "zone_b")] == [
+    assert [navigation.fault_for_goal(zone) for zone in ("zone_a", "zone_b", "zone_b")] == [
         None,
         *faults.faults,
         None,
@@ -149,13 +149,13 @@ def test_a_busy_computer_fails_every_goal_and_at_a_zone_one(kind: str) -> None:
 
 def test_the_localisation_dies_on_the_way_to_anywhere() -> None:
     faults = plan("amcl:die")
-    assert faults.for_navigation().accepted(None) == faults.faults[0]
+    assert faults.for_navigation().fault_for_goal(None) == faults.faults[0]
 
 
 def test_a_server_dies_once_per_fault() -> None:
     faults = plan("navigate_to_pose:die@zone_c,back=5")
     navigation = faults.for_navigation()
-    assert [navigation.accepted("zone_c") for _ in range(2)] == [*faults.faults, None]
+    assert [navigation.fault_for_goal("zone_c") for _ in range(2)] == [*faults.faults, None]
 
 
 def test_a_place_that_is_not_there_is_named() -> None:

@@ -108,7 +108,7 @@ def flown(simulated, policy, journal=None, **about):
         if root != "RUNNING":
             break
         simulated.clock.advance(Scenario().period_sec)
-    journal.end(Ending.OVER, int(root != "SUCCESS"))
+    journal.end_run(Ending.OVER, int(root != "SUCCESS"))
     return stream, root
 
 

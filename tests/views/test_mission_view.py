@@ -239,7 +239,7 @@ def test_what_is_told_of_strangers_cannot_move_the_cursor():
 def change(kind, data, before="", more=()):
     state = mission(node("Main", node("Drive")), more=more)
     entry = JournalEntry(9, 1, 9.0, 2.5, kind, data)
-    state.take(entry)
+    state.apply(entry)
     return change_text(state, entry, before)
 
 
@@ -295,7 +295,7 @@ def lines_of_conditions(*told):
     state, said = mission(node("Main", node("Drive"))), []
     for number, (kind, data) in enumerate(told, 9):
         before = condition(state)
-        state.take(JournalEntry(number, 1, float(number), float(number), kind, data))
+        state.apply(JournalEntry(number, 1, float(number), float(number), kind, data))
         said.append(condition_change(state, before))
     return said
 

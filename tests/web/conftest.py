@@ -150,7 +150,7 @@ class Live:
         return self
 
     def status(self, node, status, message="", tick=1):
-        self.journal.watch("status", node=node, tick=tick, status=status, message=message)
+        self.journal.record_observation("status", node=node, tick=tick, status=status, message=message)
 
     def ask(self, path, method="GET", body=None, **headers):
         """Return the status and the text of an answer, and its headers."""
@@ -217,8 +217,10 @@ def two(tmp_path):
         journal.begin({**ABOUT, "mission": name}, {"node": f"/{name}/patrol"})
         for second in range(1, 9):
             clock.advance(1.0)
-            journal.watch("status", node=1, tick=second, status="RUNNING", message=f"{name} {second}")
-            journal.watch("pose", x=float(second), y=float(number), yaw=0.0)
+            journal.record_observation(
+                "status", node=1, tick=second, status="RUNNING", message=f"{name} {second}"
+            )
+            journal.record_observation("pose", x=float(second), y=float(number), yaw=0.0)
         journal.close()
     feed = ReplayFeed(Replay(places), {"robots": ["robot1", "robot2"]})
     with closing(PageServer(feed, 0)) as server:

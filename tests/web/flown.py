@@ -30,24 +30,24 @@ PROGRESS = {"target": "east", "distance": 2.5, "time_left": 5.0}
 def drive(journal):
     """Drive to the second point, 84 s after the beginning."""
     journal.clock.advance(42.0)
-    journal.note("point_reached", point="north")
+    journal.record_event("point_reached", point="north")
     journal.clock.advance(42.0)
-    journal.watch("pose", x=1.0, y=2.0, yaw=0.5)
-    journal.watch("progress", **PROGRESS)
-    journal.note(GOAL_SENT, action="navigate_to_pose", goal="a")
+    journal.record_observation("pose", x=1.0, y=2.0, yaw=0.5)
+    journal.record_observation("progress", **PROGRESS)
+    journal.record_event(GOAL_SENT, action="navigate_to_pose", goal="a")
 
 
 def hold(journal):
     drive(journal)
-    journal.watch(GOAL_ENDED, goal="a", status=5)
-    journal.note("held", is_held=True)
+    journal.record_observation(GOAL_ENDED, goal="a", status=5)
+    journal.record_event("held", is_held=True)
 
 
 def lack(text, **more):
     def happen(journal):
         drive(journal)
-        journal.watch("lacks", text=text, **more)
-        journal.note("point_added", point="west", x=0.0, y=0.0)
+        journal.record_observation("lacks", text=text, **more)
+        journal.record_event("point_added", point="west", x=0.0, y=0.0)
 
     return happen
 
@@ -55,11 +55,11 @@ def lack(text, **more):
 def finish(ending, status, reason, *facts):
     def happen(journal):
         drive(journal)
-        journal.watch("status", node=1, tick=9, status="FAILURE", message="no way there")
-        journal.watch(GOAL_ENDED, goal="a", status=6)
+        journal.record_observation("status", node=1, tick=9, status="FAILURE", message="no way there")
+        journal.record_observation(GOAL_ENDED, goal="a", status=6)
         for fact in facts:
-            journal.note(fact)
-        journal.end(ending, status, reason)
+            journal.record_event(fact)
+        journal.end_run(ending, status, reason)
 
     return happen
 
@@ -99,7 +99,7 @@ def main(scene: str, place: str) -> None:
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
     journal = open_journal(Path(place))
     state = MissionState()
-    journal.listen(state.take)
+    journal.listen(state.apply)
     verbs = [[verb["name"] for verb in VERBS]]
     feed = LiveFeed({"robots": ["/patrol"], "verbs": [VERBS]}, lambda: {"verbs": verbs})
     journal.listen(feed.take)
@@ -112,7 +112,7 @@ def main(scene: str, place: str) -> None:
             title, *_ = screen(state, state.now.time, 3)
             print(*(piece.text for piece in title), flush=True)  # noqa: T201 - as above
         elif scene == "driving":  # of which a robot tells every second
-            journal.watch("progress", **PROGRESS)
+            journal.record_observation("progress", **PROGRESS)
 
 
 if __name__ == "__main__":

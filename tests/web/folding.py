@@ -78,9 +78,9 @@ def happen(journal, chance, name):
     }
     kind = chance.choice([*watched, *facts, "status", "pose"])
     if kind in watched:
-        journal.watch(kind, **watched[kind])
+        journal.record_observation(kind, **watched[kind])
     else:
-        journal.note(kind, **facts[kind])
+        journal.record_event(kind, **facts[kind])
 
 
 def fly(journal, seed, count, *, clock=None, is_ended=True):
@@ -94,7 +94,7 @@ def fly(journal, seed, count, *, clock=None, is_ended=True):
         journal.clock.advance(chance.choice([0.0, 0.0, 0.1, 1.0]))
         happen(journal, chance, f"event {number}")
     if is_ended:
-        journal.end(Ending.STOPPED, 130, "Stopped.")
+        journal.end_run(Ending.STOPPED, 130, "Stopped.")
 
 
 def history(seed, count):

@@ -79,17 +79,19 @@ class Robot:
         journal.begin(
             {"mission": "search_and_rescue"}, {"node": self.node, "parameters": {"time_limit_sec": 900.0}}
         )
-        journal.watch("map", x=-6.0, y=-6.0, yaw=0.0, resolution=0.375, width=32, height=32, png=floor())
-        journal.watch("battery", share=0.62, at_least=0.2)
+        journal.record_observation(
+            "map", x=-6.0, y=-6.0, yaw=0.0, resolution=0.375, width=32, height=32, png=floor()
+        )
+        journal.record_observation("battery", share=0.62, at_least=0.2)
         record.zone_started("zone_a")
         self.clock.advance(40.0)
         record.zone_searched("zone_a", None)
         self.search.zones.advance()
         record.zone_started("zone_b")
-        journal.note(GOAL_SENT, action="/navigate_to_pose", goal="ab" * 16)
-        journal.watch("pose", x=1.0, y=2.0, yaw=0.4)
-        journal.watch("plan", frame="map", points=[[1.0, 2.0], [2.0, 2.5], [3.5, 3.0]])
-        journal.watch("progress", target="zone_b", distance=2.7, time_left=4.0)
+        journal.record_event(GOAL_SENT, action="/navigate_to_pose", goal="ab" * 16)
+        journal.record_observation("pose", x=1.0, y=2.0, yaw=0.4)
+        journal.record_observation("plan", frame="map", points=[[1.0, 2.0], [2.0, 2.5], [3.5, 3.0]])
+        journal.record_observation("progress", target="zone_b", distance=2.7, time_left=4.0)
 
     def find(self) -> None:
         """Find somebody in the second zone."""
@@ -103,8 +105,8 @@ class Robot:
 
     def end(self, status: int, reason: str) -> None:
         """End the run where its goals have ended."""
-        self.journal.watch(GOAL_ENDED, goal="ab" * 16, status=5)
-        self.journal.end(Ending.OVER, status, reason)
+        self.journal.record_observation(GOAL_ENDED, goal="ab" * 16, status=5)
+        self.journal.end_run(Ending.OVER, status, reason)
 
     def finish(self, *left: str) -> None:
         """Search the remaining zones, or abandon those that are left, and come home."""
@@ -127,7 +129,7 @@ def refuse_reports(robot: Robot) -> None:
 
 
 def run_low(robot: Robot) -> None:
-    robot.journal.watch("battery", share=0.15)
+    robot.journal.record_observation("battery", share=0.15)
     robot.search.record.alarmed("the battery is at 15 %, below 20 %")
     for _ in range(2):
         robot.search.zones.abandon("the battery is low")
@@ -150,11 +152,13 @@ def call_home(robot: Robot) -> None:
 
 
 def lose_position(robot: Robot) -> None:
-    robot.journal.watch("lacks", text="No transform from 'map' has come for 3 s", is_position_lost=True)
+    robot.journal.record_observation(
+        "lacks", text="No transform from 'map' has come for 3 s", is_position_lost=True
+    )
 
 
 def wait_for_nav2(robot: Robot) -> None:
-    robot.journal.watch("lacks", text="Nav2 is not active: bt_navigator is inactive")
+    robot.journal.record_observation("lacks", text="Nav2 is not active: bt_navigator is inactive")
 
 
 CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {

@@ -24,16 +24,16 @@ FINGER = 44
 
 def tell(journal, scene):
     """Let a run come to a scene, with something of everything that a page can show."""
-    journal.watch("status", node=0, tick=1, status="RUNNING", message="")
-    journal.watch("status", node=1, tick=1, status="RUNNING", message="3 m left")
-    journal.note("found", name="find_1", x=-2.0, y=2.0)
-    journal.note("alarmed", text="a find at an unusable position")
+    journal.record_observation("status", node=0, tick=1, status="RUNNING", message="")
+    journal.record_observation("status", node=1, tick=1, status="RUNNING", message="3 m left")
+    journal.record_event("found", name="find_1", x=-2.0, y=2.0)
+    journal.record_event("alarmed", text="a find at an unusable position")
     watched = [{"name": each, "if_broken": "hold"} for each in ("at home at the end", "no way twice")]
-    journal.watch("properties_watched", properties=watched)
+    journal.record_observation("properties_watched", properties=watched)
     journal.raise_alarm("Property broken", "property_broken", property="no way twice", event="Drive driven")
-    journal.watch("properties_owed", owed=["at home at the end"])
-    journal.watch("log", node="patrol", level=30, text="the way is long")
-    journal.watch("log", node="patrol", level=40, text="the way is gone")
+    journal.record_observation("properties_owed", owed=["at home at the end"])
+    journal.record_observation("log", node="patrol", level=30, text="the way is long")
+    journal.record_observation("log", node="patrol", level=40, text="the way is gone")
     SCENES[scene](journal)
 
 

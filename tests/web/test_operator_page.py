@@ -73,7 +73,7 @@ def test_one_button_pauses_and_resumes(patrol, crew, browser):
     assert browser.text(".toggle") == "Pause"
     browser.click(".toggle")
     browser.wait(lambda: crew.given == [("pause", "")], "the pause")
-    patrol.journal.note("held", is_held=True)
+    patrol.journal.record_event("held", is_held=True)
     browser.wait_for("#condition strong", "paused").wait_for(".toggle", "Resume")
     browser.click(".toggle")
     browser.wait(lambda: crew.given[-1] == ("resume", ""), "the order to go on")
@@ -128,8 +128,8 @@ def skipping(live, browser, crew):
     run = live(orders=crew, verbs=[*VERBS, SKIP, REVIEW])
     run.journal.clock = ManualClock(100.0)
     run.begin({**ABOUT})
-    run.journal.note("found", name="find_1", x=-2.0, y=2.25)
-    run.journal.note("next_point", point="north")
+    run.journal.record_event("found", name="find_1", x=-2.0, y=2.25)
+    run.journal.record_event("next_point", point="north")
     browser.open(run.server.url)
     browser.wait_for("[data-verb=skip]", "Skip north")
     return run
@@ -147,7 +147,7 @@ def test_a_command_names_its_object_and_carries_what_the_operator_saw(skipping, 
 
 def test_a_question_whose_object_has_changed_can_only_be_left(skipping, crew, browser):
     browser.click("[data-verb=skip]")
-    skipping.journal.note("next_point", point="east")
+    skipping.journal.record_event("next_point", point="east")
     browser.wait_for("#ask .expired", "The state has changed since this question was opened.")
     assert not browser.driver.find_element("css selector", "#ask .yes").is_enabled()
     assert browser.text("#ask .yes") == "Skip north"
@@ -164,7 +164,7 @@ def test_a_review_carries_the_state_of_the_detection_that_was_open_and_nothing_i
     assert browser.js(chosen) == ["", ""]
     browser.js("document.querySelector('#ask select[name=find]').value = 'find_1'")
     browser.js("document.querySelector('#ask select[name=verdict]').value = 'YES'")
-    skipping.journal.note("found", name="find_1", x=3.0, y=2.25)
+    skipping.journal.record_event("found", name="find_1", x=3.0, y=2.25)
     browser.wait_for("#places", "x 3.00, y 2.25")
     browser.click("#ask .yes")
     browser.wait(lambda: crew.given == [("review", "")], "the command")
@@ -183,7 +183,7 @@ def test_no_question_covers_the_map(skipping, browser):
 
 
 def test_a_run_that_has_ended_takes_no_orders_any_more(patrol, browser):
-    patrol.journal.end(Ending.OVER, 0)
+    patrol.journal.end_run(Ending.OVER, 0)
     browser.wait_for("#condition strong", "complete")
     browser.wait(lambda: browser.js("return document.getElementById('orders').hidden"), "the end of orders")
 
@@ -194,7 +194,7 @@ def test_the_report_of_a_run_can_be_read_once_that_has_ended(live, browser):
     run.begin()
     browser.open(run.server.url)
     assert browser.js("return document.getElementById('report').hidden")
-    run.journal.end(Ending.OVER, 0)
+    run.journal.end_run(Ending.OVER, 0)
     browser.wait(lambda: browser.js("return !document.getElementById('report').hidden"), "the report")
     browser.driver.get(browser.js("return document.getElementById('report').href"))
     style = "return getComputedStyle(document.querySelector('p')).color"
@@ -214,11 +214,11 @@ def test_what_a_person_has_to_do_stands_below_the_state_with_its_command_and_col
 ):
     browser.wait_for("#tasks", "Nothing to do")
     assert browser.js("return document.body.dataset.level") == "good"
-    patrol.journal.note("point_reached", point="north", level="GIVEN_UP")
+    patrol.journal.record_event("point_reached", point="north", level="GIVEN_UP")
     browser.wait_for("#tasks", "See to north: ")
     assert browser.js("return document.body.dataset.level") == "warning"
     assert browser.js("return document.title").startswith("(1) ")
-    patrol.journal.note("held", is_held=True)
+    patrol.journal.record_event("held", is_held=True)
     browser.wait_for("#tasks button", "Resume")
     browser.click("#tasks button")
     browser.wait(lambda: crew.given == [("resume", "")], "the order to resume")
@@ -230,9 +230,9 @@ def alarms(browser):
 
 
 def test_an_alarm_stays_until_somebody_has_seen_it(patrol, browser):
-    patrol.journal.note("alarmed", text="no water")
+    patrol.journal.record_event("alarmed", text="no water")
     browser.wait(lambda: alarms(browser) == ["■no waterat 0:00Seen"], "the alarm")
-    patrol.journal.note("alarmed", text="no water", is_over=True)
+    patrol.journal.record_event("alarmed", text="no water", is_over=True)
     browser.wait(lambda: alarms(browser) == ["■no waterat 0:00, overSeen"], "its end")
     browser.click("#alarms button")
     browser.wait(lambda: alarms(browser) == [], "no alarm")
@@ -241,7 +241,7 @@ def test_an_alarm_stays_until_somebody_has_seen_it(patrol, browser):
 
 
 def test_an_alarm_that_was_seen_is_there_as_long_as_its_reason(patrol, browser):
-    patrol.journal.note("alarmed", text="no water")
+    patrol.journal.record_event("alarmed", text="no water")
     browser.wait(lambda: alarms(browser) == ["■no waterat 0:00Seen"], "the alarm")
     browser.click("#alarms button")
     browser.wait(lambda: alarms(browser) == ["■no waterat 0:00"], "the alarm that was seen")
@@ -270,9 +270,9 @@ def test_a_gauge_has_a_bar_with_its_limit_and_the_legend_says_how_old_a_place_is
     assert browser.js("return document.querySelector('#gauges meter').value") == 90
     assert browser.text("#gauges span") == "battery, low below 20 %"
     assert browser.js(LIMIT) == pytest.approx(0.2, abs=0.02)
-    patrol.journal.watch("pose", x=1.0, y=2.0, yaw=0.5)
+    patrol.journal.record_observation("pose", x=1.0, y=2.0, yaw=0.5)
     patrol.journal.clock.advance(65.0)
-    patrol.journal.note("came_back")
+    patrol.journal.record_event("came_back")
     browser.wait_for("#legend table", "robot1:05 ago")
 
 
@@ -285,13 +285,13 @@ def cells_of(browser):
 
 
 def test_a_layer_is_coloured_cell_by_cell_and_the_legend_says_what_it_means(patrol, browser):
-    patrol.journal.note("mown", name="lawn", rows=[[0.0, 0.55, 0.55], [1.0, 1.0, 0.0]])
+    patrol.journal.record_event("mown", name="lawn", rows=[[0.0, 0.55, 0.55], [1.0, 1.0, 0.0]])
     browser.wait(lambda: len(cells_of(browser)) == 2, "the cells")
     assert cells_of(browser) == [["0.51", [2]], ["0.75", [2]]]
     box = "return document.querySelector('#map g.cells').getBBox()"
     assert browser.js(f"{box}.width") == 3
     assert browser.js(f"{box}.height") == 2
-    patrol.journal.note("mown", name="lawn", rows=[[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
+    patrol.journal.record_event("mown", name="lawn", rows=[[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
     browser.wait(lambda: cells_of(browser) == [["0.75", [3, 3]]], "the later cells")
     browser.open(patrol.server.url)
     assert cells_of(browser) == [["0.75", [3, 3]]]
@@ -301,7 +301,7 @@ def test_a_layer_is_coloured_cell_by_cell_and_the_legend_says_what_it_means(patr
 
 def test_an_outline_is_shaded_and_the_legend_has_the_number_of_the_strongest(patrol, browser):
     assert browser.js("return document.querySelector('#map .shade')") is None
-    patrol.journal.note("forecast", rain=0.45)
+    patrol.journal.record_event("forecast", rain=0.45)
     browser.wait(lambda: browser.js("return document.querySelectorAll('#map .shade').length") == 1, "a shade")
     fills = "return document.querySelector('#map .shade').getAttribute('fill-opacity')"
     assert browser.js(fills) == "0.55"
@@ -311,16 +311,18 @@ def test_an_outline_is_shaded_and_the_legend_has_the_number_of_the_strongest(pat
 
 
 def test_places_have_their_state_and_what_was_found_its_coordinates(patrol, browser):
-    patrol.journal.note("found", name="find_1", x=-2.0, y=2.25)
-    patrol.journal.note("point_reached", point="north", level="GIVEN_UP", state="given up", reason="no way")
+    patrol.journal.record_event("found", name="find_1", x=-2.0, y=2.25)
+    patrol.journal.record_event(
+        "point_reached", point="north", level="GIVEN_UP", state="given up", reason="no way"
+    )
     browser.wait_for("#places", "north given up, no way")
     browser.wait_for("#places", "find_1 seenx -2.00, y 2.25 · in north · found at 0:00")
 
 
 def test_events_are_facts_until_every_line_is_asked_for(patrol, browser):
-    patrol.journal.watch("log", node="patrol", level=20, text="a line")
-    patrol.journal.watch("log", node="patrol", level=30, text="a warning")
-    patrol.journal.note("point_reached", point="north")
+    patrol.journal.record_observation("log", node="patrol", level=20, text="a line")
+    patrol.journal.record_observation("log", node="patrol", level=30, text="a warning")
+    patrol.journal.record_event("point_reached", point="north")
     browser.wait_for("#log", "reached north")
     assert "a line" not in browser.text("#log")
     assert "a warning" not in browser.text("#log")
@@ -391,13 +393,13 @@ def test_one_stop_has_all_robots_stand_and_asks_whether_that_is_the_end_of_all(t
 
 
 def test_what_stops_all_passes_over_who_stands_or_has_ended(team, browser):
-    team.journals[0].note("held", is_held=True)
+    team.journals[0].record_event("held", is_held=True)
     open_team(browser, team)
     browser.wait_for("#condition strong", "paused")
     browser.click(ALL)
     browser.wait(lambda: team.given == [("pause", 1)], "the pause of robot2")
     browser.click("#ask .no")
-    team.journals[0].end(Ending.STOPPED, 130)
+    team.journals[0].end_run(Ending.STOPPED, 130)
     browser.wait_for("#condition strong", "stopped")
     browser.click(ALL)
     browser.click("#ask .yes")
@@ -436,7 +438,7 @@ def test_a_lost_robot_can_only_be_stopped(team, browser):
 def test_without_anybody_who_heeds_it_there_is_nothing_to_stop(team, browser):
     open_team(browser, team)
     for journal in team.journals:
-        journal.end(Ending.OVER, 0)
+        journal.end_run(Ending.OVER, 0)
     browser.wait(lambda: browser.js("return document.getElementById('orders').hidden"), "the end of orders")
 
 
@@ -456,11 +458,11 @@ def test_that_a_tree_takes_no_orders_is_said_once_that_is_known(team, browser):
 
 def test_each_property_has_a_card_with_what_is_known_of_it(patrol, browser):
     assert not browser.driver.find_element("id", "properties").is_displayed()
-    patrol.journal.watch(
+    patrol.journal.record_observation(
         "properties_watched", properties=[{"name": each, "if_broken": "hold"} for each in "abc"]
     )
     browser.wait_for("#properties summary", "Properties: 3 watched")
-    patrol.journal.watch("properties_owed", owed=["b"])
+    patrol.journal.record_observation("properties_owed", owed=["b"])
     patrol.journal.clock.advance(42.0)
     patrol.journal.raise_alarm("Property violated: c", "property_broken", property="c", event="Drive aborted")
     browser.wait_for("#properties summary", "1 broken, 1 owed, 1 watched")
@@ -476,7 +478,7 @@ def test_each_property_has_a_card_with_what_is_known_of_it(patrol, browser):
 
 
 def test_a_run_that_contradicts_what_proofs_assume_says_since_when_on_the_cards(patrol, browser):
-    patrol.journal.watch("properties_watched", properties=[{"name": "a", "if_broken": "tell"}])
+    patrol.journal.record_observation("properties_watched", properties=[{"name": "a", "if_broken": "tell"}])
     browser.wait_for("#properties li", "monitored")
     assert not browser.text("#properties p")
     patrol.journal.clock.advance(5.0)

@@ -47,7 +47,7 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
     run = live().begin()
     run.status(0, "RUNNING")
     run.status(1, "RUNNING", "3 m left")
-    run.journal.note("point_reached", point="north")
+    run.journal.record_event("point_reached", point="north")
     browser.open(tree_of(run.server))
     assert browser.rows() == [
         "Mission, Sequence, RUNNING",
@@ -59,7 +59,7 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
     label = browser.driver.find_element("id", "map").get_attribute("aria-label")
     assert label is not None
     assert "north visited; east open" in label
-    run.journal.note("point_reached", point="east", level="IN_HAND", state="under way")
+    run.journal.record_event("point_reached", point="east", level="IN_HAND", state="under way")
     browser.wait_for("#map .mark.in-hand title", "east: under way")
     run.status(1, "RUNNING", "2 m left")
     browser.wait_for("#now", "2 m left")
@@ -96,8 +96,8 @@ def test_the_end_of_a_run_stays_on_the_page(live, browser):
     run.status(0, "FAILURE", "")
     browser.open(tree_of(run.server))
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
-    run.journal.note("alarmed", text="a find at an unusable position")
-    run.journal.end(Ending.OVER, 1, "No point is left. north was not visited.")
+    run.journal.record_event("alarmed", text="a find at an unusable position")
+    run.journal.end_run(Ending.OVER, 1, "No point is left. north was not visited.")
     run.close()
     browser.wait_for("#condition strong", "failed").wait_for("#condition", "No point is left.")
     assert "north was not visited" in browser.text("#log")
@@ -112,7 +112,7 @@ def test_why_a_mission_has_failed_stays_on_the_page(live, browser):
     assert not browser.driver.find_element("id", "why").is_displayed()
     run.status(1, "FAILURE", "no way there")
     run.status(0, "FAILURE")
-    run.journal.end(Ending.OVER, 1, "The root has failed.")
+    run.journal.end_run(Ending.OVER, 1, "The root has failed.")
     browser.wait_for("#why summary", "Why: Drive FAILURE, no way there")
     browser.click("#why summary")
     assert "Mission FAILURE  mission.xml:3" in browser.text("#why")
@@ -125,7 +125,7 @@ def test_nobody_asks_why_a_mission_has_succeeded(live, browser):
     run.journal.listen(_FailureExplainer(run.feed).take)
     run.begin()
     run.status(0, "SUCCESS")
-    run.journal.end(Ending.OVER, 0)
+    run.journal.end_run(Ending.OVER, 0)
     browser.open(tree_of(run.server)).wait_for("#condition", "complete")
     assert not browser.driver.find_element("id", "why").is_displayed()
 
@@ -146,8 +146,8 @@ def test_texts_from_outside_are_texts(live, browser):
     run = live().begin({**ABOUT, "mission": evil, "tree": tree})
     run.status(0, "RUNNING", evil)
     run.status(1, "RUNNING", evil)
-    run.journal.watch("log", node="patrol", level=40, text=evil)
-    run.journal.note("found", name=evil, x=0.0, y=0.0)
+    run.journal.record_observation("log", node="patrol", level=40, text=evil)
+    run.journal.record_event("found", name=evil, x=0.0, y=0.0)
     browser.open(tree_of(run.server))
     assert evil in browser.text("#log")
     assert evil in browser.text("#tree")
@@ -173,7 +173,7 @@ def test_pages_that_are_out_of_sight_keep_no_order_back(live, browser):
     for _ in range(7):
         browser.driver.switch_to.new_window("tab")
         browser.open(tree_of(run.server))
-    run.journal.note("came_back")
+    run.journal.record_event("came_back")
     for tab in [each for each in browser.driver.window_handles if each != first][1:]:
         browser.driver.switch_to.window(tab)
         browser.driver.close()
@@ -647,10 +647,12 @@ def replay(tmp_path):
         journal.begin(ABOUT, {"node": "/patrol"})
         for tick in range(1, 11):
             clock.advance(1.0)
-            journal.watch("status", node=1, tick=tick, status="RUNNING", message=f"{10 - tick} m left")
-            journal.watch("pose", x=float(tick), y=0.0, yaw=0.0)
-        journal.note("point_reached", point=point)
-        journal.end(Ending.STOPPED, 130, "Stopped.")
+            journal.record_observation(
+                "status", node=1, tick=tick, status="RUNNING", message=f"{10 - tick} m left"
+            )
+            journal.record_observation("pose", x=float(tick), y=0.0, yaw=0.0)
+        journal.record_event("point_reached", point=point)
+        journal.end_run(Ending.STOPPED, 130, "Stopped.")
         journal.close()
     with closing(PageServer(ReplayFeed(Replay([place]), {}), free_port())) as server:
         server.start()
@@ -671,8 +673,8 @@ def test_the_end_is_reached_also_where_hundredths_of_a_second_are_a_little_befor
     journal.clock = clock
     journal.begin(ABOUT, {})
     clock.advance(5.14)
-    journal.watch("pose", x=0.0, y=0.0, yaw=0.0)
-    journal.end(Ending.STOPPED, 130, "Stopped.")
+    journal.record_observation("pose", x=0.0, y=0.0, yaw=0.0)
+    journal.end_run(Ending.STOPPED, 130, "Stopped.")
     journal.close()
     replay = Replay([place])
     assert replay.end > 5.14
@@ -703,7 +705,7 @@ def test_the_end_of_a_replay_can_be_reached_by_its_slider(tmp_path, browser):
     journal.clock = clock = ManualClock()
     journal.begin(ABOUT, {})
     clock.advance(10.1237)
-    journal.end(Ending.OVER, 0, "Complete.")
+    journal.end_run(Ending.OVER, 0, "Complete.")
     journal.close()
     with closing(PageServer(ReplayFeed(Replay([place]), {}), 0)) as server:
         server.start()
@@ -768,9 +770,9 @@ def lines(browser):
 def test_the_facts_are_shown_that_many_lines_have_pushed_out(live, browser):
     run = live().begin()
     browser.open(tree_of(run.server))
-    run.journal.note("came_back")
+    run.journal.record_event("came_back")
     for number in range(450):
-        run.journal.watch("log", node="patrol", level=20, text=f"line {number}")
+        run.journal.record_observation("log", node="patrol", level=20, text=f"line {number}")
     browser.wait_for("#log", "line 449")
     assert lines(browser)[0] == "line 50"
     browser.click("#facts")
@@ -781,11 +783,11 @@ def test_the_facts_are_shown_that_many_lines_have_pushed_out(live, browser):
 def test_the_log_has_no_lines_of_the_mission_before(live, browser):
     run = live().begin()
     for number in range(2):
-        run.journal.watch("log", node="patrol", level=20, text=f"first {number}")
+        run.journal.record_observation("log", node="patrol", level=20, text=f"first {number}")
     browser.open(tree_of(run.server))
     told = [{"node": "patrol", "level": 20, "text": f"second {number}"} for number in range(9)]
     for entry in (("run_began", {**ABOUT, "run": {}}), *(("log", each) for each in told)):
-        run.feed.take(JournalEntry(9, 1, 0.0, 0.0, *entry))
+        run.feed.add_entry(JournalEntry(9, 1, 0.0, 0.0, *entry))
     browser.wait_for("#log", "second 8")
     assert lines(browser) == ["The run began.", *(f"second {n}" for n in range(9))]
 
@@ -801,7 +803,7 @@ def test_the_log_follows_the_newest_line_unless_somebody_reads_above(live, brows
 
     def tell(text):
         for _ in range(100):
-            run.journal.watch("log", node="patrol", level=20, text=text)
+            run.journal.record_observation("log", node="patrol", level=20, text=text)
         browser.wait_for("#log", text)
 
     tell("while the tree is shown")
@@ -885,8 +887,10 @@ def test_nothing_sticks_out_of_the_window(live, browser, size):
     run.status(
         1, "RUNNING", "navigating to a point with a long name, 3.14 m left, and more than there is room for"
     )
-    run.journal.watch("log", node="patrol", level=30, text="long" * 100)
-    run.journal.watch("progress", target="a_point_with_a_long_name", distance=3.14, time_left=100.0)
+    run.journal.record_observation("log", node="patrol", level=30, text="long" * 100)
+    run.journal.record_observation(
+        "progress", target="a_point_with_a_long_name", distance=3.14, time_left=100.0
+    )
     browser.size(width, height)
     browser.open(tree_of(run.server))
     browser.wait(

@@ -284,7 +284,7 @@ def test_a_page_without_orders_takes_none(live):
 
 def test_a_late_browser_is_told_what_has_happened_and_then_the_news(live):
     run = live().begin()
-    run.journal.note("point_reached", point="north")
+    run.journal.record_event("point_reached", point="north")
     run.status(1, "RUNNING", "3 m left")
     early = events(run, lambda found: known(found).get("states"))
     run.status(1, "RUNNING", "2 m left")
@@ -308,13 +308,13 @@ def test_a_browser_that_does_not_read_is_let_go_and_comes_again(live, monkeypatc
         def is_let_go():
             # One plan after the other: of those that come between two tellings only the last is told.
             if not run.feed._news and (number := next(numbers, None)) is not None:
-                run.journal.watch("plan", frame="map", points=[[number, 0.0]] * 20_000)
+                run.journal.record_observation("plan", frame="map", points=[[number, 0.0]] * 20_000)
                 news.tell()
             return not run.feed._listeners
 
         with news:
             news.wait_until(is_let_go, lambda: "nobody was let go")
-        run.journal.watch("plan", frame="map", points=[[399, 0.0]])
+        run.journal.record_observation("plan", frame="map", points=[[399, 0.0]])
         told = events(run, lambda found: [399.0, 0.0] in known(found).get("plan", ()))
     assert lines(told) == ["The run began."]
 
@@ -352,7 +352,7 @@ def test_who_does_not_come_to_the_end_of_a_request_is_let_go_and_who_listens_is_
         assert all(has_ended(each) for each in slow[:-1])
     monkeypatch.setattr(page_server, "_REQUEST_SEC", SILENCE_SEC)
     assert run.ask("/")[0] == 200
-    run.journal.note("point_reached", point="north")
+    run.journal.record_event("point_reached", point="north")
     assert any(b"reached north" in line for line in itertools.islice(listener, 300))
     listener.close()
 
@@ -381,7 +381,7 @@ def test_the_end_of_a_run_is_told_before_the_server_goes(live):
     run = live().begin()
     answer = urllib.request.urlopen(f"http://127.0.0.1:{run.server.port}/events", timeout=SILENCE_SEC)
     assert answer.readline() == b"event: hello\n"
-    run.journal.end(Ending.OVER, 0, "Complete.")
+    run.journal.end_run(Ending.OVER, 0, "Complete.")
     run.close()
     rest = answer.read().decode()
     assert '"reason":"Complete."' in rest
@@ -390,7 +390,7 @@ def test_the_end_of_a_run_is_told_before_the_server_goes(live):
 
 def test_numbers_that_are_none_are_told_as_null(live):
     run = live().begin()
-    run.journal.watch("map", png="", x=float("nan"), y=float("inf"), yaw=[1.0, float("-inf")])
+    run.journal.record_observation("map", png="", x=float("nan"), y=float("inf"), yaw=[1.0, float("-inf")])
     told = events(run, lambda found: known(found).get("map"))
     assert known(told)["map"] == {"png": "", "x": None, "y": None, "yaw": [1.0, None]}
 
@@ -404,8 +404,8 @@ def circle():
 @pytest.mark.parametrize("value", [{1, 2}, {("a", "b"): 1}, circle(), object()])
 def test_an_entry_that_is_no_json_is_not_the_end_of_the_page(live, value):
     run = live().begin()
-    run.feed.take(JournalEntry(9, 1, 0.0, 0.0, "odd", {"value": value}))
-    run.journal.note("docked")
+    run.feed.add_entry(JournalEntry(9, 1, 0.0, 0.0, "odd", {"value": value}))
+    run.journal.record_event("docked")
     began, odd, docked = lines(events(run, lambda found: "docked" in lines(found)))
     assert (began, docked) == ("The run began.", "docked")
     assert odd.startswith("unreadable: kind: odd, reason: ")

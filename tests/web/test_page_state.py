@@ -59,7 +59,7 @@ def test_at_every_moment_page_and_report_show_what_the_mission_itself_says(part)
         chance, journal = random.Random(seed), Journal()  # noqa: S311
         journal.attach(mission, KINDS)
         journal.listen(page.take)
-        journal.listen(state.take)
+        journal.listen(state.apply)
         journal.begin(ABOUT, {})
         for number in range(12):
             happen(journal, chance, f"event {number}")
@@ -151,7 +151,7 @@ def test_nothing_is_told_of_nothing():
 def test_a_change_is_as_large_as_what_has_changed():
     state = run_of(*(("log", {"node": "", "level": 20, "text": "line"}) for _ in range(500)))
     state.change()
-    state.take(JournalEntry(9, 1, 0.0, 9.0, "pose", {"x": 1.0, "y": 2.0, "yaw": 0.5}))
+    state.apply(JournalEntry(9, 1, 0.0, 9.0, "pose", {"x": 1.0, "y": 2.0, "yaw": 0.5}))
     assert state.change() == {
         "robot": 0,
         "time": 8.0,
@@ -164,7 +164,7 @@ def test_a_change_is_as_large_as_what_has_changed():
 def test_a_fact_is_told_as_the_sentence_that_comes_behind_it():
     state = run_of(("found", {"name": "bag"}))
     state.change()
-    state.take(JournalEntry(9, 1, 0.0, 9.0, "changed", {"said": "a bag was found"}))
+    state.apply(JournalEntry(9, 1, 0.0, 9.0, "changed", {"said": "a bag was found"}))
     change = state.change()
     assert change is not None
     assert change["log"]["values"] == [[1, 1.0, "fact", "a bag was found"]]
@@ -232,7 +232,7 @@ def test_facts_are_kept_over_the_beginning_of_another_run():
     state = run_of(
         ("found", {"name": "bag"}), ("status", {"node": 0, "tick": 1, "status": "RUNNING", "message": ""})
     )
-    state.take(JournalEntry(9, 2, 0.0, 50.0, "run_began", {**ABOUT, "run": {}}))
+    state.apply(JournalEntry(9, 2, 0.0, 50.0, "run_began", {**ABOUT, "run": {}}))
     shown = state.whole()
     assert [line[-1] for line in shown["log"]["values"]] == [
         "The run began.",
@@ -255,10 +255,10 @@ def test_a_node_is_told_with_what_the_tree_says_of_it():
 
 def test_an_entry_of_somebody_else_is_a_fact():
     journal, state = Journal(), run_of()
-    journal.listen(state.take)
-    journal.watch("pose", somewhere=True)
-    journal.watch("status", node="Drive", tick=1, status="RUNNING", message="")
-    journal.watch("changed", landmarks=[{"odd": 1}])
+    journal.listen(state.apply)
+    journal.record_observation("pose", somewhere=True)
+    journal.record_observation("status", node="Drive", tick=1, status="RUNNING", message="")
+    journal.record_observation("changed", landmarks=[{"odd": 1}])
     shown = state.whole()
     assert [line[-1].partition(":")[0] for line in shown["log"]["values"][1:]] == [
         "pose",
@@ -284,7 +284,7 @@ def test_a_node_has_how_often_it_has_ended_and_how_long_that_took():
             ("RUNNING", 1.0),
         ]
     ):
-        journal.watch("status", node=1, tick=number, status=status, message="")
+        journal.record_observation("status", node=1, tick=number, status=status, message="")
         clock.advance(seconds)
     *_, ends, ran, longest = state.whole()["states"]["1"]
     assert (ends, ran, longest) == ((1, 1, 0), 8.0, 6.0)
@@ -297,7 +297,7 @@ def test_a_node_that_was_reset_has_its_status_anew():
     journal.listen(state.take)
     journal.begin(ABOUT, {})
     for number, status in enumerate(["SUCCESS", "IDLE", "SUCCESS"]):
-        journal.watch("status", node=1, tick=number, status=status, message="")
+        journal.record_observation("status", node=1, tick=number, status=status, message="")
         clock.advance(2.0)
     assert state.whole()["states"]["1"][1] == 4.0
 
@@ -308,7 +308,7 @@ WATCHED = {"properties": [{"name": name, "if_broken": "tell"} for name in "ab"]}
 def test_what_is_known_of_a_property_is_told_when_that_changes_and_nothing_else_of_it():
     state = run_of(("properties_watched", WATCHED))
     state.change()
-    state.take(JournalEntry(3, 1, 0.0, 5.0, "properties_owed", {"owed": ["b"]}))
+    state.apply(JournalEntry(3, 1, 0.0, 5.0, "properties_owed", {"owed": ["b"]}))
     change = state.change()
     assert change is not None
     assert {each["name"]: each["word"] for each in change["properties"]["watched"]} == {
@@ -321,8 +321,8 @@ def test_what_is_known_of_a_property_is_told_when_that_changes_and_nothing_else_
 def test_a_broken_property_is_an_event_of_the_log_as_well():
     state = run_of(("properties_watched", WATCHED))
     state.change()
-    state.take(JournalEntry(3, 1, 0.0, 5.0, "property_broken", {"property": "a", "event": "Drive aborted"}))
-    state.take(JournalEntry(4, 1, 0.0, 5.0, "changed", {"said": "Property violated: a"}))
+    state.apply(JournalEntry(3, 1, 0.0, 5.0, "property_broken", {"property": "a", "event": "Drive aborted"}))
+    state.apply(JournalEntry(4, 1, 0.0, 5.0, "changed", {"said": "Property violated: a"}))
     change = state.change()
     assert change is not None
     assert change["log"]["values"] == [[1, 4.0, "fact", "Property violated: a"]]
@@ -336,5 +336,5 @@ def test_the_reason_of_a_failure_is_forgotten_when_another_run_begins():
     state = run_of(("properties_watched", WATCHED))
     state.set_why({"chain": []})
     assert folded({}, state.whole())["why"] == {"chain": []}
-    state.take(JournalEntry(9, 2, 0.0, 0.0, "run_began", {**ABOUT, "run": {}}))
+    state.apply(JournalEntry(9, 2, 0.0, 0.0, "run_began", {**ABOUT, "run": {}}))
     assert folded({}, state.whole())["why"] is None

@@ -19,7 +19,7 @@ def find_around(journal):
     """Find somebody around each of the two points, on another side of it each time."""
     places = [(-3.0 + AROUND[0][0], 3.0 + AROUND[0][1]), (3.5 + AROUND[1][0], 3.0 + AROUND[1][1])]
     for number, (x, y) in enumerate(places, 1):
-        journal.note("found", name=f"find_{number}", x=x, y=y)
+        journal.record_event("found", name=f"find_{number}", x=x, y=y)
 
 
 HIDDEN = """
@@ -34,7 +34,7 @@ return labels.flatMap(([text, box]) => others.filter(([, other]) => other !== bo
 
 def find_around_and_end(journal):
     find_around(journal)
-    journal.end(Ending.OVER, 0)
+    journal.end_run(Ending.OVER, 0)
 
 
 def test_no_label_of_a_report_is_hidden(browser):

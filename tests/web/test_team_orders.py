@@ -59,7 +59,7 @@ def test_an_order_goes_to_the_robot_that_it_is_for_whose_journal_says_who_gave_i
     orders.know(0, began("/robot1/mission"))
     ros.spin_until(lambda: orders.available(1) == ["pause"], "the service of robot2")
     assert orders.available(0) == []
-    answer = orders.give("pause", {}, CommandSender("Ada", 1, reason="smoke"))
+    answer = orders.send("pause", {}, CommandSender("Ada", 1, reason="smoke"))
     ros.spin_until(answer.done, "the answer")
     assert (answer.result(), asked) == ((True, "it stands"), ["pause"])
     by = f"Ada (team page of ops@{socket.gethostname()})"
@@ -77,7 +77,7 @@ def test_a_robot_that_takes_no_parameters_takes_orders_all_the_same(ros):
     orders = TeamCommands(ros.node("watch"))
     orders.know(0, began("/robot3/mission"))
     ros.spin_until(lambda: orders.available(0) == ["pause"], "the service of robot3")
-    answer = orders.give("pause", {}, CommandSender("Ada", 0))
+    answer = orders.send("pause", {}, CommandSender("Ada", 0))
     ros.spin_until(answer.done, "the answer")
     assert answer.result() == (False, "")
 
@@ -88,7 +88,7 @@ def test_of_a_mission_that_is_not_known_here_nothing_can_be_ordered(team, beginn
     assert orders.know(0, beginning) == []
     assert orders.available(0) == []
     with pytest.raises(CommandError, match="its mission is not installed"):
-        orders.give("pause", {}, CommandSender("", 0))
+        orders.send("pause", {}, CommandSender("", 0))
 
 
 def test_a_broken_middleware_is_no_reason_for_no_page(monkeypatch):

@@ -63,7 +63,7 @@ class PatrolRun(MissionRun):
         self._patrol = patrol
         self.context = {Patrol: patrol}
 
-    def greeting(self) -> list[str]:
+    def start_lines(self) -> list[str]:
         """Return the number of points."""
         return [f"{len(self._patrol.points)} points to photograph."]
 

@@ -37,11 +37,11 @@ class Patrol:
     def photographed(self, photo: str) -> None:
         """Note the photo of the current point."""
         if self.point is not None:
-            self.journal.note("photo_taken", photo=photo)
+            self.journal.record_event("photo_taken", photo=photo)
 
     def leave(self) -> None:
         """Advance to the next point, with or without a photo of this one."""
-        self.journal.note("point_left")
+        self.journal.record_event("point_left")
 
     def apply(self, fact: JournalEntry) -> None:
         """Change the patrol by a fact: as it is noted, and again when a later run goes on with it."""

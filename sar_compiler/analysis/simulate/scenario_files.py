@@ -171,7 +171,7 @@ def _lines(document: Document, parts: Mapping[str, Value]) -> Iterator[tuple[str
     """Yield the names, contents and lines of the expectations."""
     for name, value in parts.items():
         yield name, document.source.place(value.start)[0]
-        below = [key for key, _ in value.entries] if value.entries is not None else value.listed
+        below = [key for key, _ in value.entries] if value.entries is not None else value.as_list
         for key in below:
             yield f"{name} {key.text}", document.source.place(key.start)[0]
 
@@ -194,7 +194,7 @@ def _facts(document: Document, value: Value, known: Mapping[str, Fact]) -> dict[
 
 
 def _event_patterns(value: Value | None, words: LeafVocabulary) -> tuple[EventPattern, ...]:
-    deeds = [] if value is None else [words.parse_event(item) for item in value.listed]
+    deeds = [] if value is None else [words.parse_event(item) for item in value.as_list]
     return tuple(deed for deed in deeds if deed is not None)
 
 
@@ -236,7 +236,7 @@ def read_scripts(value: Value, words: LeafVocabulary) -> dict[StubLeaf, tuple[An
 def _steps(value: Value, words: LeafVocabulary, leaves: Sequence[StubLeaf]) -> tuple[AnswerStep, ...]:
     """Read a step or a list of steps of a leaf's script."""
     one = value.items is None
-    steps = [_step(item, words, leaves, always=one) for item in value.listed]
+    steps = [_step(item, words, leaves, always=one) for item in value.as_list]
     return tuple(step for step in steps if step is not None)
 
 

@@ -417,7 +417,7 @@ def _understood(document: Document) -> PropertyFile:
 
 def _events(name: str, parts: Mapping[str, Value]) -> EventProperty:
     form = next(form for form, keys in _KEYS.items() if keys[0] in parts)
-    main, other, limit = (parts[key].listed if key in parts else () for key in _KEYS[form])
+    main, other, limit = (parts[key].as_list if key in parts else () for key in _KEYS[form])
     return EventProperty(name, form, main, other, limit, parts.get("while"))
 
 

@@ -114,7 +114,7 @@ def _leaves(top: TreeInstance) -> Iterator[_FactLeaf]:
 
 def _numbers(bound: BoundNode) -> dict[str, str]:
     """Return the replacements of a leaf's integer attributes, by name."""
-    numbers = (parameter for parameter in bound.spec.plain if parameter.is_integer_parameter)
+    numbers = (parameter for parameter in bound.spec.constant_attributes if parameter.is_integer_parameter)
     return {
         # The value of a key is unknown here: it becomes a name that no script can evaluate.
         each.name: _UNKNOWN

@@ -22,7 +22,7 @@ from sar_compiler.nodes.btcpp import (
 )
 from sar_compiler.nodes.btcpp.port_types import can_be_converted, is_loop_queue, needs_converter
 from sar_compiler.nodes.collector import FindingCollector
-from sar_compiler.nodes.cpp_names import ANY, TEXT, normalized
+from sar_compiler.nodes.cpp_names import ANY, TEXT, normalize
 from sar_compiler.nodes.spec import Direction, NodeSpec, Provenance
 from sar_compiler.runtime.expressions import Literal, Operation, Script, parts
 from sar_compiler.runtime.tokens import TokenKind, tokenize
@@ -85,7 +85,7 @@ def _readable_types(spec: NodeSpec) -> dict[str, str]:
     found = {}
     for port in spec.ports:
         kind = port.value_type
-        cpp = kind.name if is_loop_queue(kind.name) else normalized(kind.cpp)
+        cpp = kind.name if is_loop_queue(kind.name) else normalize(kind.cpp)
         if port.direction is not Direction.OUTPUT and cpp not in ("", ANY, TEXT):
             found[port.name] = cpp
     return found

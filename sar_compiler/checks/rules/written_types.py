@@ -16,8 +16,8 @@ from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.key_types import (
     EntryType,
     EntryTypes,
-    agree,
     btcpp_severity,
+    can_share_key,
     cpp_type,
     fits,
     port_label,
@@ -432,7 +432,7 @@ class KeyTypeRules:
             if not spec.semantics.counterpart.built_in:
                 continue
             if may_share(first.cpp, port.cpp) and (
-                first.parameter is None or agree(first.parameter, port.parameter)
+                first.parameter is None or can_share_key(first.parameter, port.parameter)
             ):
                 line = f"line {write.element.line}{file_of(write.element, element)}"
                 message = (
@@ -556,7 +556,7 @@ def _begins_as_number(text: str) -> bool:
 
 def _items_of(bound: BoundNode, cpp: str) -> Iterator[_WrittenValue]:
     """Yield the items that a loop writes, if the file shows them."""
-    text, kind = bound.values[_QUEUE], bound.spec.fixed.get("kind")
+    text, kind = bound.values[_QUEUE], bound.spec.implied_values.get("kind")
     if isinstance(text, str) and isinstance(kind, type):
         for item in queue_items(text, kind):
             yield _WrittenValue(cpp, item, is_shown=True)

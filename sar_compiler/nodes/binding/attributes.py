@@ -119,7 +119,7 @@ class AttributeBinder:
                 unknown.append(name)
         for name in unknown:
             meant.add(self._report_unknown(bound, name, other_variants, is_only=len(unknown) == 1))
-        for parameter in bound.spec.required:
+        for parameter in bound.spec.required_attributes:
             # A misspelt attribute is not reported as missing, too.
             if parameter.name not in meant:
                 self._require(bound, parameter, other_variants)
@@ -232,7 +232,7 @@ class AttributeBinder:
     def _value(self, bound: BoundNode, parameter: Parameter, text: str, *, is_listed: bool = True) -> None:
         name = parameter.name
         key = parameter.value_type.key_in(text, name)
-        if key is not None and name not in bound.spec.fixed:
+        if key is not None and name not in bound.spec.implied_values:
             bound.keys = {**bound.keys, name: key}
             if parameter.value_type.names_key:
                 self._name_of_key(bound.element, name, parameter.value_type, key)
@@ -248,9 +248,9 @@ class AttributeBinder:
         if parameter.direction is _OUTPUT:
             self._collector.findings.append(text_of_output("wrong-value", bound.element, name, text))
             return
-        takes_keys = name not in bound.spec.fixed and parameter.value_type.python is not Script
+        takes_keys = name not in bound.spec.implied_values and parameter.value_type.python is not Script
         value = self.convert(bound.element, name, parameter.value_type, takes_keys=takes_keys)
-        fixed = bound.spec.fixed.get(name)
+        fixed = bound.spec.implied_values.get(name)
         if None not in (value, fixed) and value != fixed:
             tag = bound.spec.tag
             message = f'<{tag}> implies {name}="{_as_text(fixed)}", but has {name}="{text}" here'
@@ -311,7 +311,7 @@ class AttributeBinder:
         if spec.is_only_described:
             self._report_unlisted(bound, name, message, near)
             return near
-        missing = [p.name for p in spec.required if p.name not in element.attributes]
+        missing = [p.name for p in spec.required_attributes if p.name not in element.attributes]
         if near is not None or not is_only or len(missing) != 1:
             hint = convert_to_attribute_unit(name, element.attributes[name], spec)
             self._collector.add("unknown-attribute", message, element, name=name, suggestion=near, hint=hint)
@@ -334,7 +334,7 @@ class AttributeBinder:
         self._collector.add("unknown-attribute", message, bound.element, name=name, **advice)
         if near is None:
             port = any_port(name)
-            bound.spec = bound.spec.listing(port)
+            bound.spec = bound.spec.with_port(port)
             self._value(bound, port, bound.element.attributes[name], is_listed=False)
 
 

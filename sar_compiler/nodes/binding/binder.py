@@ -263,9 +263,9 @@ class Binder:
             variants = []
         if not variants:
             return self._report_unknown(element, tag)
-        spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
+        spec = variants[0] if len(variants) == 1 else _best_variant(variants, element, self._guesses)
         if (
-            spec.required
+            spec.required_attributes
             and is_library_tag(tag)
             and is_node_of_other_library(element, variants, self._guesses)
         ):
@@ -383,7 +383,7 @@ class Binder:
 
     def _report_node_of_other_library(self, element: Element, spec: NodeSpec) -> None:
         """Report another library's node that has the name of a py_trees node."""
-        needed = " and ".join(f"'{each.name}'" for each in spec.required)
+        needed = " and ".join(f"'{each.name}'" for each in spec.required_attributes)
         message = f"<{spec.tag}> of py_trees needs {needed}; this one is from another library"
         hint = "describe it in a palette (--model), which takes precedence"
         self._collector.add("unknown-node", message, element, hint=hint)
@@ -448,11 +448,11 @@ class Binder:
             if explicit is not None:
                 return explicit
         if tag not in self._meant:
-            today = SUBTREE_TAG if tag in subtree().former_tags else self._registry.today(tag)
-            self._meant[tag] = today or self._alike(tag)
+            today = SUBTREE_TAG if tag in subtree().former_tags else self._registry.current_tag(tag)
+            self._meant[tag] = today or self._similar_tag(tag)
         return self._meant[tag]
 
-    def _alike(self, tag: str) -> str | None:
+    def _similar_tag(self, tag: str) -> str | None:
         """Return the tag that is similar to an unknown one; unused tags must be almost equal."""
         near = self._guesses.nearest(tag, self._tags if tag != SUBTREE_TAG else self._tags[:-1])
         return near or self._guesses.nearest(tag, list(self._registry.tags), _LIKE_UNUSED)
@@ -528,7 +528,7 @@ class Binder:
         target = self._forest.target(element, tree_id)
         _, theirs, *_ = self._vocabulary_of(self._forest.homes.get(id(target)))
         model = self._models.subtrees.get(tree_id) or theirs.subtrees.get(tree_id)
-        bound.remapping = self._remapping(bound, model)
+        bound.remapping = self._remap(bound, model)
         if target is not None:
             bound.subtree = self._tree_of(target)
         elif model is not None:
@@ -549,7 +549,7 @@ class Binder:
         bound.keys = {name: key for name, key in bound.remapping.keys.items() if name in spec.parameters}
         self._current.skips = True  # the root of its tree may be skipped
 
-    def _remapping(self, bound: BoundNode, model: NodeModel | None) -> Remapping:
+    def _remap(self, bound: BoundNode, model: NodeModel | None) -> Remapping:
         element = bound.element
         keys: dict[str, str] = {}
         constants: dict[str, str] = {}
@@ -582,7 +582,7 @@ class Binder:
         self._collector.add("unknown-attribute", message, element, name=name, suggestion=near)
 
 
-def _best(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeSpec:
+def _best_variant(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeSpec:
     """Return the meaning of a tag that fits the written attributes best.
 
     In case of a tie, the first written attribute decides.

@@ -119,7 +119,7 @@ class BoundNode:
         if name in self.element.attributes:  # a key, or an invalid value
             return None
         parameter = self.spec.parameters.get(name)
-        return self.spec.fixed.get(name, parameter.default if parameter is not None else None)
+        return self.spec.implied_values.get(name, parameter.default if parameter is not None else None)
 
 
 class BoundTree:
@@ -180,7 +180,7 @@ class Binding:
     findings: tuple[Diagnostic, ...]
     enums: Mapping[str, int] = field(default_factory=dict)
 
-    def trees(self) -> list[BoundTree]:
+    def used_trees(self) -> list[BoundTree]:
         """Return the main tree and the trees that it uses, each once."""
         found = [self.main]
         known = {self.main}
@@ -191,9 +191,9 @@ class Binding:
                     found.append(node.subtree)
         return found
 
-    def nodes(self) -> Iterator[BoundNode]:
+    def all_nodes(self) -> Iterator[BoundNode]:
         """Yield every node of every tree."""
-        for tree in self.trees():
+        for tree in self.used_trees():
             yield from tree.nodes
 
 
@@ -222,10 +222,10 @@ class SkipAnalysis:
             return False
         if bound.subtree is not None:
             root = bound.subtree.root
-            return root is not None and self.of(root)
-        return any(self.of(child) for child in bound.children)
+            return root is not None and self.can_be_skipped(root)
+        return any(self.can_be_skipped(child) for child in bound.children)
 
-    def of(self, bound: BoundNode) -> bool:
+    def can_be_skipped(self, bound: BoundNode) -> bool:
         """Return whether a node can be skipped."""
         if bound not in self._known:
             self._known[bound] = is_skippable_itself(bound) or (
@@ -265,7 +265,7 @@ def report_misread_skips(
     if not skipping.possible:
         return
     for bound in [bound for tree in trees for bound in tree.nodes]:
-        if bound.oneshot is not None and skipping.of(bound):
+        if bound.oneshot is not None and skipping.can_be_skipped(bound):
             message = f"oneshot: '{bound.name}' can be skipped, which OneShot treats as an interruption"
             hint = "use a <RunOnce> instead"
             collector.add("skip-misread", message, bound.element, name="oneshot", hint=hint)
@@ -275,7 +275,7 @@ def report_misread_skips(
 
 def _report_children(bound: BoundNode, skipping: SkipAnalysis, collector: FindingCollector) -> None:
     for child in bound.children:
-        if skipping.of(child):
+        if skipping.can_be_skipped(child):
             message = f"'{child.name}' can be skipped, which <{bound.element.tag}> treats as an interruption"
             advice = bound.spec.skipping.advice
             hint = f"write {advice} instead" if advice else "let the child succeed or fail instead"

@@ -125,7 +125,7 @@ class _SubtreeExpander:
         place = (bound, parameter.name)
         named = bound.element.attributes.get(parameter.name)
         for outer in list(instance.chain())[1:]:
-            found = self._nodes(outer.tree).choose(bound, parameter)
+            found = self._nodes(outer.tree).resolve(bound, parameter)
             if isinstance(found, BoundNode):
                 instance.references[place] = (outer, found)
                 self._report_circle(instance, bound, found, outer)

@@ -131,7 +131,7 @@ def fits(value_type: ValueType, value: object) -> bool:
 def _may_share(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> bool:
     """Return whether a port may share the key of an earlier one, and report it if not."""
     assert later.parameter is not None  # noqa: S101 - a constant is always first
-    if first.parameter is not None and not agree(first.parameter, later.parameter):
+    if first.parameter is not None and not can_share_key(first.parameter, later.parameter):
         _report_type_conflict(first, later, key, collector)
     elif not may_share(first.cpp, later.cpp):
         if first.parameter is None:
@@ -143,7 +143,7 @@ def _may_share(first: EntryType, later: EntryType, key: str, collector: FindingC
     return False
 
 
-def agree(first: Parameter, later: Parameter) -> bool:
+def can_share_key(first: Parameter, later: Parameter) -> bool:
     """Return whether a port can share the key of an earlier one here; every type can be read from a string."""
     known, other = first.value_type.python, later.value_type.python
     return other is None or known in _TEXTS or known is other

@@ -201,10 +201,10 @@ def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
     tree = forest.main_tree(tree_id)
     if tree is not None:
         return tree
-    raise (TreeError if tree_id is None else UnknownTreeError)([_missing(forest, tree_id)])
+    raise (TreeError if tree_id is None else UnknownTreeError)([_missing_tree(forest, tree_id)])
 
 
-def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:
+def _missing_tree(forest: Forest, tree_id: str | None) -> Diagnostic:
     root = forest.main.root
     ids = list(forest.trees)
     there = f"the file has {join_with_commas(ids)}" if ids else "the file has no tree with an ID"

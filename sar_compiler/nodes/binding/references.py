@@ -20,7 +20,7 @@ class ReferenceCandidates:
         self._fitting: dict[str, dict[BoundNode, None]] = {}
         self._called: dict[str | None, dict[str, dict[BoundNode, None]]] = {}
 
-    def of(self, parameter: Parameter) -> Collection[BoundNode]:
+    def candidates(self, parameter: Parameter) -> Collection[BoundNode]:
         """Return the nodes that a reference may name."""
         target = parameter.target_path
         if target not in self._fitting:
@@ -32,18 +32,18 @@ class ReferenceCandidates:
         target = parameter.target_path if parameter is not None else None
         if target not in self._called:
             by_name = self._called[target] = {}
-            for node in self._nodes if parameter is None else self.of(parameter):
+            for node in self._nodes if parameter is None else self.candidates(parameter):
                 by_name.setdefault(node.name, {})[node] = None
         return self._called[target]
 
-    def choose(self, bound: BoundNode, parameter: Parameter) -> BoundNode | bool | None:
+    def resolve(self, bound: BoundNode, parameter: Parameter) -> BoundNode | bool | None:
         """Return the node among these that a reference refers to.
 
         Returns:
             The node; None if none has that name and class; False if there is a finding about it.
         """
         named = bound.element.attributes.get(parameter.name)
-        found = self.of(parameter) if named is None else self.names(parameter).get(named, ())
+        found = self.candidates(parameter) if named is None else self.names(parameter).get(named, ())
         count = len(found) - (bound in found)
         first = list(itertools.islice((node for node in found if node is not bound), MOST_LISTED))
         if not count:
@@ -86,8 +86,8 @@ def report_missing_reference(
         message = f"<{bound.spec.tag}> needs a {what} in {where} ({parameter.name}), but there is none"
         collector.add("missing-reference", message, element, hint=f"add a <{what}> to the tree")
         return
-    count = sum(len(each.of(parameter)) - (bound in each.of(parameter)) for each in within)
-    fitting = (node for each in within for node in each.of(parameter) if node is not bound)
+    count = sum(len(each.candidates(parameter)) - (bound in each.candidates(parameter)) for each in within)
+    fitting = (node for each in within for node in each.candidates(parameter) if node is not bound)
     names = [f"'{node.name}'" for node in itertools.islice(fitting, MOST_LISTED)]
     namesake = next((node for each in within for node in each.names().get(named, ())), None)
     if namesake is not None:
@@ -113,7 +113,7 @@ def _resolve(
     named = bound.element.attributes.get(parameter.name)
     if named is None and not parameter.required:
         return  # with a default, nothing is referenced unless it is written
-    found = candidates.choose(bound, parameter)
+    found = candidates.resolve(bound, parameter)
     if isinstance(found, BoundNode):
         bound.references = {**bound.references, parameter.name: found}
     elif found is None and named not in tree.unknown_names:

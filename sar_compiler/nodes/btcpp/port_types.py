@@ -8,7 +8,7 @@ converted to the type of the port that reads it (`utils/safe_any.hpp`), which wo
 import re
 
 from sar_compiler.nodes.btcpp import LISTS, NUMBERS, Version
-from sar_compiler.nodes.cpp_names import ANY, INT, LONG, REAL, STATUS, TEXT, UNSIGNED_INT, normalized
+from sar_compiler.nodes.cpp_names import ANY, INT, LONG, REAL, STATUS, TEXT, UNSIGNED_INT, normalize
 from sar_compiler.nodes.values import JSON, STATUSES, TRUTH_VALUES, literal_value, type_of_cpp_name
 
 _INT_RANGE = range(-(2**31), 2**31)
@@ -183,4 +183,4 @@ def type_of_port(type_name: str, cpp: str, version: Version) -> str:
     """
     if is_loop_queue(type_name) and version < LISTS.since:
         return f"std::shared_ptr<std::deque<{_ITEMS[type_name.removeprefix(_QUEUE_NAME)]}>>"
-    return normalized(cpp)
+    return normalize(cpp)

@@ -39,7 +39,7 @@ def reactive(draft: NodeDraft, notes: FindingCollector) -> None:
         del draft.attributes["memory"]
 
 
-def running(draft: NodeDraft, _notes: FindingCollector) -> None:
+def rewrite_running(draft: NodeDraft, _notes: FindingCollector) -> None:
     """Write `Running` as a decorator that never ends around a node that succeeds."""
     element = draft.element
     draft.tag = "KeepRunningUntilFailure"

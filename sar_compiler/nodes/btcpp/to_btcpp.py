@@ -13,7 +13,7 @@ from sar_compiler.nodes.btcpp import DROPS_EXPLICIT, NAMES, NEWEST, VERSIONS, Ve
 from sar_compiler.nodes.btcpp.draft import NodeDraft
 from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Rewrite
 from sar_compiler.nodes.collector import FindingCollector
-from sar_compiler.nodes.cpp_names import normalized
+from sar_compiler.nodes.cpp_names import normalize
 from sar_compiler.nodes.models import NodeModel, read_models, registry_without
 from sar_compiler.nodes.models.palette import description, inferred_model, is_built_in
 from sar_compiler.nodes.numbers import convert_duration, parse_milliseconds
@@ -153,7 +153,7 @@ class _BtcppConverter:
         if policy is None:
             return converted
         # The OneShot for the attribute has this name, too.
-        return self._once(element, converted, f"{name}OneShot", policy)
+        return self._wrap_run_once(element, converted, f"{name}OneShot", policy)
 
     def _is_built_in(self, tag: str) -> bool:
         return is_built_in([subtree()] if tag == SUBTREE_TAG else self._registry.variants(tag))
@@ -210,14 +210,14 @@ class _BtcppConverter:
         del draft.attributes[ONESHOT]
         return str(policy)
 
-    def _once(self, element: Element, child: Element, name: str, policy: str) -> Element:
+    def _wrap_run_once(self, element: Element, child: Element, name: str, policy: str) -> Element:
         attributes = {"name": name, "then_skip": "false"}
         tag = "RunOnce"
         if policy == "ON_SUCCESSFUL_COMPLETION":
             tag, attributes = "OneShot", {"name": name, "policy": policy}
             message = f"{ONESHOT}: BehaviorTree.CPP has no node that retries until the first success"
             self.notes.add("no-counterpart", message, element, value=ONESHOT, hint=NO_ONESHOT)
-            self._use(tag, attributes, 1)
+            self._record_use(tag, attributes, 1)
         return Element(tag, attributes, (child,), element.source, *element.place)
 
     def _complain(self, draft: NodeDraft) -> None:
@@ -266,7 +266,7 @@ class _BtcppConverter:
     def _measure(self, draft: NodeDraft) -> None:
         """Report integers that do not fit into the port's C++ type."""
         for name, text in draft.attributes.items():
-            type_name = normalized(self._type_name(draft.tag, name))
+            type_name = normalize(self._type_name(draft.tag, name))
             kind = type_name.removeprefix("std::vector<").removesuffix(">")
             value_type = type_of_cpp_name(kind)
             least, most = (value_type.least, value_type.most) if value_type is not None else (None, None)
@@ -312,7 +312,7 @@ class _BtcppConverter:
         element = draft.element
         children = tuple(self._children(element, draft.tag)) or tuple(draft.children)
         if draft.tag != SUBTREE_TAG:
-            self._use(draft.tag, draft.attributes, len(children))
+            self._record_use(draft.tag, draft.attributes, len(children))
         if not draft.explicit:
             return dataclasses.replace(element, tag=draft.tag, attributes=draft.attributes, children=children)
         spec = self._registry.get(draft.tag)
@@ -320,7 +320,7 @@ class _BtcppConverter:
         attributes = {"ID": draft.tag, **draft.attributes}
         return dataclasses.replace(element, tag=tag, attributes=attributes, children=children)
 
-    def _use(self, tag: str, attributes: Iterable[str], children: int) -> None:
+    def _record_use(self, tag: str, attributes: Iterable[str], children: int) -> None:
         if self._is_built_in(tag):
             return
         usage = self._used.setdefault(tag, _Usage())

@@ -10,7 +10,7 @@ from sar_compiler.nodes.declaring import ENUMS, attribute, input_port, node_spec
 from sar_compiler.nodes.language.narrow_types import NAMES, PolicyName
 from sar_compiler.nodes.language.node_rules import (
     FROM_CHILD,
-    own,
+    language_spec,
     report_excessive_counts,
     report_interruptions,
     report_policy,
@@ -26,7 +26,7 @@ _REACTIVE = "Starts at the first child in every tick."
 _PAUSES = "Returns RUNNING after each child, so that other branches are ticked in between."
 _MEMORY = "Start with the running child (true) or with the first child (false) in the next tick."
 
-_own = partial(own, Kind.CONTROL, skipping=FROM_CHILD)
+_own = partial(language_spec, Kind.CONTROL, skipping=FROM_CHILD)
 
 
 def _after_the_first(_bound: NodeView) -> Mapping[int, Gate]:
@@ -96,7 +96,7 @@ def _switch(cases: int) -> NodeSpec:
     )
 
 
-def _branching(tag: str, doc: str) -> NodeSpec:
+def _branching_spec(tag: str, doc: str) -> NodeSpec:
     means = Semantics(outcome_sets.branches, gates=_after_the_first)
     return _own(tag, f"kernel.branching:{tag}Node", doc, semantics=means, child_count=(2, 3))
 
@@ -151,9 +151,9 @@ SPECS = [
             "Number of failed children that make the node fail. A negative number counts from the end.",
             1,
         ),
-        semantics=Semantics.parallel(outcome_sets.counting, ("success_count", "failure_count"))._replace(
-            counterpart=Counterpart(rewrite=rewrites.parallel)
-        ),
+        semantics=Semantics.parallel(
+            outcome_sets.counting_results, ("success_count", "failure_count")
+        )._replace(counterpart=Counterpart(rewrite=rewrites.parallel)),
         former_attributes={
             "threshold": "success_count",
             "success_threshold": "success_count",
@@ -205,11 +205,11 @@ SPECS = [
         semantics=Semantics.parallel(outcome_sets.parallel_all, ("max_failures",)),
         rule=report_excessive_counts,
     ),
-    _branching(
+    _branching_spec(
         "IfThenElse",
         "Ticks its second child if the first one succeeds, else the third. The first child is ticked only until it completes.",
     ),
-    _branching(
+    _branching_spec(
         "WhileDoElse",
         "Ticks its second child as long as the first one succeeds, and the third as long as it fails.",
     ),

@@ -20,7 +20,7 @@ from sar_compiler.nodes.declaring import (
     output_port,
 )
 from sar_compiler.nodes.language.narrow_types import ANY_ENTRY, KEY, VARIABLE, StatusName, queue_of
-from sar_compiler.nodes.language.node_rules import FROM_CHILD, own, stock
+from sar_compiler.nodes.language.node_rules import FROM_CHILD, language_spec, stock
 from sar_compiler.nodes.outcome_sets import WORD_OF, F, K, R, S, milliseconds, number
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, SkipPossibility, SkipSupport
@@ -31,7 +31,7 @@ from sar_compiler.tree.model import SUBTREE_TAG
 _OUTCOME = require_value_type(Outcome)._replace(cpp=STATUS)
 _NOUNS = {S: "success", F: "failure", R: "running"}
 
-_own = partial(own, Kind.DECORATOR, skipping=FROM_CHILD)
+_own = partial(language_spec, Kind.DECORATOR, skipping=FROM_CHILD)
 _stock = partial(stock, Kind.DECORATOR)
 
 
@@ -78,20 +78,20 @@ def _stock_unless_skipping(
         tag,
         f"py_trees.decorators:{stock_class}",
         doc,
-        semantics=Semantics.turning(turns)._replace(repeats=repeats),
+        semantics=Semantics.mapping(turns)._replace(repeats=repeats),
         skipping=SkipSupport(possible, replacement),
         outcomes=_results_after(turns),
     )
 
 
-def _turning(tag: str, old: int, new: int, instead: str = "", hint: str = NO_HINT) -> NodeSpec:
+def _mapping_decorator(tag: str, old: int, new: int, instead: str = "", hint: str = NO_HINT) -> NodeSpec:
     """Return a py_trees decorator that replaces one result of its child."""
     turns = {old: new}
     rewrite = partial(rewrites.rename, instead) if instead else None
     return _stock(
         tag,
         f"Turns {_NOUNS[old]} into {_NOUNS[new]}.",
-        semantics=Semantics.turning(turns)._replace(counterpart=Counterpart(rewrite=rewrite, hint=hint)),
+        semantics=Semantics.mapping(turns)._replace(counterpart=Counterpart(rewrite=rewrite, hint=hint)),
         outcomes=_results_after(turns),
         instead=instead,
     )
@@ -107,7 +107,8 @@ def _unless_written(tag: str, otherwise: int, doc: str, skipping: SkipSupport = 
         SCOPE,
         fixed={"unless_written": WORD_OF[otherwise]},
         semantics=Semantics(
-            partial(outcome_sets.adding, otherwise), keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)}
+            partial(outcome_sets.with_own_results, otherwise),
+            keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)},
         ),
         skipping=skipping,
     )
@@ -157,7 +158,7 @@ BEHAVIORTREE_CPP = [
             int,
             "Number of successes. -1 repeats without end, 0 succeeds at once.",
         ),
-        semantics=_with_rewrite(Semantics.repeating(S, "num_cycles"), rewrites.repeat),
+        semantics=_with_rewrite(Semantics.restarts_child(S, "num_cycles"), rewrites.repeat),
     ),
     _own(
         "RetryUntilSuccessful",
@@ -169,7 +170,7 @@ BEHAVIORTREE_CPP = [
             "Number of failures. -1 retries without end, 0 fails at once. The number is read again after each failure, "
             "because the child may have changed it.",
         ),
-        semantics=Semantics.repeating(F, "num_attempts"),
+        semantics=Semantics.restarts_child(F, "num_attempts"),
     ),
     _own(
         "RunOnce",
@@ -191,7 +192,7 @@ BEHAVIORTREE_CPP = [
         input_port("delay_msec", MILLISECONDS, "Duration of the wait, in milliseconds."),
         CLOCK,
         semantics=Semantics(
-            partial(outcome_sets.adding, R),
+            partial(outcome_sets.with_own_results, R),
             steady=True,
             wait_sec=partial(outcome_sets.milliseconds, name="delay_msec"),
         ),
@@ -202,7 +203,7 @@ BEHAVIORTREE_CPP = [
         "Fails if its child is still running after a time. The child is halted without another tick.",
         input_port("msec", MILLISECONDS, "Time limit of the child, in milliseconds; 0 for no limit."),
         CLOCK,
-        semantics=_with_rewrite(Semantics.limiting(_timeout_limit), rewrites.timeout),
+        semantics=_with_rewrite(Semantics.limits_child(_timeout_limit), rewrites.timeout),
     ),
     _own(
         "Precondition",
@@ -239,7 +240,7 @@ PY_TREES = [
         "Ticks its child until it has completed once. Afterwards returns the same status without ticking it.",
         attribute("policy", ONESHOT_TYPE, "The completion: any result, or only a success."),
         semantics=Semantics(
-            outcome_sets.passing,
+            outcome_sets.passing_results,
             once=True,
             counterpart=Counterpart(rewrite=rewrites.oneshot, hint=rewrites.NO_ONESHOT),
         ),
@@ -252,7 +253,7 @@ PY_TREES = [
         "Fails if its child is still running after a time, measured on the mission's clock.",
         attribute("duration", SECONDS, "Time limit of the child, in seconds."),
         CLOCK,
-        semantics=_with_rewrite(Semantics.limiting("duration"), rewrites.timeout),
+        semantics=_with_rewrite(Semantics.limits_child("duration"), rewrites.timeout),
         skipping=SkipSupport(advice='msec="..."'),
         variant=True,
     ),
@@ -264,7 +265,7 @@ PY_TREES = [
             int,
             "Number of failures after which the node fails. With 1 or less, it fails with the first one.",
         ),
-        semantics=_with_rewrite(Semantics.repeating(F, _failures), rewrites.retry, built_in=False),
+        semantics=_with_rewrite(Semantics.restarts_child(F, _failures), rewrites.retry, built_in=False),
         instead="RetryUntilSuccessful",
     ),
     _stock(
@@ -275,7 +276,7 @@ PY_TREES = [
             int,
             "Number of successes after which the node succeeds. With 0 or less, it never succeeds.",
         ),
-        semantics=_with_rewrite(Semantics.repeating(S, _successes), rewrites.repeat),
+        semantics=_with_rewrite(Semantics.restarts_child(S, _successes), rewrites.repeat),
         instead='num_cycles="..."',
         variant=True,
     ),
@@ -283,13 +284,13 @@ PY_TREES = [
         "Condition",
         "Runs until its child returns a given status, then succeeds.",
         attribute("status", StatusName, "The status to wait for."),
-        semantics=Semantics(outcome_sets.awaiting, steady=True),
+        semantics=Semantics(outcome_sets.awaiting_results, steady=True),
         outcomes=frozenset({"SUCCESS", "RUNNING"}),
     ),
     _stock(
         "Count",
         "Returns the status of its child, and counts ticks and results.",
-        semantics=Semantics.passing(),
+        semantics=Semantics.transparent(),
     ),
     _stock(
         "EternalGuard",
@@ -308,7 +309,7 @@ PY_TREES = [
             ),
         ),
     ),
-    _stock("PassThrough", "Returns the status of its child.", semantics=Semantics.passing()),
+    _stock("PassThrough", "Returns the status of its child.", semantics=Semantics.transparent()),
     _stock(
         "StatusToBlackboard",
         "Writes its child's status to the blackboard in every tick, and returns it.",
@@ -318,7 +319,7 @@ PY_TREES = [
             "The key to write, or `key.attribute` of an existing object.",
         ),
         SCOPE,
-        semantics=Semantics.passing()._replace(keys={"variable_name": _WRITTEN}),
+        semantics=Semantics.transparent()._replace(keys={"variable_name": _WRITTEN}),
         effects=WRITES,
     ),
     _stock(
@@ -330,12 +331,12 @@ PY_TREES = [
         semantics=Semantics(outcome_sets.each_item, keys={"target_key": _WRITTEN}),
         effects=WRITES,
     ),
-    _turning("SuccessIsRunning", S, R, instead="KeepRunningUntilFailure"),
-    _turning("SuccessIsFailure", S, F, instead="ForceFailure"),
-    _turning("FailureIsSuccess", F, S, instead="ForceSuccess"),
-    _turning("FailureIsRunning", F, R, hint=rewrites.NO_FAILURE_IS_RUNNING),
-    _turning("RunningIsSuccess", R, S),
-    _turning("RunningIsFailure", R, F),
+    _mapping_decorator("SuccessIsRunning", S, R, instead="KeepRunningUntilFailure"),
+    _mapping_decorator("SuccessIsFailure", S, F, instead="ForceFailure"),
+    _mapping_decorator("FailureIsSuccess", F, S, instead="ForceSuccess"),
+    _mapping_decorator("FailureIsRunning", F, R, hint=rewrites.NO_FAILURE_IS_RUNNING),
+    _mapping_decorator("RunningIsSuccess", R, S),
+    _mapping_decorator("RunningIsFailure", R, F),
 ]
 
 _SUBTREE_DOC = "Runs another tree. The other attributes map keys of that tree to keys of the calling tree."
@@ -343,7 +344,7 @@ SUBTREE = _own(
     SUBTREE_TAG,
     "py_trees.decorators:PassThrough",
     _SUBTREE_DOC,
-    semantics=Semantics.passing(),
+    semantics=Semantics.transparent(),
     skipping=SkipSupport(
         SkipPossibility.FROM_CHILD, _own(SUBTREE_TAG, "kernel.turning:SubTreeNode", _SUBTREE_DOC)
     ),

@@ -17,7 +17,7 @@ from sar_compiler.nodes.language.narrow_types import (
     Junction,
     StatusName,
 )
-from sar_compiler.nodes.language.node_rules import own, report_empty_queue, stock
+from sar_compiler.nodes.language.node_rules import language_spec, report_empty_queue, stock
 from sar_compiler.nodes.semantics import REMOVES, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter
 from sar_compiler.nodes.values import AS_WRITTEN, CONDITION, MILLISECONDS, SECONDS
@@ -28,11 +28,11 @@ _PEEKS = KeyRole(AccessKind.PEEK)
 _WRITTEN = KeyRole(AccessKind.WRITE)
 _REMOVED = KeyRole(AccessKind.NONE)
 
-_own = partial(own, Kind.ACTION)
+_own = partial(language_spec, Kind.ACTION)
 _stock = partial(stock, Kind.ACTION)
 
 
-def _peeking(*ports: str, resumes: bool = False) -> Semantics:
+def _peeking_semantics(*ports: str, resumes: bool = False) -> Semantics:
     """Return the semantics of a leaf that accepts a missing key."""
     return Semantics(keys=dict.fromkeys(ports, _PEEKS), resumes=resumes)
 
@@ -53,7 +53,7 @@ def _question(
         *parameters,
         SCOPE,
         outcomes=_SUCCESS | _FAILURE,
-        semantics=_peeking(*asks),
+        semantics=_peeking_semantics(*asks),
         made_by=made_by,
     )
 
@@ -84,7 +84,7 @@ BEHAVIORTREE_CPP = [
         outcomes=_SUCCESS,
         effects=WRITES,
     ),
-    own(
+    language_spec(
         Kind.CONDITION,
         "ScriptCondition",
         "language_nodes:ScriptCondition",
@@ -153,7 +153,7 @@ PY_TREES = [
         "Running",
         "Always returns RUNNING.",
         outcomes=_RUNNING,
-        semantics=Semantics(counterpart=Counterpart(rewrite=rewrites.running)),
+        semantics=Semantics(counterpart=Counterpart(rewrite=rewrites.rewrite_running)),
     ),
     _stock(
         "Dummy",
@@ -182,7 +182,7 @@ PY_TREES = [
             None,
         ),
         rule=report_empty_queue,
-        semantics=Semantics(outcome_sets.queued, resumes=True),
+        semantics=Semantics(outcome_sets.queue_results, resumes=True),
         made_by="status_queue",
     ),
     _stock(
@@ -249,7 +249,7 @@ PY_TREES = [
         _KEY,
         SCOPE,
         outcomes=_SUCCESS | _RUNNING,
-        semantics=_peeking("variable_name", resumes=True),
+        semantics=_peeking_semantics("variable_name", resumes=True),
     ),
     _stock(
         "SetBlackboardVariable",
@@ -289,7 +289,7 @@ PY_TREES = [
         *_COMPARISON,
         SCOPE,
         outcomes=_SUCCESS | _RUNNING,
-        semantics=_peeking("variable", resumes=True),
+        semantics=_peeking_semantics("variable", resumes=True),
         made_by="comparing",
     ),
     _question(

@@ -113,7 +113,7 @@ FROM_CHILD = SkipSupport(SkipPossibility.FROM_CHILD)
 _PLAIN = Semantics()
 
 
-def own(
+def language_spec(
     kind: Kind,
     tag: str,
     path: str,

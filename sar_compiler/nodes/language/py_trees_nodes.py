@@ -252,7 +252,7 @@ def parallel(
     return composites.Parallel(name, ParallelPolicy.SuccessOnSelected(chosen, waits), children)
 
 
-def comparing(
+def create_comparison(
     spec: NodeSpec,
     name: str,
     variable: Input[object],

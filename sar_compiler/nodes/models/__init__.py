@@ -281,7 +281,7 @@ def registry_without(registry: Registry, models: NodeModels) -> Registry:
         for tag, model in models.nodes.items()
         if tag in registry and is_library_tag(tag) and not model.is_of_py_trees
     }
-    return registry.without(taken) if taken else registry
+    return registry.without_tags(taken) if taken else registry
 
 
 def described_specs(files: Iterable[TreeFile], registry: Registry) -> list[NodeSpec]:
@@ -420,7 +420,7 @@ def _compare_port(model: NodeModel, port: Port, parameter: Parameter, collector:
         message = f"the port '{port.name}' of <{model.tag}> is an {right.value}"
         collector.add("model-mismatch", message, port.element, suggestion=right.value)
     said, real = type_of_cpp_name(port.type_name), _written_type(parameter)
-    if said is not None and not _agree(said, real):
+    if said is not None and not _types_fit(said, real):
         message = f"the port '{port.name}' of <{model.tag}> is {real.label}, but the model declares {port.type_name}"
         collector.add("model-mismatch", message, port.element, value="type", suggestion=real.cpp)
 
@@ -430,7 +430,7 @@ def _written_type(parameter: Parameter) -> ValueType:
     return _TEXT if parameter.value_type is NO_VALUE else parameter.value_type
 
 
-def _agree(said: ValueType, real: ValueType) -> bool:
+def _types_fit(said: ValueType, real: ValueType) -> bool:
     """Return whether a model's type fits a port, regardless of the size of integers."""
     if real.python not in _COMPARED:
         return True

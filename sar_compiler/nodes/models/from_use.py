@@ -8,7 +8,7 @@ from typing import NamedTuple
 from sar_compiler.nodes.binding.attributes import CONDITIONS, KIND_TAGS
 from sar_compiler.nodes.binding.binder import OF_ANY, is_node_of_other_library
 from sar_compiler.nodes.collector import FindingCollector
-from sar_compiler.nodes.cpp_names import ANY, TEXT, normalized
+from sar_compiler.nodes.cpp_names import ANY, TEXT, normalize
 from sar_compiler.nodes.models import ENUM_TAG, FROM_USE, METADATA_TAG, NodeModels, can_be_tag, read_models
 from sar_compiler.nodes.registry import Registry, is_library_tag
 from sar_compiler.nodes.spec import Direction, Kind
@@ -176,7 +176,7 @@ def _types_of_keys(nodes: Iterable[Element], models: NodeModels, registry: Regis
             }
             if model is not None and name in model.ports and not model.is_from_use:
                 named = {model.ports[name].type_name}
-            for cpp in map(normalized, named):
+            for cpp in map(normalize, named):
                 if cpp not in {"", ANY, TEXT}:
                     types.setdefault(key[1], cpp)
     return types

@@ -47,7 +47,7 @@ def description(specs: Sequence[NodeSpec]) -> Element:
         parameter.name: _port(parameter, spec)
         for spec in specs
         for parameter in spec.attributes
-        if parameter.role is not ParameterRole.NAME and parameter.name not in spec.fixed
+        if parameter.role is not ParameterRole.NAME and parameter.name not in spec.implied_values
     }
     notes = [_LIBRARY] if is_library_tag(specs[0].tag) else []
     attributes = {"ID": specs[0].tag, "editable": "true"}
@@ -67,7 +67,7 @@ def _port(parameter: Parameter, spec: NodeSpec) -> Element:
     attributes = {"name": parameter.name}
     if parameter.value_type.cpp:
         attributes["type"] = parameter.value_type.cpp
-    if not parameter.required and parameter.default is not None and parameter.name not in spec.fixed:
+    if not parameter.required and parameter.default is not None and parameter.name not in spec.implied_values:
         attributes["default"] = value_text(parameter.default)
     return synthetic_element((parameter.direction or Direction.INPUT).value, attributes, text=_doc(parameter))
 

@@ -17,7 +17,7 @@ from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.declaring import CLOCK, signature
 from sar_compiler.nodes.nav2 import outcomes
 from sar_compiler.nodes.numbers import PlausibleRange, convert_with_unit, number_hint, unit_name
-from sar_compiler.nodes.outcome_sets import F, S, adding, passing
+from sar_compiler.nodes.outcome_sets import F, S, passing_results, with_own_results
 from sar_compiler.nodes.palettes import KnownSpec
 from sar_compiler.nodes.semantics import Counterpart, Order, Semantics
 from sar_compiler.nodes.spec import (
@@ -305,7 +305,7 @@ _FREE: Mapping[str, _FreeNode] = {
     "RoundRobin main": _FreeNode(_TURNS, Semantics(partial(outcomes.round_robin, wraps=None), resumes=True)),
     "NonblockingSequence": _FreeNode(
         "nav2_controls:NonblockingNode",
-        Semantics(outcomes.nonblocking, Order.TOGETHER),
+        Semantics(outcomes.nonblocking_results, Order.TOGETHER),
         SkipPossibility.NEVER,
     ),
     "PersistentSequence": _FreeNode(
@@ -332,7 +332,15 @@ _STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Answer, ...]]] = {
         Semantics(partial(outcomes.periodic, F)),
         _DRIVEN,
     ),
-    "PathLongerOnApproach": ("nav2_decorators:LongerPathNode", Semantics(partial(adding, S)), _LONGER),
-    "GoalUpdater": ("turning:SubTreeNode", Semantics(passing, steady=True), ()),
-    "PauseResumeController": ("nav2_controls:PauseResumeNode", Semantics(outcomes.paused), _REQUESTS),
+    "PathLongerOnApproach": (
+        "nav2_decorators:LongerPathNode",
+        Semantics(partial(with_own_results, S)),
+        _LONGER,
+    ),
+    "GoalUpdater": ("turning:SubTreeNode", Semantics(passing_results, steady=True), ()),
+    "PauseResumeController": (
+        "nav2_controls:PauseResumeNode",
+        Semantics(outcomes.pausing_results),
+        _REQUESTS,
+    ),
 }

@@ -65,12 +65,12 @@ def round_robin(bound: NodeView, children: Sequence[int], sure: bool, *, wraps: 
     if wraps is None:
         wraps = bound.value("wrap_around")  # type: ignore[assignment]
     if wraps is None:
-        both = _wrapping(children), _not_wrapping(children)
+        both = _wrapping_results(children), _not_wrapping(children)
         return both[0] & both[1] if sure else both[0] | both[1]
-    return _wrapping(children) if wraps else _not_wrapping(children)
+    return _wrapping_results(children) if wraps else _not_wrapping(children)
 
 
-def _wrapping(children: Sequence[int]) -> int:
+def _wrapping_results(children: Sequence[int]) -> int:
     found, comes_through = _one_by_one(children, S | R, _ENDS)
     if not comes_through:
         return found
@@ -90,7 +90,7 @@ def _not_wrapping(children: Sequence[int]) -> int:
     return found | intersection(children) & K
 
 
-def nonblocking(_bound: NodeView, children: Sequence[int], _sure: bool) -> int:
+def nonblocking_results(_bound: NodeView, children: Sequence[int], _sure: bool) -> int:
     """Return the possible outcomes of a node that ticks all its children in every tick."""
     found, comes_through = _one_by_one(children, F, S | R)
     if not comes_through:
@@ -107,7 +107,7 @@ def persistent(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
     return found | (S if comes_through else 0)
 
 
-def paused(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
+def pausing_results(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
     """Return the possible outcomes of a node that ticks its first child until it is paused."""
     work = children[0]
     own = (S if work & (S | K) else 0) | work & (F | R)

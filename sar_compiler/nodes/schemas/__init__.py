@@ -20,7 +20,8 @@ def required_names(specs: Sequence[NodeSpec]) -> list[str]:
     return [
         name
         for name, choices in attributes_by_name(specs).items()
-        if len(choices) == len(specs) and all(parameter in spec.required for spec, parameter in choices)
+        if len(choices) == len(specs)
+        and all(parameter in spec.required_attributes for spec, parameter in choices)
     ]
 
 

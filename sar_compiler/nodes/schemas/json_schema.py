@@ -146,7 +146,7 @@ def _attribute(spec: NodeSpec, parameter: Parameter) -> Schema:
         schema: Schema = dict(_SCALAR)
     elif parameter.role is not ParameterRole.ATTRIBUTE:
         schema = dict(_NAME)
-    elif parameter.name in spec.fixed:
+    elif parameter.name in spec.implied_values:
         schema = {"enum": _both_ways(spec.fixed_value_names(parameter))}
     else:
         schema = _ref(f"value.{parameter.value_type.name}")

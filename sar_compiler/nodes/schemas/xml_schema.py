@@ -42,7 +42,7 @@ def xml_schema(
     for spec in described:
         if only is None or spec.tag in only:
             tags.setdefault(spec.tag, [spec])
-    lines = [*_notes(notes), *_group(tags), *_common()]
+    lines = [*_editor_notes(notes), *_group(tags), *_common()]
     for value_type in value_types(tags):
         lines += _value_type(value_type)
     lines += _named_type(ONESHOT, _enumeration(ONESHOT_TYPE.choices))
@@ -56,7 +56,7 @@ def _frame() -> str:
     return Path(__file__).with_name("frame.xsd").read_text("utf-8").removesuffix(_END)
 
 
-def _notes(names: Iterable[str]) -> list[str]:
+def _editor_notes(names: Iterable[str]) -> list[str]:
     attributes = [f'    <xs:attribute name="{name}" type="xs:string"/>' for name in names]
     return ['  <xs:attributeGroup name="notes">', *attributes, "  </xs:attributeGroup>"]
 
@@ -116,7 +116,7 @@ def _either_form(tag: str, spec: NodeSpec) -> list[str]:
 def _attribute(spec: NodeSpec, parameter: Parameter, *, always: bool) -> list[str]:
     head = f'    <xs:attribute name="{parameter.name}"'
     value_type = parameter.value_type
-    if parameter.name in spec.fixed:
+    if parameter.name in spec.implied_values:
         allowed = _enumeration(spec.fixed_value_names(parameter))
         return [f"{head}>", *_simple_type("      ", "", allowed), "    </xs:attribute>"]
     if parameter.role is ParameterRole.NAME:

@@ -156,7 +156,7 @@ class OwnTimeout(OwnInverter):
         return outcome
 
 
-@register("OwnLimit", kind=Kind.DECORATOR, semantics=Semantics.limiting("seconds"))
+@register("OwnLimit", kind=Kind.DECORATOR, semantics=Semantics.limits_child("seconds"))
 class OwnLimit(OwnTimeout):
     """The same, with its meaning."""
 
@@ -358,18 +358,18 @@ class Updating(decorators.Decorator):
 @register(
     "TickingTurn",
     kind=Kind.DECORATOR,
-    semantics=Semantics.turning({Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS}),
+    semantics=Semantics.mapping({Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS}),
 )
 class TickingTurn(Updating):
     """Says that it turns what its child answers."""
 
 
-@register("TickingPass", kind=Kind.DECORATOR, semantics=Semantics.passing())
+@register("TickingPass", kind=Kind.DECORATOR, semantics=Semantics.transparent())
 class TickingPass(Updating):
     """Says that it passes on what its child answers."""
 
 
-@register("TickingLimit", kind=Kind.DECORATOR, semantics=Semantics.limiting("seconds"))
+@register("TickingLimit", kind=Kind.DECORATOR, semantics=Semantics.limits_child("seconds"))
 class TickingLimit(Updating):
     """Says that it limits the time of its child.
 
@@ -382,7 +382,7 @@ class TickingLimit(Updating):
         self.seconds = seconds
 
 
-@register("TickingRetry", kind=Kind.DECORATOR, semantics=Semantics.repeating(Status.FAILURE, "attempts"))
+@register("TickingRetry", kind=Kind.DECORATOR, semantics=Semantics.restarts_child(Status.FAILURE, "attempts"))
 class TickingRetry(Updating):
     """Says that it tries its child again.
 
@@ -395,7 +395,9 @@ class TickingRetry(Updating):
         self.attempts = attempts
 
 
-@register("TickingRounds", kind=Kind.DECORATOR, semantics=Semantics.repeating(Status.SUCCESS, "attempts"))
+@register(
+    "TickingRounds", kind=Kind.DECORATOR, semantics=Semantics.restarts_child(Status.SUCCESS, "attempts")
+)
 class TickingRounds(TickingRetry):
     """Says that it repeats its child."""
 

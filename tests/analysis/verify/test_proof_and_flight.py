@@ -52,7 +52,7 @@ def distinct(known: list[Form]) -> list[Form]:
         form
         for form in known
         if not any(text in told for _, text in form.attributes)
-        and not (form.spec.asks and form.attributes)
+        and not (form.spec.has_world_leaf and form.attributes)
         and form.spec.tag not in ("LoopDouble", "LoopBool", "LoopString")
         and not (form.spec.tag.startswith("Switch") and form.spec.child_count != (3, 3))
     ]
