@@ -79,7 +79,7 @@ def write_journal(folder: Path, entries: int) -> tuple[Path, Path]:
         written += 1
 
     with closing(open_journal(path)) as journal:
-        journal.listen(count)
+        journal.add_listener(count)
         journal.clock = simulated.clock
         looks = [[each.shape.value, each.sign] for each in drawn_nodes(compiled)]
         about = {"looks": looks, "tree_file": str(tree), "tree_id": "Main"}

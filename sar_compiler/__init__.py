@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.registry import Registry as Registry
     from sar_compiler.nodes.registry import RegistryError as RegistryError
     from sar_compiler.opener import UnreadableFileError as UnreadableFileError
-    from sar_compiler.ros.host_programs import running as running
+    from sar_compiler.ros.host_programs import running_tree as running_tree
     from sar_compiler.ros.runner import TreeRunner as TreeRunner
     from sar_compiler.tree.diagnostic import Diagnostic as Diagnostic
     from sar_compiler.tree.diagnostic import TreeError as TreeError

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from sar_compiler.ros.leaves.goals import describe_status as describe_status
     from sar_compiler.ros.leaves.leaf import LeafDefinitionError as LeafDefinitionError
     from sar_compiler.ros.leaves.leaf import RosLeaf as RosLeaf
-    from sar_compiler.ros.leaves.leaf import alive as alive
     from sar_compiler.ros.leaves.leaf import find_interface as find_interface
+    from sar_compiler.ros.leaves.leaf import is_node_valid as is_node_valid
     from sar_compiler.ros.leaves.leaf import of_node as of_node
     from sar_compiler.ros.leaves.leaf import qos_profile as qos_profile
     from sar_compiler.ros.leaves.topic_leaf import TopicLeaf as TopicLeaf

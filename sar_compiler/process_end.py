@@ -1,4 +1,4 @@
-"""The end of this process, used by every command, and by a program that ticks a tree with `sar_compiler.running`.
+"""The end of this process, used by every command, and by a program that ticks a tree with `sar_compiler.running_tree`.
 
 The order is always the same: set an alarm, print the reason, cancel goals, flush buffers, exit the process. The alarm comes first, because
 every later step can hang: other threads, exit functions, the native parts of ROS. This module needs no ROS, and importing it takes no

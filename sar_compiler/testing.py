@@ -37,12 +37,12 @@ __all__ = [
     "Simulated",
     "assert_matches_golden",
     "assert_scenario_holds",
-    "compiled",
+    "compile_for_test",
     "simulate",
 ]
 
 
-def compiled(
+def compile_for_test(
     tree: str | Path,
     tree_id: str | None = None,
     registry: Registry | None = None,
@@ -82,7 +82,7 @@ def assert_matches_golden(
     Raises:
         AssertionError: If they differ, with the difference; or if there is no committed file yet.
     """
-    result = compiled(tree, tree_id, registry, nodes)
+    result = compile_for_test(tree, tree_id, registry, nodes)
     as_json = Path(golden).suffix == ".json"
     text = (
         json.dumps(outline(result), indent=2, ensure_ascii=False) + "\n"

@@ -63,7 +63,7 @@ def read_areas_file(reader: ParameterReader) -> None:
         try:
             _add_zones(reader, file)
         except _AreasFileError as error:
-            reader.report_error(AREAS_FILE, str(error), file.place(*error.path))
+            reader.report_error(AREAS_FILE, str(error), file.location_of(*error.path))
     if len(reader.problems) > before and _ORDER not in reader.parameters:
         # Missing zones are not a second error then.
         reader.complain()
@@ -89,7 +89,7 @@ def _add_zones(reader: ParameterReader, file: "JsonFile") -> None:
             name = _name(at, feature, zones)
             zones[name] = at, _zone(feature, origin, f"feature {at + 1} ({name!r})")
         except _AreasFileError as error:
-            reader.report_error(AREAS_FILE, str(error), file.place(_FEATURES, at, *error.path))
+            reader.report_error(AREAS_FILE, str(error), file.location_of(_FEATURES, at, *error.path))
 
     for at, feature in areas.items():
         add(at, feature)
@@ -123,7 +123,7 @@ def _draw(
             drawn[flat] = value
             if flat not in reader.parameters:
                 inside = ("properties", key) if key in properties[name] else _RINGS
-                reader.places_elsewhere[flat] = partial(file.place, _FEATURES, at, *inside)
+                reader.places_elsewhere[flat] = partial(file.location_of, _FEATURES, at, *inside)
     reader.parameters = {**drawn, **reader.parameters}
 
 

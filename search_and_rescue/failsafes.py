@@ -48,7 +48,7 @@ class _Failsafe(RosLeaf):
     def _judge(self, problem: str) -> Status:
         """Return FAILURE for a problem, or SUCCESS for an empty string."""
         if problem and not self._raised:
-            self.complain(f"Failsafe: {problem}.")
+            self.warn(f"Failsafe: {problem}.")
             self.record.alarmed(problem)
         self._raised = bool(problem)
         self.feedback_message = problem
@@ -237,7 +237,7 @@ class InsideFence(_Failsafe):
         robot = self._robot if self.fence else None
         if robot is not None and robot.pose_problem:
             return self._judge(f"the last pose of the localisation is unusable: {robot.pose_problem}")
-        place = robot.place() if robot is not None else None
+        place = robot.last_pose() if robot is not None else None
         if place is None or self.fence.contains(*place[:2]):
             return self._judge("")
         return self._judge(f"the robot, at ({place[0]:.2f}, {place[1]:.2f}), is outside the geofence")

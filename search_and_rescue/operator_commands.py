@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from sar_compiler.leaves import alive, find_interface, turn_by
+from sar_compiler.leaves import find_interface, is_node_valid, turn_by
 from sar_compiler.missions import (
     CommandAuthor,
     CommandField,
@@ -108,7 +108,7 @@ class OperatorCommands:
         """Destroy the services, unless they were destroyed with their node."""
         services, self._services = self._services, {}
         for node, service in services.values():
-            if alive(node):
+            if is_node_valid(node):
                 node.destroy_service(service)
 
 

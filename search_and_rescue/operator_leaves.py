@@ -101,9 +101,9 @@ class NotHeld(RosLeaf):
         refusal = carry_out(request)
         response.success, response.message = not refusal, refusal or "done"
         if refusal:
-            self.complain(self.orders.line(command, f"refused, {refusal}"))
+            self.warn(self.orders.line(command, f"refused, {refusal}"))
         else:
-            self.say(self.orders.line(command))
+            self.log(self.orders.line(command))
             self._wake()
         return response
 

@@ -63,7 +63,7 @@ class PathRequests:
 
     def are_awaited(self) -> bool:
         """Return whether a response is pending; sends the first request as soon as the server is available."""
-        if self._left and self._due.passed:
+        if self._left and self._due.has_passed:
             self._stop(f"no response within {self._timeout_sec:g} s")
         elif self._left and not self._is_waiting:
             self._go_on()
@@ -102,7 +102,7 @@ class PathRequests:
     def _go_on(self) -> None:
         if self._planner.is_ready:
             self._is_waiting = True
-            self._planner.ask(self._goal(*self._left[0]), self._take)
+            self._planner.send_goal(self._goal(*self._left[0]), self._take)
 
     def _goal(self, start: MapPose, target: MapPose) -> Any:
         goal = self._planner.interface.Goal(planner_id=self._planner_id, use_start=True)

@@ -79,7 +79,7 @@ class DetectSurvivorServer(DataNode):
 
     def _look(self, zone: str) -> tuple[float, float] | None:
         """Return the position of a survivor detected in a zone; None if none is."""
-        place = self._robot.place() if self._robot is not None else None
+        place = self._robot.last_pose() if self._robot is not None else None
         robot = place[:2] if place is not None else None
         if self._hiding is not None:
             return self._hiding.look(zone, robot)

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from sar_compiler.testing import compiled
+from sar_compiler.testing import compile_for_test
 from sar_compiler.views.drawing import svg
 
 
@@ -68,7 +68,9 @@ def _drawn(drawn: Drawn, folder: Path) -> str:
     path = folder / name if name else Path(page)
     if name:
         path.write_text(shown(page, name), encoding="utf-8")
-    return svg(compiled(path, drawn.tree, nodes=drawn.nodes), folded=drawn.folded).replace(f"{folder}/", "")
+    return svg(compile_for_test(path, drawn.tree, nodes=drawn.nodes), folded=drawn.folded).replace(
+        f"{folder}/", ""
+    )
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ class SiteStudio:
             path.write_text(said["text"], encoding="utf-8", newline="")
             self._studio = Studio(path, _ADDITIONS, _MOST_STATES, self._report)
             return "{}"
-        return json.dumps(self._studio.answer(question, said))
+        return json.dumps(self._studio.answer_question(question, said))
 
     def _report(self, states: int) -> None:
         self._on_progress(states)

@@ -83,7 +83,7 @@ class Fingerprint(NamedTuple):
         """
         reader = read_parameters(tree, params, tree_id)
         return cls(
-            tree.forest.place,
+            tree.forest.path,
             _id_of(tree, tree_id),
             _files_of(tree),
             _mission_parameters(reader.parameters),
@@ -268,7 +268,7 @@ def _id_of(tree: ProjectTree, tree_id: str | None) -> str:
 def _files_of(tree: ProjectTree) -> dict[str, str]:
     forest, files = tree.forest, dict[str, str]()
     for source in (each.source for each in (*forest.files, *forest.others)):
-        name = os.path.relpath(real_path(Path(source.path)), forest.place.parent)
+        name = os.path.relpath(real_path(Path(source.path)), forest.path.parent)
         sum_now = _sum(encode_text(source, source.text))
         if files.setdefault(name, sum_now) != sum_now:
             raise ApprovalError(f"{source.path} has changed while it was read. Start over")

@@ -143,7 +143,7 @@ def findings_of_runs(
     found = []
     for raised in _search(stepper.steps, lambda: budget.charge(cost), place_of):
         ticks = [
-            [event for event in stepper.play(state, wanted).events if event.answer]
+            [event for event in stepper.play(state, wanted).events if event.outcome]
             for state, wanted in raised.ticks
         ]
         is_sure = not simulated.by_semantics and not any(

@@ -237,15 +237,15 @@ class _ReplayedRun:
         for event in takewhile(lambda each: each.tick <= tick, self.record):
             if event.what in (ANSWERED, HALTED) and event.number in self._leaves:
                 # A leaf that keeps running has another entry for each new message.
-                if event.status != "RUNNING" or last.get(event.number) != event.deed:
+                if event.status != "RUNNING" or last.get(event.number) != event.action:
                     led.append(event)
-                last[event.number] = event.deed
+                last[event.number] = event.action
             if event.tick == tick and event.number == number and event.what != STARTED:
                 break
         return tuple(led[-_MOST_TOLD:])
 
     def _recorded_outcomes(self, lost: LostTick) -> list[Event]:
-        return [event for event in lost.events if event.answer and event.number in self._leaves]
+        return [event for event in lost.events if event.outcome and event.number in self._leaves]
 
     def is_unfinished(self, lost: LostTick) -> bool:
         """Return whether a tick may be unfinished or incompletely recorded.
@@ -328,7 +328,7 @@ class _ReplayedRun:
             self.runs.restore_before(state, way, place)
             return (
                 number,
-                f"{missing.leaf} still {again.answer}",
+                f"{missing.leaf} still {again.outcome}",
                 possible,
                 _violated_assumption(self._leaves[number], again),
             )
@@ -380,7 +380,7 @@ class _Attempt(NamedTuple):
 
 def event_text(event: Event) -> str:
     """Return an event in the form of a properties file: `OpenDoor opened`."""
-    return f"{event.leaf} {'starts' if event.what == STARTED else event.deed}"
+    return f"{event.leaf} {'starts' if event.what == STARTED else event.action}"
 
 
 def _violated_assumption(leaf: StubLeaf, event: Event) -> str:

@@ -432,7 +432,7 @@ class SimulationBuilder(Builder):
             return super()._make(instance, bound, children)
         made = super()._make(instance, bound, children)
         assert isinstance(made, EngineParent)  # noqa: S101 - a stand-in is one of ours
-        made.ask(self._stub(instance, bound))
+        made.insert_leaf(self._stub(instance, bound))
         return made
 
     def _stub(self, instance: TreeInstance, bound: BoundNode) -> StubLeaf:

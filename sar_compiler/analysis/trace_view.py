@@ -8,7 +8,7 @@ from sar_compiler.analysis.simulate.scenario_run import Failure, NodeCoverage, O
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord, ValueChange
-from sar_compiler.tree.plain import as_json, plain, speakable, value_as_script
+from sar_compiler.tree.plain import as_json, speakable, to_json_value, value_as_script
 
 
 def trace(run: ScenarioRun) -> str:
@@ -107,7 +107,7 @@ class _Writer:
         yield f"tick {tick.number}, {tick.time_sec:g} s: {came_to}"
         for event in _visible_events(tick):
             status = f" ({event.status})" if event.label else ""
-            yield f"  {self._labels[event.number]:{self._width}}  {event.deed}{status}"
+            yield f"  {self._labels[event.number]:{self._width}}  {event.action}{status}"
         if tick.facts:
             yield f"  facts: {_values(_new_values(tick.facts))}"
         if tick.keys:
@@ -120,7 +120,7 @@ class _Writer:
         first, last = quiet[0], quiet[-1]
         which = f"tick {first.number}" if first is last else f"ticks {first.number} to {last.number}"
         events = (event for tick in quiet for event in _visible_events(tick) if self._is_done(event))
-        again = dict.fromkeys(f"{self._labels[event.number]} {event.deed}" for event in events)
+        again = dict.fromkeys(f"{self._labels[event.number]} {event.action}" for event in events)
         said = f"again {', '.join(again)}" if again else "nothing new"
         return [f"{which}, until {last.time_sec:g} s: {said}"]
 
@@ -246,14 +246,14 @@ def _tick(run: ScenarioRun, tick: TickRecord) -> dict[str, object]:
             {
                 "leaf": "/".join(event.path),
                 "what": event.what,
-                "answer": event.answer or None,
+                "answer": event.outcome or None,
                 "status": event.status or None,
             }
             for event in tick.events
             if event.what != TICKED
         ],
-        "facts": {name: plain(value) for name, value in _new_values(tick.facts).items()},
-        "keys": {name: plain(value) for name, value in _new_values(tick.keys).items()},
+        "facts": {name: to_json_value(value) for name, value in _new_values(tick.facts).items()},
+        "keys": {name: to_json_value(value) for name, value in _new_values(tick.keys).items()},
         "statuses": [{"node": names[node], "status": status} for node, status in tick.statuses.items()],
     }
 

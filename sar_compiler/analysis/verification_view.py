@@ -18,7 +18,7 @@ from sar_compiler.analysis.verify.verdicts import (
     VerificationComparison,
 )
 from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord
-from sar_compiler.tree.plain import as_json, count_with_noun, plain, value_as_script
+from sar_compiler.tree.plain import as_json, count_with_noun, to_json_value, value_as_script
 
 _WIDTH = 110
 
@@ -135,7 +135,7 @@ def _trace_lines(verdict: Verdict, trace: Trace, labels: Mapping[int, str]) -> I
 def _tick_lines(number: int, tick: TickRecord, labels: Mapping[int, str]) -> Iterator[str]:
     label = f"{number:5}  "
     seen = [event for event in tick.events if event.what in (ANSWERED, HALTED)]
-    done = [f"{labels[event.number]} {event.deed}" for event in seen]
+    done = [f"{labels[event.number]} {event.action}" for event in seen]
     came_to = [f"root {tick.root}"] if tick.root else []
     values = {**tick.keys, **tick.facts}
     changes = [
@@ -228,7 +228,7 @@ def _tick(tick: TickRecord) -> dict[str, object]:
         "events": [_event(event) for event in tick.events if event.what != TICKED],
         "root": tick.root,
         "changes": {
-            name: [plain(before), plain(after)]
+            name: [to_json_value(before), to_json_value(after)]
             for name, (before, after) in {**tick.keys, **tick.facts}.items()
         },
         "error": tick.error,

@@ -318,11 +318,11 @@ def check_beginning(
     source, unfinished = beginning.tree_file.source, {place[:2] for place in beginning.unfinished}
     parents: dict[tuple[int, int], tuple[int, int] | None] = {}
     for each in beginning.tree_file.root.iterate():
-        parents.setdefault(each.place, None)
-        parents.update({child.place: each.place for child in each.children})
+        parents.setdefault(each.position, None)
+        parents.update({child.position: each.position for child in each.children})
     places = sorted(parents)
     ruled = {
-        bound.element.place
+        bound.element.position
         for tree in context.bound_forest.trees
         for bound in tree.nodes
         if bound.spec.rule is not None

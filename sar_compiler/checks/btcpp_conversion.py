@@ -54,8 +54,10 @@ def convert_to_btcpp(
 def _replace_main(forest: Forest, main: TreeFile) -> Forest:
     """Return a forest with a rewritten main file whose elements have kept their locations."""
     files = tuple(main if each is forest.main else each for each in forest.files)
-    meant = {each.place: forest.targets.get(id(each)) for each in forest.main.root.iterate()}
-    targets = {id(each): tree for each in main.root.iterate() if (tree := meant.get(each.place)) is not None}
+    meant = {each.position: forest.targets.get(id(each)) for each in forest.main.root.iterate()}
+    targets = {
+        id(each): tree for each in main.root.iterate() if (tree := meant.get(each.position)) is not None
+    }
     return dataclasses.replace(forest, main=main, files=files, targets=targets)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, complete_key_braces
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Source
-from sar_compiler.tree.display_text import escape_to_one_line, shortened
+from sar_compiler.tree.display_text import escape_to_one_line, shorten
 from sar_compiler.tree.guessing import is_typo
 from sar_compiler.tree.model import Element, TreeFile, last_element_before
 from sar_compiler.tree.yaml_writer import scalar
@@ -111,8 +111,7 @@ class Fix:
         source, span = finding.source, finding.span
         place = f"{source.path}:{span.line}:{span.column}"
         written, suggestion = (
-            escape_to_one_line(shortened(each))
-            for each in (_escape(finding), finding.suggestion or "left out")
+            escape_to_one_line(shorten(each)) for each in (_escape(finding), finding.suggestion or "left out")
         )
         return f"{place}: fixed[{finding.code}]: {written} -> {suggestion}"
 

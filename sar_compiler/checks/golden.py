@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sar_compiler.errors import SarError
 from sar_compiler.opener import RECORDED_OUTPUT, is_there, read_file
-from sar_compiler.tree.display_text import shortened
+from sar_compiler.tree.display_text import shorten
 
 RENEW = "SAR_RENEW_GOLDEN"
 """The environment variable that makes tests rewrite such files."""
@@ -42,9 +42,7 @@ def compare_golden(path: Path, text: str, what: str) -> str | None:
             *lines[:_MOST_SHOWN],
             f"... there are more differences, possibly after line {_MOST_COMPARED:,}",
         ]
-    return "\n".join(
-        [*map(shortened, lines), f"If the change is intended, run with {RENEW}=1 and review it."]
-    )
+    return "\n".join([*map(shorten, lines), f"If the change is intended, run with {RENEW}=1 and review it."])
 
 
 def _write(path: Path, text: str) -> None:

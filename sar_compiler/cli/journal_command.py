@@ -100,7 +100,7 @@ def _show(options: argparse.Namespace) -> None:
         if options.format == "json":
             lines = journal_json(file, state, with_watched=show_all)
         else:
-            lines = journal_lines(file, state, likeliest_cause(inquiry.why()), with_watched=show_all)
+            lines = journal_lines(file, state, likeliest_cause(inquiry.find_cause()), with_watched=show_all)
         for line in lines:
             print(line)
 

@@ -88,8 +88,8 @@ def _validate(arguments: argparse.Namespace) -> int:
     _print_findings(
         arguments, validation.findings, validation.clean, validation.checked, fixable, validation.fixes
     )
-    if validation.unchecked:
-        _print_error(f"{budget.reason} ({count_with_noun(validation.unchecked, 'file')} not checked)")
+    if validation.unchecked_count:
+        _print_error(f"{budget.reason} ({count_with_noun(validation.unchecked_count, 'file')} not checked)")
         return budget.exit_status
     if validation.unreadable:
         return USAGE

@@ -10,7 +10,7 @@ from sar_compiler.compiler.sketch import Drawable, class_of, is_unknown
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.display_text import visible
-from sar_compiler.tree.plain import as_json, plain
+from sar_compiler.tree.plain import as_json, to_json_value
 
 # These are separate keys in the outline, as consumers expect.
 _OWN_KEYS = ("memory", "policy")
@@ -29,9 +29,9 @@ def _outline(tree: Drawable, behaviour: Behaviour) -> dict[str, Any]:
     origin = tree.origins[behaviour.id]
     element = origin.bound.element
     node: dict[str, Any] = {"class": class_of(behaviour), "name": behaviour.name}
-    node.update({key: plain(origin.attributes[key]) for key in _OWN_KEYS if key in origin.attributes})
+    node.update({key: to_json_value(origin.attributes[key]) for key in _OWN_KEYS if key in origin.attributes})
     node["attributes"] = {
-        key: plain(value) for key, value in origin.attributes.items() if key not in _OWN_KEYS
+        key: to_json_value(value) for key, value in origin.attributes.items() if key not in _OWN_KEYS
     }
     node["children"] = [_outline(tree, child) for child in behaviour.children]
     node["file"] = element.source.path

@@ -24,7 +24,7 @@ from sar_compiler.resources import shared_file_path
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, Source, Span, TreeError
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.kinds import SEVERITIES
-from sar_compiler.tree.yaml_spans import offsets_in_scalar, unquoted
+from sar_compiler.tree.yaml_spans import offsets_in_scalar, unquote
 
 if TYPE_CHECKING:
     from jsonschema import Draft7Validator
@@ -481,7 +481,7 @@ class Document:
             line = source.span(value.start, value.start).line
             end = source.offset(line, len(source.line(line)) + 1)
             return source.span(value.start, max(value.start + 1, min(value.end, end)))
-        start, end = unquoted(source.text, value.start, value.end)
+        start, end = unquote(source.text, value.start, value.end)
         if part is None:
             return source.span(start, max(start + 1, end))
         offsets = offsets_in_scalar(source.text, value.start, value.end, value.text)

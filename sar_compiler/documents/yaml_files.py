@@ -48,20 +48,20 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str, folder: Path | Non
     """
     document = Document(make_source(data, path, YamlSpans(), None, empty_hint, DOCUMENT), folder)
     events = YamlEvents(document.source)
-    events.take()  # start of the stream
+    events.pop()  # start of the stream
     if not isinstance(events.next, yaml.DocumentStartEvent):
         start, message = Span(1, 1, 1, 1), "the file is empty"
         raise TreeError([Diagnostic("empty-file", message, document.source, start, hint=empty_hint)])
-    events.take()
+    events.pop()
     document.root = _value(events, document)
-    events.take()  # end of the document
+    events.pop()  # end of the document
     if isinstance(events.next, yaml.DocumentStartEvent):
         mark = _start(events.next)
         message, hint = (
             "a second document begins here, but such a file has only one",
             "move it to a separate file",
         )
-        events.report("second-document", message, mark, mark + 3, hint=hint)
+        events.report_finding("second-document", message, mark, mark + 3, hint=hint)
     if events.findings:
         raise TreeError(events.findings)
     return document
@@ -105,13 +105,13 @@ def document_from_data(said: Mapping[str, object], name: str, empty_hint: str) -
 
 def _value(events: YamlEvents, document: Document) -> Value:
     document.count_value()
-    event: Any = events.take()
+    event: Any = events.pop()
     start, end = _start(event), int(event.end_mark.index)
     if isinstance(event, yaml.SequenceStartEvent):
         items = []
         while not isinstance(events.next, yaml.SequenceEndEvent):
             items.append(_value(events, document))
-        return Value.from_items(start, events.take().end_mark.index, items)
+        return Value.from_items(start, events.pop().end_mark.index, items)
     if isinstance(event, yaml.MappingStartEvent):
         entries: dict[str, tuple[Value, Value]] = {}
         while not isinstance(events.next, yaml.MappingEndEvent):
@@ -127,7 +127,7 @@ def _value(events: YamlEvents, document: Document) -> Value:
                 document.report("duplicate-key", f"'{key.text}' is written twice here", key)
             else:
                 entries[key.text] = (key, inner)
-        return Value.from_entries(start, events.take().end_mark.index, entries.values())
+        return Value.from_entries(start, events.pop().end_mark.index, entries.values())
     if isinstance(event, yaml.AliasEvent):  # already reported
         return Value(start, end, None, text="")
     return Value(start, end, event.value if event.style else parse_scalar(event.value), text=event.value)

@@ -76,7 +76,7 @@ def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) 
         beside: Other files that may use its trees, as they include it.
     """
     main = tree.forest.main
-    element = last_element_before(list(main.root.iterate()), main.source.place(offset))
+    element = last_element_before(list(main.root.iterate()), main.source.position_of(offset))
     if element is None:
         return None
     pointed = _attribute_at(element, offset)

@@ -214,7 +214,7 @@ class XmlText:
 
     def _line(self, offset: int) -> tuple[int, str]:
         """Return the start of an offset's line, and the blanks at the beginning of the line before the offset."""
-        start = self._source.offset(self._source.place(offset)[0], 1)
+        start = self._source.offset(self._source.position_of(offset)[0], 1)
         lead = self._text[start:offset]
         return start, lead[: len(lead) - len(lead.lstrip(_BLANK))]
 

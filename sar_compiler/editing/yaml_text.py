@@ -159,7 +159,7 @@ class YamlText:
         dash = "- " if element.offset in self._parents else ""
         lines = [SnippetLine(each) for each in node_lines(element, "", dash)]
         lines[0] = SnippetLine(lines[0].text.removeprefix(dash))
-        column = self._source.place(extent.start)[1] - 1 - len(dash)
+        column = self._source.position_of(extent.start)[1] - 1 - len(dash)
         text, end = self._join(lines, " " * column), extent.end
         if behind := _COMMENT_BEHIND.match(self._text, end):  # it would be a part of a block
             text, end = f"{text}{self._source.line_end}{' ' * column}", behind.end()
@@ -208,11 +208,11 @@ class YamlText:
     def _add(self, element: Element, extent: _NodeExtent, behind: int, lines: Snippet) -> list[TextEdit]:
         """Return the edits that add lines to the content of an element, below an offset."""
         if extent.content is None:
-            column = self._source.place(self._source.spans.tag(element)[0])[1] + 1
+            column = self._source.position_of(self._source.spans.tag(element)[0])[1] + 1
             colon = [] if extent.has_content else [TextEdit(extent.tag_end, extent.tag_end, ":")]
             below = self._line_at(self._line_behind(extent.end), " " * column, lines)
             return [*colon, below]
-        column = self._source.place(extent.content)[1] - 1
+        column = self._source.position_of(extent.content)[1] - 1
         return [self._line_at(self._line_behind(behind), " " * column, lines)]
 
     def delete_element(self, element: Element) -> list[TextEdit]:
@@ -257,7 +257,7 @@ class YamlText:
 
     def _line(self, offset: int) -> int:
         """Return the start of an offset's line."""
-        return self._source.offset(self._source.place(offset)[0], 1)
+        return self._source.offset(self._source.position_of(offset)[0], 1)
 
     def _line_behind(self, offset: int) -> int:
         """Return the start of the line after an offset's line."""

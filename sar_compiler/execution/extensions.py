@@ -51,7 +51,7 @@ class RunExtensions:
             self._extensions.append(extension)
             stack.callback(self._end, extension)
             if type(extension).on_entry is not RunExtension.on_entry:
-                run.journal.listen(extension.on_entry)
+                run.journal.add_listener(extension.on_entry)
 
     def on_compiled(self, tree: "CompiledTree", engine: "Engine") -> None:
         """Start each extension.

@@ -24,10 +24,10 @@ from sar_compiler.journal.journal_entries import (
 )
 from sar_compiler.missions.mission import CommandError, OperatorCommand
 from sar_compiler.ros.clock import mission_clock
-from sar_compiler.ros.engine import Engine, error_text, tell
+from sar_compiler.ros.engine import Engine, error_text, log_error
 from sar_compiler.ros.run_extension import RunExtension, UnfitLeavesError
 from sar_compiler.runtime.answers import DeclaredAnswers
-from sar_compiler.runtime.leaf_listener import hear
+from sar_compiler.runtime.leaf_listener import listen_to_leaf
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.display_text import escape_to_one_line
@@ -184,7 +184,7 @@ class PropertyWatch(RunExtension):
             if behaviour.id in declared and not behaviour.children:
                 self._leaves[number] = behaviour
                 self._answers[number] = DeclaredAnswers(declared[behaviour.id])
-                hear(behaviour, number, self)
+                listen_to_leaf(behaviour, number, self)
         engine.add_post_tick_handler(self._end_tick)
 
     @property
@@ -250,7 +250,9 @@ class PropertyWatch(RunExtension):
             self._record_alarms()
         except Exception as error:  # noqa: BLE001
             self._is_over, self._failure = True, error_text(error)
-            tell(self._run.node, f"The run is no longer monitored for properties: {self._failure}", error)
+            log_error(
+                self._run.node, f"The run is no longer monitored for properties: {self._failure}", error
+            )
 
     def verdicts(self) -> dict[str, str]:
         """Return the verdict of each property: `kept`, `owed` (undecided) or `broken`; `unknown` if the monitor has failed."""

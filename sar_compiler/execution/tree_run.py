@@ -36,10 +36,10 @@ from sar_compiler.ros.engine import (
     SetupFailedError,
     error_text,
     failure_text,
+    log_error,
     raising_behaviour,
-    tell,
 )
-from sar_compiler.ros.executors import suited
+from sar_compiler.ros.executors import suitable_executor
 from sar_compiler.ros.forced_end import ForcedEnd
 from sar_compiler.ros.graph_queries import declared_endpoints, ros_graph
 from sar_compiler.ros.leaves.leaf import RosLeaf, qos_profile
@@ -313,7 +313,7 @@ class TreeRun:
         for line in self.setup.mission.start_lines():
             self._node.get_logger().info(escape_to_one_line(line))
         self.executor.add_node(self._node)
-        self.executor = suited(self.executor, self._node)
+        self.executor = suitable_executor(self.executor, self._node)
         try:
             self._wait()
         except NotReadyError:
@@ -389,7 +389,7 @@ class TreeRun:
         try:
             with self._tick_watch():
                 engine.setup(node=self._node)
-                self.executor = suited(self.executor, self._node)
+                self.executor = suitable_executor(self.executor, self._node)
                 self.setup.orders.begin()
                 self.extensions.on_setup()
                 self._signals.last_words = self._end.end_immediately
@@ -401,7 +401,7 @@ class TreeRun:
                 self.extensions.on_last_tick(is_over=is_over)
                 self._stop_and_settle()
         except SetupFailedError as error:
-            tell(self._node, str(error), error.__cause__)
+            log_error(self._node, str(error), error.__cause__)
             status = self._fail(
                 "the tree was not started, because one of its leaves failed in setup (see above)", str(error)
             )
@@ -444,7 +444,7 @@ class TreeRun:
 
     def _tick_until_over(self) -> None:
         self.engine.tick_tock(1000.0 / self._parameters.tick_rate_hz)
-        with AWAKE.turning(self._node.get_logger().warning):
+        with AWAKE.mark_polling(self._node.get_logger().warning):
             while self._result is None and self.engine.failure is None and not self._is_over:
                 AWAKE.now()
                 self._turn_over = Future()
@@ -464,7 +464,7 @@ class TreeRun:
                 f"a goal may still be active, and the robot may still be moving: {', '.join(names)}"
             )
         robot = self._robot
-        while robot is not None and robot.stands is False and time.monotonic() < deadline:
+        while robot is not None and robot.is_standing is False and time.monotonic() < deadline:
             if not self._node.context.ok():
                 return
             self._spin_once(lambda: self.executor.spin_once(_TURN_SEC))
@@ -480,7 +480,7 @@ class TreeRun:
             pass  # handled by the enclosing loop
         except Exception as error:  # noqa: BLE001 - from a leaf's own callback, or rclpy's: a clock before 0
             self._callback_failure = error
-            tell(self._node, f"A callback failed: {error_text(error)}. The tree is stopped.", error)
+            log_error(self._node, f"A callback failed: {error_text(error)}. The tree is stopped.", error)
 
     def _tick_watch(self) -> TickWatch:
         """Return the watchdog that reports a blocking leaf, and ends the run on request."""

@@ -402,7 +402,7 @@ class JournalFile:
         return self._read(f"watched WHERE kind IN ({_places(kinds)})" if kinds else "watched", kinds)
 
     def stream(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries in order, as `Journal.listen` delivers them, without some kinds of observations."""
+        """Yield all entries in order, as `Journal.add_listener` delivers them, without some kinds of observations."""
         for number, entry in enumerate(self.every_run(without=without), 1):
             yield JournalEntry(number, *entry[1:])
 

@@ -168,7 +168,7 @@ class Journal:
         """Whether entries are used: there is a file or a listener."""
         return self.is_kept or bool(self._listeners)
 
-    def listen(self, listener: Listener) -> None:
+    def add_listener(self, listener: Listener) -> None:
         """Register a function to call with each entry after it is written.
 
         It is called in the thread of the mission, and must return at once. A function that raises an error is not called again. In addition to
@@ -187,7 +187,7 @@ class Journal:
         return self._about
 
     def earlier(self) -> list[JournalEntry]:
-        """Return the entries of earlier runs in order, which `listen` does not deliver."""
+        """Return the entries of earlier runs in order, which `add_listener` does not deliver."""
         return [*self._file.stream()] if self._file is not None and self.is_resumed else []
 
     def earlier_events(self) -> list[JournalEntry]:

@@ -1,6 +1,6 @@
 """The state of a mission, computed from the entries of its journal, for the page, reports and the terminal.
 
-The entries arrive one by one while the mission runs (`Journal.listen`), or all at once from a file (`JournalFile.stream`); the
+The entries arrive one by one while the mission runs (`Journal.add_listener`), or all at once from a file (`JournalFile.stream`); the
 state is the same. Entries of other kinds, or without the data of their kind, are events of the mission.
 """
 

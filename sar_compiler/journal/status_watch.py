@@ -117,7 +117,7 @@ class StatusWatch(VisitorBase):
         if declared is None:
             return None
         said = getattr(behaviour, "answer_label", "")
-        objection = declared.objection(status, said)
+        objection = declared.why_invalid(status, said)
         if objection and objection not in self._warned:
             self._warned.add(objection)
             self._warn(f"'{behaviour.name}' ({type(behaviour).__name__}): {objection}.")

@@ -331,7 +331,7 @@ class TreeServer(LanguageServer):
         return lsp.Range(self._position(source, start), self._position(source, end))
 
     def _position(self, source: Source, offset: int) -> lsp.Position:
-        line, column = source.place(offset)
+        line, column = source.position_of(offset)
         first = source.line_starts[line - 1]
         units = self.workspace.position_codec.client_num_units(source.text[first : first + column - 1])
         return lsp.Position(line - 1, units)
@@ -409,7 +409,7 @@ class TreeServer(LanguageServer):
         if tree is None:
             return None
         offset = self.offset_of(file, position)
-        element = last_element_before([*tree.forest.main.root.iterate()], tree.source.place(offset))
+        element = last_element_before([*tree.forest.main.root.iterate()], tree.source.position_of(offset))
         page = element and page_of_tag(element.tag, self._vocabulary(file))
         return (
             lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, f"```text\n{page}\n```")) if page else None
@@ -444,7 +444,9 @@ class TreeServer(LanguageServer):
     def _refactorings(self, uri: str, tree: ProjectTree, offset: int) -> Iterator[lsp.CodeAction]:
         """Yield the operations on the element at an offset; their edits follow when one is chosen."""
         elements = [*tree.forest.main.root.iterate()]
-        number = bisect.bisect_right(elements, tree.source.place(offset), key=lambda each: each.place) - 1
+        number = (
+            bisect.bisect_right(elements, tree.source.position_of(offset), key=lambda each: each.position) - 1
+        )
         for each in refactorings_at(tree.forest.main, number) if number > 0 else ():
             kind = _REFACTORINGS.get(each.operation, lsp.CodeActionKind.RefactorRewrite)
             data = {"uri": uri, "operation": each.operation, "arguments": dict(each.arguments)}

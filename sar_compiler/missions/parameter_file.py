@@ -17,7 +17,7 @@ import yaml
 
 from sar_compiler.errors import SarError
 from sar_compiler.opener import PARAMETERS, read_file
-from sar_compiler.tree.display_text import escape_to_one_line, shortened
+from sar_compiler.tree.display_text import escape_to_one_line, shorten
 from sar_compiler.tree.yaml_spans import SPLIT, split_number
 
 _SECTION = "ros__parameters"
@@ -67,7 +67,7 @@ class ParameterFileError(SarError):
         self.line, self.column = self.problems[0].line, self.problems[0].column
         super().__init__(
             "\n".join(
-                f"{file}{each.location}: {escape_to_one_line(shortened(each.text))}" for each in self.problems
+                f"{file}{each.location}: {escape_to_one_line(shorten(each.text))}" for each in self.problems
             )
         )
 

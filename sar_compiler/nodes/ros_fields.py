@@ -13,7 +13,7 @@ from typing import TypeAlias
 import yaml
 
 from sar_compiler.nodes.values import ConversionError, ValueType
-from sar_compiler.tree.yaml_fields import masked, unmasked
+from sar_compiler.tree.yaml_fields import mask, unmask
 
 _KEY = re.compile(r"[@\ue000]?[A-Za-z_]\w*", re.ASCII)
 _MOST_CHARACTERS = 100_000
@@ -136,7 +136,7 @@ def read_fields(text: str) -> MessageFields:
     depth = max(itertools.accumulate((each in "[{") - (each in "]}") for each in text))
     if depth > _DEEPEST:
         raise ConversionError("it is nested too deeply")
-    node, shift = _compose_yaml(masked(text))
+    node, shift = _compose_yaml(mask(text))
     found = _Reader(text, shift).node_value(node)
     if not isinstance(found, MessageFields):
         raise ConversionError(f"{_excerpt(text)} is not a field with a value", hint=_EXAMPLE)
@@ -206,7 +206,7 @@ class _Reader:
             raise ConversionError(
                 f"'{node.value}' is not a value: {problem}", hint="write it in quotes", place=place
             ) from error
-        return Scalar(unmasked(node.value), unmasked(found) if isinstance(found, str) else found, place)
+        return Scalar(unmask(node.value), unmask(found) if isinstance(found, str) else found, place)
 
     def _key(self, node: yaml.MappingNode, place: PlaceInText) -> KeyReference | None:
         """Return the key if a mapping has the form `{x}`; None for any other mapping."""
@@ -219,7 +219,7 @@ class _Reader:
         written = self._text[place[0] : place[1]]
         if not (is_alone and is_name) or ":" in written:
             return None
-        return KeyReference(unmasked(name.value), place)
+        return KeyReference(unmask(name.value), place)
 
     def _fields(self, node: yaml.MappingNode, place: PlaceInText) -> MessageFields:
         found: dict[str, tuple[FieldValue, PlaceInText | None]] = {}
@@ -227,7 +227,7 @@ class _Reader:
             at = self._location(name)
             if not isinstance(name, yaml.ScalarNode) or name.value == "<<":
                 raise ConversionError("a field must have a name", hint=_EXAMPLE, place=at)
-            field = unmasked(name.value)
+            field = unmask(name.value)
             if field in found:
                 raise ConversionError(f"'{field}' is written twice", hint="delete one of the two", place=at)
             found[field] = self.node_value(inner), at

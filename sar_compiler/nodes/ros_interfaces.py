@@ -30,7 +30,7 @@ from sar_compiler.nodes.ros_fields import (
     Scalar,
     value_of,
 )
-from sar_compiler.tree.display_text import shortened
+from sar_compiler.tree.display_text import shorten
 from sar_compiler.tree.guessing import did_you_mean, nearest
 
 _LIBRARIES = "*__rosidl_typesupport_c*"
@@ -457,7 +457,7 @@ def _describe(value: FieldValue) -> str:
     if isinstance(value, Scalar) and value.value is None:
         return "without a value"
     if isinstance(value, Scalar):
-        return reprlib.repr(value.value) if isinstance(value.value, str) else shortened(value.text)
+        return reprlib.repr(value.value) if isinstance(value.value, str) else shorten(value.text)
     if isinstance(value, FieldList):
         return f"a list of {_count(len(value.items))}"
     if isinstance(value, MessageReference):

@@ -208,7 +208,7 @@ class Project:
         if self.configuration.trees:
             return
         given = {*map(real_path, self.additions.trees), *self._names}
-        used = {Path(home.main.source.path): home.place for home in forest.homes.values()}
+        used = {Path(home.main.source.path): home.path for home in forest.homes.values()}
         self.used_trees |= dict.fromkeys(path for path, place in used.items() if place not in given)
 
     @property

@@ -49,10 +49,10 @@ class CheckedJournal(NamedTuple):
 
         with JournalFile.open_snapshot(place) as file:
             chain = file.chain()
-            notes = [] if chain.wrong else [*_notes(file)]
+            notes = [] if chain.wrong else [*_uncovered_parts(file)]
         if expected is None and not chain.wrong:
             notes.append(_NOT_KNOWN)
-        return cls(place, *_judged(chain, expected, is_written=file.is_written), chain, tuple(notes))
+        return cls(place, *_chain_verdict(chain, expected, is_written=file.is_written), chain, tuple(notes))
 
     @property
     def is_good(self) -> bool:
@@ -80,7 +80,7 @@ class CheckedJournal(NamedTuple):
         }
 
 
-def _notes(file: "JournalFile") -> "list[str]":
+def _uncovered_parts(file: "JournalFile") -> "list[str]":
     """Return notes on the parts of a journal that the chain does not cover."""
     notes = []
     if count := file.spilled_count():
@@ -90,7 +90,7 @@ def _notes(file: "JournalFile") -> "list[str]":
     return notes
 
 
-def _judged(chain: "JournalChain", expected: str | None, *, is_written: bool) -> tuple[str, str]:
+def _chain_verdict(chain: "JournalChain", expected: str | None, *, is_written: bool) -> tuple[str, str]:
     """Return the state of a chain, with its description."""
     has = f"{chain.entries:,} entries in {count_with_noun(chain.runs, 'run')}"
     if chain.wrong is not None:

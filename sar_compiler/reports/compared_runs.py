@@ -48,7 +48,7 @@ class ComparedRun(NamedTuple):
         return self.found is not None and self.found.is_fine
 
     @property
-    def wrong(self) -> list[RecordedProperty]:
+    def violated_properties(self) -> list[RecordedProperty]:
         """The properties that are violated, or may be."""
         return [each for each in self.found.properties if each.fate in _WRONG] if self.found else []
 
@@ -69,7 +69,7 @@ def _row(compared: ComparedRun) -> dict[str, str]:
     fits = "not compared"
     if found is not None:
         fits = "yes" if found.misfit is None else f"no, from tick {found.misfit.tick}"
-    names = [f"{each.name}{_doubt(each)}" for each in compared.wrong]
+    names = [f"{each.name}{_uncertainty_text(each)}" for each in compared.violated_properties]
     return {
         "journal": escape_to_one_line(str(compared.journal)),
         "end": compared.end,
@@ -79,7 +79,7 @@ def _row(compared: ComparedRun) -> dict[str, str]:
     }
 
 
-def _doubt(each: RecordedProperty) -> str:
+def _uncertainty_text(each: RecordedProperty) -> str:
     return " (perhaps)" if each.fate is PropertyResult.IN_DOUBT else ""
 
 
@@ -173,4 +173,4 @@ def _with_run(data: dict[str, object]) -> dict[str, object]:
     """Return data with the events of a run as in journals: time, tick, node, deed."""
     run = data["run"]
     assert isinstance(run, tuple)  # noqa: S101 - of events
-    return {**data, "run": [[each.time_sec, each.tick, each.number, each.deed] for each in run]}
+    return {**data, "run": [[each.time_sec, each.tick, each.number, each.action] for each in run]}

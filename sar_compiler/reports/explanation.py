@@ -85,7 +85,7 @@ class Explanation(NamedTuple):
         log = None if projects is None else TickLog([*tree_nodes(file.description().get("tree"))])
         inquiry = FailureAnalysis.from_stream(file.last_run(without=OF_ROBOT, is_condensed=True, log=log))
         inquiry.state.update_process(is_gone=is_gone)
-        reasons = inquiry.why()
+        reasons = inquiry.find_cause()
         if not reasons.chain or projects is None or log is None:
             return cls(reasons, inquiry.state.nodes)
         log.last = inquiry.failed_tick

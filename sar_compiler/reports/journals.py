@@ -9,7 +9,7 @@ from sar_compiler.journal.mission_state import MissionState, tree_nodes
 from sar_compiler.journal.open_tasks import find_open_tasks
 from sar_compiler.journal.status_line import COMPLETE, condition, status_line_text
 from sar_compiler.runtime.clock import clock_text
-from sar_compiler.tree.display_text import escape_to_one_line, shortened
+from sar_compiler.tree.display_text import escape_to_one_line, shorten
 from sar_compiler.tree.plain import as_json
 
 # The end of a JSON object with several lines.
@@ -105,7 +105,7 @@ def _table(
     began = run.about.get("time")
     start = began if isinstance(began, (int, float)) else 0.0
     for entry in entries:
-        words = shortened(", ".join(entry_text(entry.data, nodes)))
+        words = shorten(", ".join(entry_text(entry.data, nodes)))
         yield f"{clock_text(entry.time - start):>9}  {entry.kind:{width}}  {words}".rstrip()
 
 

@@ -71,13 +71,13 @@ class LeafStatistics:
         return self.path[-1] if any("/" in part for part in self.path) else "/".join(self.path)
 
     @property
-    def count(self) -> int:
+    def result_count(self) -> int:
         """The number of its results."""
         return sum(len(each.times) for each in self.answers.values())
 
     def interval(self, answer: AnswerTimes, confidence: float) -> Interval:
         """Return Wilson's interval of the share of a result."""
-        return wilson(len(answer.times), self.count, confidence)
+        return wilson(len(answer.times), self.result_count, confidence)
 
 
 @dataclass
@@ -105,7 +105,7 @@ class RunStatistics:
             declared: set[int] = set()
             numbers: dict[int, LeafStatistics] = {}
             run = _ActiveLeaves()
-            for event in recorded_events(_noting(entries, declared)):
+            for event in recorded_events(_record_labels(entries, declared)):
                 if event.what == DECIDED:
                     self._add_decision(event)
                 elif event.what in (STARTED, ANSWERED, HALTED):
@@ -113,7 +113,7 @@ class RunStatistics:
                     if leaf is None:
                         leaf = self.leaves.setdefault(event.path, LeafStatistics(event.path))
                         numbers[event.number] = leaf
-                    run.take(event, leaf)
+                    run.add_event(event, leaf)
             for number, leaf in numbers.items():
                 leaf.is_declared |= number in declared
 
@@ -122,7 +122,7 @@ class RunStatistics:
         self.decisions.setdefault((event.path, event.status, event.label), made).times.append(event.ran_sec)
 
 
-def _noting(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[JournalEntry]:
+def _record_labels(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[JournalEntry]:
     """Yield entries, and record the leaves whose outcomes have labels."""
     for entry in entries:
         if entry.kind == STATUS and "label" in entry.data:
@@ -137,7 +137,7 @@ class _ActiveLeaves:
         self._begun: dict[int, float] = {}
         self._failed: set[int] = set()
 
-    def take(self, event: Event, leaf: LeafStatistics) -> None:
+    def add_event(self, event: Event, leaf: LeafStatistics) -> None:
         """Add an event of a leaf."""
         number, now = event.number, event.time_sec or 0.0
         if event.what == STARTED:
@@ -192,7 +192,7 @@ def _line(
         times = sorted(answer.times)
         line |= {
             "count": str(len(times)),
-            "share": f"{100 * len(times) / leaf.count:.1f} %",
+            "share": f"{100 * len(times) / leaf.result_count:.1f} %",
             interval: f"{100 * low:.1f} to {100 * high:.1f}",
             "time (median)": f"{quantile(times, 0.5):.1f} s",
             "(5th, 95th percentile)": f"{quantile(times, 0.05):.1f}, {quantile(times, 0.95):.1f}",
@@ -205,7 +205,7 @@ def statistics_as_json(found: RunStatistics, confidence: float) -> str:
     leaves = [
         {
             "path": list(leaf.path),
-            "count": leaf.count,
+            "count": leaf.result_count,
             "retries": leaf.retries,
             "stopped": leaf.halted,
             "answers": [_answer_data(leaf, answer, confidence) for answer in leaf.answers.values()],
@@ -231,7 +231,7 @@ def _answer_data(leaf: LeafStatistics, answer: AnswerTimes, confidence: float) -
         "status": answer.status,
         "label": answer.label,
         "count": len(answer.times),
-        "share": len(answer.times) / leaf.count,
+        "share": len(answer.times) / leaf.result_count,
         "interval": list(leaf.interval(answer, confidence)),
         "time": _times_data(answer),
     }
@@ -247,24 +247,24 @@ def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
 
     A leaf with few results, or none, is only named, in a comment.
     """
-    known = [leaf for leaf in found.leaves.values() if leaf.count >= FEWEST]
+    known = [leaf for leaf in found.leaves.values() if leaf.result_count >= FEWEST]
     lines = [
         f"# Results of leaves in {count_with_noun(found.runs, 'run')}, by sar-journal stats.",
         f"# p: {100 * confidence:g} % Wilson interval of a share. sec: 5th to 95th percentile of the times.",
         *(
-            f"# Fewer than {FEWEST} results, so nothing is assumed: {leaf.key} ({leaf.count})"
+            f"# Fewer than {FEWEST} results, so nothing is assumed: {leaf.key} ({leaf.result_count})"
             for leaf in found.leaves.values()
             if leaf not in known
         ),
         "answers:" if known else "answers: {}",
     ]
     for leaf in known:
-        lines.append(f"  {as_json(leaf.key)}:  # {leaf.count} answers")
-        lines += [f"  - {as_json(item, indent=None)}" for item in _assumed(leaf, confidence)]
+        lines.append(f"  {as_json(leaf.key)}:  # {leaf.result_count} answers")
+        lines += [f"  - {as_json(item, indent=None)}" for item in _outcome_assumptions(leaf, confidence)]
     return "\n".join(map(escape_to_one_line, lines))
 
 
-def _assumed(leaf: LeafStatistics, confidence: float) -> Sequence[object]:
+def _outcome_assumptions(leaf: LeafStatistics, confidence: float) -> Sequence[object]:
     """Return the outcomes of a leaf with their probabilities and times."""
     said: list[object] = []
     answers = [*leaf.answers.values()]

@@ -83,34 +83,40 @@ def report_data(state: MissionState, why: CauseOfFailure | None = None) -> dict[
         },
         "figures": [each._asdict() for each in situation.figures.values()],
         "courses": {
-            name: [{**_at(at), "value": value} for at, value in course]
+            name: [{**_time_fields(at), "value": value} for at, value in course]
             for name, course in state.figure_history.items()
         },
         "gauges": [each._asdict() for each in state.gauges],
         "tasks": [task._asdict() for task in find_open_tasks(state)],
-        "alarms": [{**_at(state.since[text]), **each._asdict()} for text, each in situation.alarms.items()],
+        "alarms": [
+            {**_time_fields(state.since[text]), **each._asdict()} for text, each in situation.alarms.items()
+        ],
         "properties": [
             {
                 "name": each.name,
                 "verdict": state.word_of(each),
-                "broken": each.broken and _at(each.broken),
+                "broken": each.broken and _time_fields(each.broken),
                 "event": each.event or None,
             }
             for each in state.properties.values()
         ],
         "why": why and why_data(why),
         "facts": [
-            {**_at(each.at), "kind": each.kind, "data": dict(each.data), "text": each.text}
+            {**_time_fields(each.at), "kind": each.kind, "data": dict(each.data), "text": each.text}
             for each in state.facts
         ],
-        "warnings": [{**_at(each.at), "text": each.text, "node": each.by} for each in state.warnings],
-        "path": [{**_at(pose.at), **_place(reference, pose.x, pose.y)} for pose in state.trail],
+        "warnings": [
+            {**_time_fields(each.at), "text": each.text, "node": each.by} for each in state.warnings
+        ],
+        "path": [
+            {**_time_fields(pose.at), **_position_fields(reference, pose.x, pose.y)} for pose in state.trail
+        ],
         "parameters": dict(state.parameters),
         "tree": [_node(each) for each in state.nodes],
     }
 
 
-def _place(reference: Georeference | None, x: float, y: float) -> dict[str, float]:
+def _position_fields(reference: Georeference | None, x: float, y: float) -> dict[str, float]:
     """Return a position on the map, with coordinates on the earth if they are known."""
     if reference is None:
         return {"x": x, "y": y}
@@ -118,17 +124,17 @@ def _place(reference: Georeference | None, x: float, y: float) -> dict[str, floa
     return {"x": x, "y": y, "lat": round(lat, 8), "lon": round(lon, 8)}
 
 
-def _at(instant: EventTime | None) -> dict[str, Any]:
+def _time_fields(instant: EventTime | None) -> dict[str, Any]:
     if instant is None:
         return {"run": None, "time": None, "utc": None}
     return {"run": instant.run, "time": round(instant.time, 3), "utc": instant.utc}
 
 
 def _landmark(landmark: Landmark, reference: Georeference | None) -> dict[str, Any]:
-    corners = [_place(reference, *corner) for corner in landmark.corners]
+    corners = [_position_fields(reference, *corner) for corner in landmark.corners]
     fixed = {
         "name": landmark.name,
-        "position": _place(reference, landmark.x, landmark.y),
+        "position": _position_fields(reference, landmark.x, landmark.y),
         **({"corners": corners} if corners else {}),
         "state": landmark.state,
         "level": Level(landmark.level).name.lower(),
@@ -137,7 +143,8 @@ def _landmark(landmark: Landmark, reference: Georeference | None) -> dict[str, A
         "certain": landmark.is_certain,
     }
     details = {
-        name: _at(each) if isinstance(each, EventTime) else each for name, each in landmark.details.items()
+        name: _time_fields(each) if isinstance(each, EventTime) else each
+        for name, each in landmark.details.items()
     }
     return {**fixed, **details, **fixed}
 
@@ -225,7 +232,7 @@ class PathShortener:
         self._folders = {str(folder.absolute()), str(Path.cwd())}
         self._find = self._pattern()
 
-    def of(self, stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
+    def shorten_stream(self, stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
         """Yield entries with short paths."""
         return map(self.shorten, stream)
 
@@ -236,20 +243,20 @@ class PathShortener:
             self._find = self._pattern()
         if entry.kind in _WITHOUT_PATHS or (entry.kind == STATUS and _is_short(entry.data)):
             return entry
-        return entry._replace(data=self._short(entry.data))
+        return entry._replace(data=self._shorten(entry.data))
 
     def _pattern(self) -> re.Pattern[str]:
         known = sorted({*self._folders, os.path.expanduser("~")} - {"/", "", "~"}, key=len, reverse=True)  # noqa: PTH111 - there may be none
         return re.compile(rf"(?<![\w./~-])({'|'.join(map(re.escape, known))})(/|(?![\w.-]))")
 
-    def _short(self, value: Any) -> Any:
+    def _shorten(self, value: Any) -> Any:
         if isinstance(value, str):
-            return self._find.sub(self._told, value) if "/" in value else value
+            return self._find.sub(self._short_form, value) if "/" in value else value
         if isinstance(value, Mapping):
-            return {key: self._short(each) for key, each in value.items()}
-        return [*map(self._short, value)] if isinstance(value, list | tuple) else value
+            return {key: self._shorten(each) for key, each in value.items()}
+        return [*map(self._shorten, value)] if isinstance(value, list | tuple) else value
 
-    def _told(self, found: re.Match[str]) -> str:
+    def _short_form(self, found: re.Match[str]) -> str:
         folder, slash = found.groups()
         if folder in self._folders:
             return "" if slash else "."

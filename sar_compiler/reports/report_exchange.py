@@ -57,7 +57,12 @@ def geojson_report(state: MissionState) -> str:
     features = [
         geojson.Feature(
             geometry=area(each["corners"]) if "corners" in each else point(each["position"]),
-            properties={"kind": kind.name, **simulated, **_flat(each), "name": _name(state, each["name"])},
+            properties={
+                "kind": kind.name,
+                **simulated,
+                **_to_plain_properties(each),
+                "name": _name(state, each["name"]),
+            },
         )
         for kind in state.situation.kinds.values()
         for each in data["landmarks"][kind.plural]
@@ -309,7 +314,7 @@ def _text(text: str) -> str:
     return speakable(escape_to_one_line(text))
 
 
-def _flat(data: dict[str, Any]) -> dict[str, Any]:
+def _to_plain_properties(data: dict[str, Any]) -> dict[str, Any]:
     """Return properties with plain values: times by the system's clock."""
     return {
         key: value["utc"] if isinstance(value, dict) else value

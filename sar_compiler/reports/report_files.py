@@ -46,7 +46,9 @@ def report_journal(journal: Path, files: Sequence[Path], place: Georeference | N
     state, why = _mission(journal)
     known, state.place = georeference(state), place
     if place and known and place != known:
-        told = f"--georeference {_words(place)} is used. The journal has {_words(known)}"
+        told = (
+            f"--georeference {_georeference_text(place)} is used. The journal has {_georeference_text(known)}"
+        )
         print_error(f"sar-journal: note: {told}")
     obstacles = [_prohibition(state, file) or write_report(state, file, why) for file in files]
     for obstacle in filter(None, obstacles):
@@ -71,13 +73,13 @@ def _mission(journal: Path) -> tuple[MissionState, CauseOfFailure]:
     from sar_compiler.journal.database import JournalFile
 
     with JournalFile.open_snapshot(journal) as file:
-        entries = PathShortener(journal.parent).of(file.every_run(is_condensed=True))
+        entries = PathShortener(journal.parent).shorten_stream(file.every_run(is_condensed=True))
         inquiry, state = FailureAnalysis.with_state(entries)
     state.update_process(is_gone=not file.is_written)
-    return state, inquiry.why()
+    return state, inquiry.find_cause()
 
 
-def _words(place: Georeference) -> str:
+def _georeference_text(place: Georeference) -> str:
     return ",".join(map(str, place))
 
 

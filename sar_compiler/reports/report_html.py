@@ -21,7 +21,7 @@ from sar_compiler.reports.why import CauseOfFailure, likeliest_cause
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.style import FOUND, LEVELS, MARKS, sign_of, style
 from sar_compiler.tree.display_text import visible
-from sar_compiler.views.mission_view import sign
+from sar_compiler.views.mission_view import status_sign
 
 # Of a plot: the width and the height of its field, and the space for the labels to the left and below.
 _PLOT = (640, 140, 60, 30)
@@ -43,12 +43,12 @@ def _macros() -> Any:
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    def shown(value: object) -> object:
+    def format_value(value: object) -> object:
         return value if isinstance(value, Markup) else visible(str(value))
 
     source = files(__package__).joinpath("report.html.jinja").read_text("utf-8")
-    environment = Environment(autoescape=True, undefined=StrictUndefined, finalize=shown)
-    environment.globals |= {"is_number": _is_number, "value": _value, "sign": sign}
+    environment = Environment(autoescape=True, undefined=StrictUndefined, finalize=format_value)
+    environment.globals |= {"is_number": _is_number, "value": _value, "sign": status_sign}
     return environment.from_string("".join(map(str.strip, source.splitlines()))).module
 
 
@@ -91,7 +91,7 @@ def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
         "first": likeliest_cause(why) if why is not None else "",
         "software": software,
     }
-    return f"{_macros().page(report, state, functools.partial(_when, state))}\n"
+    return f"{_macros().page(report, state, functools.partial(_local_time, state))}\n"
 
 
 def _first_and_last(facts: Sequence[KnownEvent], count: int) -> list[KnownEvent]:
@@ -162,7 +162,7 @@ def _landmark(
 def _detail(state: MissionState, value: Any) -> str:
     if value is None:
         return _NONE
-    return _when(state, value) if isinstance(value, EventTime) else _value(value)
+    return _local_time(state, value) if isinstance(value, EventTime) else _value(value)
 
 
 def next_steps(state: MissionState) -> Iterator[str]:
@@ -194,7 +194,7 @@ def _position(state: MissionState, x: float, y: float) -> list[str]:
     return cells
 
 
-def _when(state: MissionState, instant: EventTime | None) -> str:
+def _local_time(state: MissionState, instant: EventTime | None) -> str:
     """Return the local time and the mission's clock, with the run if there are several and the day if it differs."""
     if instant is None:
         return _NONE
@@ -261,7 +261,10 @@ class _Symbol(NamedTuple):
 
 def _legend(state: MissionState) -> Sequence[tuple[_Symbol | None, str]]:
     """Return each kind of symbol on the map once, with its words; None is the path of the robot."""
-    drawn = {(_symbol(state, each), _words(state, each)): None for each in state.situation.landmarks.values()}
+    drawn = {
+        (_symbol(state, each), _landmark_text(state, each)): None
+        for each in state.situation.landmarks.values()
+    }
     return [*drawn, *([(None, "path of the robot")] if len(state.trail) > 1 else [])]
 
 
@@ -273,7 +276,7 @@ def _symbol(state: MissionState, landmark: Landmark) -> _Symbol:
     return _Symbol(False, level, MARKS.get(kind.shape, MARKS["circle"]), told or "")  # noqa: FBT003
 
 
-def _words(state: MissionState, landmark: Landmark) -> str:
+def _landmark_text(state: MissionState, landmark: Landmark) -> str:
     kind = state.situation.kind_of(landmark)
     return f"{kind.name}, {landmark.state}" if landmark.state else kind.name
 
@@ -294,20 +297,20 @@ def _figure_plot(
     began, (width, height, left, low) = course[0][0].wall, _PLOT
     whole = max(state.now.wall - began, 1e-9)
 
-    def at(wall: float, value: float) -> str:
+    def point(wall: float, value: float) -> str:
         return f"{left + width * (wall - began) / whole:.1f},{5 + height * (1 - min(max(value, 0), 100) / 100):.1f}"
 
     # A value is kept until the next one.
     ends = [*(moment.wall for moment, _ in course[1:]), state.now.wall]
     steps = [
-        at(wall, value)
+        point(wall, value)
         for (moment, value), end in zip(course, ends, strict=True)
         for wall in (moment.wall, end)
     ]
     shares = [
         {
             "share": share,
-            "points": f"{at(began, share)} {at(began + whole, share)}",
+            "points": f"{point(began, share)} {point(began + whole, share)}",
             "y": f"{9 + height * (1 - share / 100):.0f}",
         }
         for share in _SHARES
@@ -432,7 +435,7 @@ def _labels(
     state: MissionState, places: Sequence[Landmark], extent: MapBox, size: float
 ) -> Iterator[tuple[str, str, str, str, str]]:
     """Yield the lines of the labels: text, class, anchor, and position."""
-    taken = [_around(each.x, each.y, 1.5 * size, 1.5 * size) for each in places]
+    taken = [_box_around(each.x, each.y, 1.5 * size, 1.5 * size) for each in places]
     for each in places:
         found = state.situation.kind_of(each).is_found
         said = each.state if not found and each.level != Level.DONE else ""
@@ -469,20 +472,20 @@ def _label(landmark: Landmark, said: str, size: float, taken: Sequence[MapBox], 
     wide = max(len(landmark.name), len(said) * _SAID) * _WIDE * _LETTER * size / 2
     high = (1.0 + (_SAID if said else 0.0)) * _LETTER * size / 2
     sides = (
-        _Label(_around(x + away + wide, y, wide, high), x + away, "start"),
-        _Label(_around(x - away - wide, y, wide, high), x - away, "end"),
-        _Label(_around(x, y - away - high, wide, high), x, "middle"),
-        _Label(_around(x, y + away + high, wide, high), x, "middle"),
+        _Label(_box_around(x + away + wide, y, wide, high), x + away, "start"),
+        _Label(_box_around(x - away - wide, y, wide, high), x - away, "end"),
+        _Label(_box_around(x, y - away - high, wide, high), x, "middle"),
+        _Label(_box_around(x, y + away + high, wide, high), x, "middle"),
     )
 
-    def hidden(label: _Label) -> float:
+    def hidden_area(label: _Label) -> float:
         outside = 4 * wide * high - _overlap(label.box, extent)
         return _OUTSIDE * outside + sum(_overlap(label.box, each) for each in taken)
 
-    return min(sides, key=hidden)
+    return min(sides, key=hidden_area)
 
 
-def _around(x: float, y: float, wide: float, high: float) -> MapBox:
+def _box_around(x: float, y: float, wide: float, high: float) -> MapBox:
     return MapBox(x - wide, y - high, x + wide, y + high)
 
 

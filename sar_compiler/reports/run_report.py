@@ -33,13 +33,16 @@ class RunReport(RunExtension):
         for file in files:
             require_form(file, place)
         self._files, self._paths = files, PathShortener(folder)
-        self._state, self._inquiry = MissionState.from_stream(self._paths.of(earlier)), FailureAnalysis()
+        self._state, self._inquiry = (
+            MissionState.from_stream(self._paths.shorten_stream(earlier)),
+            FailureAnalysis(),
+        )
 
     def on_entry(self, entry: JournalEntry) -> None:
         """Process an entry of the run's journal."""
         told = self._paths.shorten(entry)
         self._state.apply(told)
-        self._inquiry.take(told)
+        self._inquiry.add_entry(told)
 
     def on_end(self, *, has_begun: bool) -> None:
         """Write the reports if the run has started; nothing continues the run afterwards."""
@@ -49,7 +52,7 @@ class RunReport(RunExtension):
 
     def _write(self) -> None:
         """Write the reports; print which ones cannot be written, because the mission is over."""
-        why = self._inquiry.why()
+        why = self._inquiry.find_cause()
         for file in self._files:
             obstacle = write_report(self._state, file, why)
             if obstacle:
@@ -64,8 +67,8 @@ class FailureCause(RunExtension):
 
     def on_entry(self, entry: JournalEntry) -> None:
         """Process an entry of the run's journal."""
-        self._inquiry.take(entry)
+        self._inquiry.add_entry(entry)
 
     def cause_of_failure(self) -> str:
         """Return the likeliest cause of a failure in a line; empty if unknown."""
-        return likeliest_cause(self._inquiry.why())
+        return likeliest_cause(self._inquiry.find_cause())

@@ -29,7 +29,7 @@ from sar_compiler.journal.recorded_events import is_status
 from sar_compiler.journal.status_line import COMPLETE, condition
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.runtime.events import Event
-from sar_compiler.tree.display_text import escape_to_one_line, shortened
+from sar_compiler.tree.display_text import escape_to_one_line, shorten
 from sar_compiler.views.drawing import Shape
 
 if TYPE_CHECKING:
@@ -115,10 +115,10 @@ class CauseOfFailure(NamedTuple):
     @property
     def has_cause(self) -> bool:
         """Whether there is a cause to report: the mission is not complete, and a node has failed."""
-        return self.first is not None and self.outcome != COMPLETE
+        return self.likeliest is not None and self.outcome != COMPLETE
 
     @property
-    def first(self) -> NodeStatus | None:
+    def likeliest(self) -> NodeStatus | None:
         """The likeliest cause; None if nothing has failed."""
         return self.answers[0] if self.answers else None
 
@@ -133,7 +133,7 @@ class FailureAnalysis:
 
     Attributes:
         state: The state of the mission after the last run's entries, without the robot's topics.
-        failed_tick: The number of the last tick in which the root failed, after `why` was called; 0 if it has never failed.
+        failed_tick: The number of the last tick in which the root failed, after `find_cause` was called; 0 if it has never failed.
     """
 
     def __init__(self) -> None:
@@ -152,7 +152,7 @@ class FailureAnalysis:
         """Return an inquiry that has taken these entries."""
         inquiry = cls()
         for entry in stream:
-            inquiry.take(entry)
+            inquiry.add_entry(entry)
         return inquiry
 
     @classmethod
@@ -163,12 +163,12 @@ class FailureAnalysis:
             if _is_status(entry, len(inquiry.state.nodes)):
                 inquiry.take_status(entry)
             else:
-                inquiry.take(entry)
+                inquiry.add_entry(entry)
                 state.apply(entry)
         state.adopt_statuses(inquiry.state)
         return inquiry, state
 
-    def take(self, entry: JournalEntry) -> None:
+    def add_entry(self, entry: JournalEntry) -> None:
         """Process an entry; each new run restarts the inquiry."""
         kind = entry.kind
         if kind == STATUS:
@@ -192,7 +192,7 @@ class FailureAnalysis:
         if entry.data["tick"] != self._explained.tick:
             self._end_tick()
         node = self.state.take_status(entry)
-        self._explained.take(entry, node)
+        self._explained.add_status(entry, node)
         self._history.take_status(node)
 
     def _of_raised(self, entry: JournalEntry) -> NodeStatus | None:
@@ -208,15 +208,15 @@ class FailureAnalysis:
         if has_failed:
             self.failed_tick, self._history_then = self._explained.tick, self._history.copy()
 
-    def why(self) -> CauseOfFailure:
+    def find_cause(self) -> CauseOfFailure:
         """Return the causes of the run's failure after all its entries."""
         self._end_tick()
         explained = self._explained
         chain = explained.chain
         history = self._history_then if chain else self._history
-        answers = sorted(explained.answers, key=lambda answer: self._blame(answer, history))
+        answers = sorted(explained.answers, key=lambda answer: self._add_cause(answer, history))
         blamed = {answer.node for answer in answers}
-        before = [each for each in history.former() if each.first.node not in blamed]
+        before = [each for each in history.earlier_failures() if each.first.node not in blamed]
         now = condition(self.state)
         is_meant_so = bool(answers) and answers[0].node in explained.triggers
         if now.word != COMPLETE and not is_meant_so and all(map(self._only_reports, answers)):
@@ -237,7 +237,7 @@ class FailureAnalysis:
             answer.node in self._kinds.constant and answer.node in self._explained.second_ways
         )
 
-    def _blame(self, answer: NodeStatus, history: "_History") -> tuple[object, ...]:
+    def _add_cause(self, answer: NodeStatus, history: "_History") -> tuple[object, ...]:
         # Of several alternatives the earlier ones were passed over, and the last one remained.
         since = answer.since.time if answer.since else 0.0
         is_meant_so = answer.node in self._explained.responses
@@ -297,7 +297,7 @@ class FailureAnalysis:
             for node in long
             for number in self._explained.results_leading_to(node.number)
         ]
-        return [*held, *(_answer(node) for node in long)]
+        return [*held, *(_status_of(node) for node in long)]
 
 
 def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
@@ -391,7 +391,7 @@ class _ExplainedFailure:
         """Whether the root has had another status since."""
         return bool(self.chain) and self.ends.status.get(0) != FAILURE
 
-    def take(self, entry: JournalEntry, node: NodeState) -> None:
+    def add_status(self, entry: JournalEntry, node: NodeState) -> None:
         """Process the status of a node."""
         self.ends.receive(entry.data, entry.time)
         if node.status in OTHER_END:
@@ -514,7 +514,7 @@ class _ExplainedFailure:
         )
 
 
-def _answer(node: NodeState) -> NodeStatus:
+def _status_of(node: NodeState) -> NodeStatus:
     return NodeStatus(
         node.number, node.name, node.location, 0, node.status, node.label, node.message, node.status_time
     )
@@ -597,9 +597,9 @@ class _History:
                 continue
             has_led_elsewhere = parent is not None and len(state.nodes[parent].children) > 1
             for number in explained.answers_below(top):
-                self._note(number, explained, has_led_elsewhere=has_led_elsewhere)
+                self._record_failure(number, explained, has_led_elsewhere=has_led_elsewhere)
 
-    def _note(self, number: int, explained: _ExplainedFailure, *, has_led_elsewhere: bool) -> None:
+    def _record_failure(self, number: int, explained: _ExplainedFailure, *, has_led_elsewhere: bool) -> None:
         answer = explained.last_end(number)
         if answer.status != FAILURE:
             return
@@ -622,7 +622,7 @@ class _History:
             last=answer.since or _START,
         )
 
-    def former(self) -> list[FormerFailure]:
+    def earlier_failures(self) -> list[FormerFailure]:
         """Return the failures that did not determine their node's last result, by the time of the first."""
         former = [
             each._replace(has_recovered=node in self._recovered) for node, each in self._failures.items()
@@ -690,25 +690,25 @@ def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
         before = (node.status, node.label) if node is not None else None
         state.apply(entry)
         if node is not None and (node.status, node.label) != before:
-            yield _answer(node)
+            yield _status_of(node)
 
 
 def counterfactual_text(change: "Counterfactual", nodes: Sequence[NodeState]) -> str:
     """Return the change with which a mission with these nodes would have succeeded, in words."""
     leaf = nodes[change.instead.number]
-    said = f"{change.instead.status}{_meaning(change.instead)} instead of {change.was.status}{_meaning(change.was)}"
+    said = f"{change.instead.status}{_label_text(change.instead)} instead of {change.was.status}{_label_text(change.was)}"
     place = f"  ({leaf.location})" if leaf.location else ""
     lines = ["It would have succeeded with another outcome:"]
     lines.append(escape_to_one_line(f"  {clock_text(change.time_sec)}  {leaf.name} {said}{place}"))
     if change.then:
         usual = "as usual" if not change.unusual else f"{change.unusual} of them unusual"
-        told = [f"{nodes[each.number].name} {each.answer}" for each in change.then[:_MOST]]
+        told = [f"{nodes[each.number].name} {each.outcome}" for each in change.then[:_MOST]]
         more = f", and {len(change.then) - _MOST} more" if len(change.then) > _MOST else ""
         lines.append(escape_to_one_line(f"  and after it, {usual}: {', '.join(told)}{more}"))
     return "\n".join(lines)
 
 
-def _meaning(answer: Event) -> str:
+def _label_text(answer: Event) -> str:
     return f" ({answer.label})" if answer.label else ""
 
 
@@ -733,8 +733,8 @@ def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) ->
 def why_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
     """Return the causes of a mission's failure in words, with changes for a success."""
     lines = [escape_to_one_line(reasons.said)]
-    if reasons.first is not None and reasons.has_cause:
-        lines += ["", "Likeliest cause:", f"  {_status_line(reasons.first)}"]
+    if reasons.likeliest is not None and reasons.has_cause:
+        lines += ["", "Likeliest cause:", f"  {_status_line(reasons.likeliest)}"]
     if reasons.chain:
         lines += ["", "The root failed, and then continued:" if reasons.went_on else "The root has failed:"]
         lines += [f"  {'  ' * answer.depth}{_status_line(answer)}" for answer in reasons.chain]
@@ -752,9 +752,9 @@ def why_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
 
 def likeliest_cause(reasons: CauseOfFailure) -> str:
     """Return the likeliest cause of a failure in a line; empty if there is none."""
-    if reasons.first is None or reasons.first.node is None or not reasons.has_cause:
+    if reasons.likeliest is None or reasons.likeliest.node is None or not reasons.has_cause:
         return ""
-    return f"likeliest cause: {_status_line(reasons.first)}"
+    return f"likeliest cause: {_status_line(reasons.likeliest)}"
 
 
 def _repetition(failure: FormerFailure) -> str:
@@ -763,7 +763,7 @@ def _repetition(failure: FormerFailure) -> str:
 
 def _status_line(answer: NodeStatus) -> str:
     at = f"{clock_text(answer.since.time)}  " if answer.since is not None else ""
-    said = f", {shortened(answer.message)}" if answer.message else ""
+    said = f", {shorten(answer.message)}" if answer.message else ""
     place = f"  ({answer.place})" if answer.place else ""
     return escape_to_one_line(f"{at}{answer.name} {answer_words(answer.status, answer.label)}{said}{place}")
 

@@ -44,11 +44,11 @@ class AwakeTime:
         """Return the time in seconds from an arbitrary origin."""
         steady = time.monotonic()
         if self._turned_at is not None:
-            self._turn(steady, self._turned_at)
+            self._on_poll(steady, self._turned_at)
         return steady - self._left_out
 
     @contextmanager
-    def turning(self, say: Callable[[str], object]) -> Iterator[None]:
+    def mark_polling(self, say: Callable[[str], object]) -> Iterator[None]:
         """Mark a block in which the executor's loop calls `now` several times a second.
 
         Args:
@@ -60,7 +60,7 @@ class AwakeTime:
         finally:
             self._turned_at = None
 
-    def _turn(self, steady: float, turned_at: float) -> None:
+    def _on_poll(self, steady: float, turned_at: float) -> None:
         gap, self._turned_at = steady - turned_at, steady
         if gap <= _STANDSTILL_SEC:
             self._left_out += max(0.0, min(steady, self._recovered_at) - turned_at)
@@ -259,11 +259,11 @@ class Deadline:
         self._at = self._clock.now() + seconds
 
     @property
-    def left(self) -> float:
+    def remaining_sec(self) -> float:
         """The remaining seconds; 0 after the deadline."""
         return max(0.0, self._at - self._clock.now())
 
     @property
-    def passed(self) -> bool:
+    def has_passed(self) -> bool:
         """Whether it has passed."""
         return self._clock.now() >= self._at

@@ -23,7 +23,7 @@ from sar_compiler.ros.leaves.goals import (
     canceled_action,
     goal_statuses_of,
 )
-from sar_compiler.ros.leaves.leaf import alive
+from sar_compiler.ros.leaves.leaf import is_node_valid
 from sar_compiler.ros.lifecycle import NAV2_NODES
 from sar_compiler.ros.poses import estimated_pose
 from sar_compiler.ros.readiness import MOVED_M, SHADOW_SEC
@@ -69,10 +69,10 @@ class UnrequestedMotion:
         self._since: tuple[float, float] | None = None
         self._told = self._blindness_told = self._was_aborted = self._cancels_early = False
         self._cancelled_at = -math.inf
-        self._goals.listen(self._on_goal)
-        self._robot.listen_to_odometry(self.look)
+        self._goals.add_listener(self._on_goal)
+        self._robot.listen_to_odometry(self.poll)
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Check once, report changes, and cancel goals if necessary."""
         if self._goals.drives(self._actions):
             self._ended = self._since = None
@@ -89,8 +89,8 @@ class UnrequestedMotion:
                 self._cancel_all_goals()
         elif self._robot.moves is None:
             self._report_missing_odometry()
-        elif self._robot.stands:
-            self._rest()
+        elif self._robot.is_standing:
+            self._on_standstill()
 
     def _judge(self) -> None:
         """Report a moving robot, and stop one that moves after the end of a goal."""
@@ -100,7 +100,7 @@ class UnrequestedMotion:
             if AWAKE.now() - self._cancelled_at >= _CANCEL_SEC:
                 self._cancel_all_goals()
         elif not self._told:
-            self._tell(
+            self._report(
                 f"The robot moves ({self._robot.speed_text}), although no goal of this mission is active."
             )
 
@@ -113,7 +113,7 @@ class UnrequestedMotion:
         return {name: client for name, client in self._cancellers.items() if client.service_is_ready()}
 
     def _report_motion(self) -> None:
-        self._tell(
+        self._report(
             f"The robot moves ({self._robot.speed_text}) although its goal has ended and no other goal is "
             f"active. Cancelling every goal ({', '.join(self._available_servers()) or 'no server was found'})."
         )
@@ -124,7 +124,7 @@ class UnrequestedMotion:
             # A request with neither id nor stamp cancels every goal.
             client.call_async(CancelGoal.Request())  # the odometry shows the effect
 
-    def _rest(self) -> None:
+    def _on_standstill(self) -> None:
         """Record that the robot stands still, so that later motion is not attributed to an earlier goal."""
         self._since = None
         if self._told:
@@ -142,7 +142,7 @@ class UnrequestedMotion:
                 "has ended."
             )
 
-    def _tell(self, text: str) -> None:
+    def _report(self, text: str) -> None:
         self._told = True
         self._node.get_logger().warning(text)
 
@@ -217,26 +217,26 @@ class DependencyMonitor:
             self._topics += ["odometry/filtered", "map"]
         self._motion = UnrequestedMotion(node, drives) if drives else None
         # Steady: the node's clock may have stopped.
-        deadline_timer(node, _PERIOD_SEC, self.look)
+        deadline_timer(node, _PERIOD_SEC, self.poll)
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Check once, and report changes."""
-        if not alive(self._node):
+        if not is_node_valid(self._node):
             return
         if self._sole is not None:
-            self.trouble = self.trouble or self._sole.trouble()
+            self.trouble = self.trouble or self._sole.conflict()
         for server in self._servers:
             self._count_servers(server)
         self._count_sources()
         if self._localisation is not None:
-            for line in self._localisation.look():
+            for line in self._localisation.poll():
                 self._node.get_logger().warning(line)
             self.lost_discovery = self._localisation.lost_discovery
         if self._motion is not None:
-            self._motion.look()
+            self._motion.poll()
 
     def _count_servers(self, server: Endpoint) -> None:
-        now, answer = AWAKE.now(), self._graph.ask(server)
+        now, answer = AWAKE.now(), self._graph.query(server)
         if not answer.is_contested:
             if self._contested.pop(server, None) is not None:
                 self._node.get_logger().warning(f"{answer.title} has one server again.")
@@ -278,10 +278,10 @@ class _Localisation:
         self._poses = with_full_name("initialpose", node.resolve_topic_name("initialpose"))
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
 
-    def look(self) -> Iterable[str]:
+    def poll(self) -> Iterable[str]:
         """Yield the changes."""
-        looked = [(each, each.missing()) for each in self._nodes]
-        was_deaf, self.lost_discovery = bool(self.lost_discovery), self._deafness()
+        looked = [(each, each.poll()) for each in self._nodes]
+        was_deaf, self.lost_discovery = bool(self.lost_discovery), self._lost_discovery()
         if self.lost_discovery:
             if not was_deaf:
                 yield f"{self.lost_discovery}."
@@ -306,7 +306,7 @@ class _Localisation:
         yield from self._look_for_transform()
         self._robot.lacks = self._inactive or self._robot.lost_transforms()
 
-    def _deafness(self) -> str:
+    def _lost_discovery(self) -> str:
         """Describe nodes that do not respond although the graph shows them; empty if one does.
 
         Fast DDS: a participant that was silent for longer than its lease is forgotten by others, and does not know
@@ -353,7 +353,7 @@ class _Localisation:
         sources, now = self._sources_of_poses(), AWAKE.now()
         if not self._known:
             self._known = sources
-        if sources <= self._known or self._nodes[0].missing() is not None:
+        if sources <= self._known or self._nodes[0].poll() is not None:
             self._new_since = None
             return
         self._new_since = self._new_since or now
@@ -378,7 +378,7 @@ class _Localisation:
             return f"The localisation is back, but its last pose is unknown: {ask}."
         if self._robot.odometry_at_pose is None or self._robot.odometry is None:
             return f"The localisation is back, but without odometry it is unknown whether the robot has moved: {ask}."
-        moved, turned = _between(self._robot.odometry_at_pose, self._robot.odometry)
+        moved, turned = _pose_difference(self._robot.odometry_at_pose, self._robot.odometry)
         if moved > MOVED_M or turned > _TURNED:
             return (
                 f"The localisation is back, but the robot has moved by {moved:.2f} m and turned by {turned:.2f} rad "
@@ -395,7 +395,7 @@ class _Localisation:
             yield f"{lost}." if lost else "Transforms from 'map' arrive again."
 
 
-def _between(there: Sequence[float], here: Sequence[float]) -> tuple[float, float]:
+def _pose_difference(there: Sequence[float], here: Sequence[float]) -> tuple[float, float]:
     """Return the distance between two poses, x, y and yaw: metres, radians."""
     return math.dist(here[:2], there[:2]), abs(math.remainder(here[2] - there[2], math.tau))
 

@@ -103,7 +103,7 @@ def _traceback_logger(node: Node) -> rclpy.logging.RcutilsLogger:
     return rclpy.logging.get_logger(f"{node.get_logger().name}.{_TRACEBACKS}")
 
 
-def tell(node: Node | None, text: str, error: BaseException | None = None) -> None:
+def log_error(node: Node | None, text: str, error: BaseException | None = None) -> None:
     """Log an error if there is a node to log it.
 
     Args:
@@ -124,7 +124,7 @@ def log_failure(node: Node | None, error: BaseException) -> Behaviour | None:
     Returns:
         The behaviour that raised it; None if it was not a behaviour of the tree.
     """
-    tell(node, f"{failure_text(error)}. The tree is stopped.", error)
+    log_error(node, f"{failure_text(error)}. The tree is stopped.", error)
     return raising_behaviour(error)
 
 
@@ -209,7 +209,7 @@ def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node |
         except (ExternalShutdownException, InvalidHandle):
             break
         except Exception as error:  # noqa: BLE001 - somebody's callback; the goals still count
-            tell(node, f"while the tree was stopping: {error_text(error)}")
+            log_error(node, f"while the tree was stopping: {error_text(error)}")
         if not executor.context.ok():
             break
     return [leaf.name for leaf in leaves_at_work(root)]
@@ -245,7 +245,7 @@ def _stop_behaviour(behaviour: Behaviour, node: Node | None) -> None:
     except Exception as error:  # noqa: BLE001 - the others must be stopped all the same
         failed = raising_behaviour(error) or behaviour
         words = f"{error_text(error)}{failure_locations(failed, error)}"
-        tell(node, f"'{failed.name}' failed while it was stopped: {words}", error)
+        log_error(node, f"'{failed.name}' failed while it was stopped: {words}", error)
         # Do not stop it again, and do not treat it as running.
         failed.status = Status.INVALID
 
@@ -255,12 +255,12 @@ def _shut_down_behaviour(behaviour: Behaviour, node: Node | None) -> None:
         behaviour.shutdown()
     except Exception as error:  # noqa: BLE001 - the others must be shut down all the same
         words = f"{error_text(error)}{failure_locations(behaviour, error)}"
-        tell(node, f"'{behaviour.name}' could not be shut down: {words}", error)
+        log_error(node, f"'{behaviour.name}' could not be shut down: {words}", error)
 
 
 def leaves_at_work(root: Behaviour) -> list[Behaviour]:
     """Return the stopped tree's leaves whose work has not ended."""
-    return [leaf for leaf in root.iterate() if isinstance(leaf, SettlingLeaf) and not leaf.settled()]
+    return [leaf for leaf in root.iterate() if isinstance(leaf, SettlingLeaf) and not leaf.is_settled()]
 
 
 class SetupFailedError(SarError, RuntimeError):

@@ -45,7 +45,7 @@ def make_executor(context: Context, kind: str) -> Executor:
     return SingleThreadedExecutor(context=context)
 
 
-def suited(executor: Executor, node: Node) -> Executor:
+def suitable_executor(executor: Executor, node: Node) -> Executor:
     """Return an executor that supports everything on a node, replacing the given one if necessary."""
     has_coroutine = any(iscoroutinefunction(service.callback) for service in node.services)
     # rclpy's EventsExecutor is no Executor.

@@ -5,7 +5,7 @@ import time
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from sar_compiler.ros.graph_queries import join_names, ros_graph
-from sar_compiler.ros.leaves.leaf import alive, of_node
+from sar_compiler.ros.leaves.leaf import is_node_valid, of_node
 from sar_compiler.ros.message_values import RigidTransform, UnusableValueError, frame_name, read_transform
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class PublisherAlternation:
             if last is not None and number <= last:
                 self._falls[child] = (self._falls.get(child, (-math.inf, -math.inf))[1], at_sec)
 
-    def contested(self, now_sec: float) -> list[str]:
+    def contested_frames(self, now_sec: float) -> list[str]:
         """Return the frames with several publishers, with the times passed to `add`."""
         return sorted(child for child, (at, _) in self._falls.items() if now_sec - at <= _CONFLICT_SEC)
 
@@ -108,7 +108,9 @@ class FrameSources:
     def conflict(self) -> str:
         """Describe the first frame with several publishing nodes; empty if there is none."""
         self._listen()
-        found = (self._describe(child) for child in (*self._turns.contested(time.time()), *self._static))
+        found = (
+            self._describe(child) for child in (*self._turns.contested_frames(time.time()), *self._static)
+        )
         return next(filter(None, found), "")
 
     def frame_conflict(self, child: str) -> str:
@@ -117,7 +119,7 @@ class FrameSources:
         return self._describe(child)
 
     def _describe(self, child: str) -> str:
-        if child in self._turns.contested(time.time()):
+        if child in self._turns.contested_frames(time.time()):
             return self._two_sources(child, self._topics[0])
         static = self._static.get(child)
         if static is None:
@@ -145,7 +147,7 @@ class FrameSources:
 
     def _listen(self) -> None:
         """Read the messages received since the last call."""
-        if not alive(self._listener):
+        if not is_node_valid(self._listener):
             return
         for subscription, on_message in zip(
             self._subscriptions, (self._on_moving, self._on_static), strict=True

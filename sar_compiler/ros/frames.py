@@ -59,9 +59,9 @@ class Transform(NamedTuple):
         """The rotation about z, rad."""
         return yaw_of_quaternion(self.qx, self.qy, self.qz, self.qw)
 
-    def of(self, inner: "Transform") -> "Transform":
+    def compose(self, inner: "Transform") -> "Transform":
         """Convert a pose in the inner frame to one in the outer frame."""
-        x, y, z = self._turned((inner.x, inner.y, inner.z))
+        x, y, z = self._rotate((inner.x, inner.y, inner.z))
         ax, ay, az, aw = self[3:]
         bx, by, bz, bw = inner[3:]
         return Transform(
@@ -78,10 +78,10 @@ class Transform(NamedTuple):
     def inverse(self) -> "Transform":
         """The pose of the outer frame in the inner one."""
         turn = Transform(0.0, 0.0, 0.0, -self.qx, -self.qy, -self.qz, self.qw)
-        x, y, z = turn._turned((self.x, self.y, self.z))
+        x, y, z = turn._rotate((self.x, self.y, self.z))
         return turn._replace(x=-x, y=-y, z=-z)
 
-    def _turned(self, vector: _Displacement) -> _Displacement:
+    def _rotate(self, vector: _Displacement) -> _Displacement:
         axis = self.qx, self.qy, self.qz
         once = _cross(axis, vector)
         twice = _cross(axis, once)
@@ -141,12 +141,12 @@ class FrameTree:
         node.create_subscription(TFMessage, "/tf", self._on_moving, moving)
         node.create_subscription(TFMessage, "/tf_static", self._on_static, latched)
 
-    def listen(self, listener: Callable[[], None]) -> None:
+    def add_listener(self, listener: Callable[[], None]) -> None:
         """Register a callback for arriving transforms."""
         self._listeners.append(listener)
 
-    def withdraw(self, listener: Callable[[], None]) -> None:
-        """Remove a callback that was given to `listen`."""
+    def remove_listener(self, listener: Callable[[], None]) -> None:
+        """Remove a callback that was given to `add_listener`."""
         self._listeners.remove(listener)
 
     def look_up(self, target: str, source: str, max_age_sec: float = math.inf) -> FramePose | str:
@@ -176,7 +176,7 @@ class FrameTree:
                 age_sec = stamp_age(oldest, self._node, max_age_sec, is_strict=True, subject=_SUBJECT)
             except UnusableValueError as error:
                 return str(error)
-        return FramePose(inward.transform.inverse.of(outward.transform), age_sec)
+        return FramePose(inward.transform.inverse.compose(outward.transform), age_sec)
 
     def _describe_gap(self, target: str, source: str, above_source: str, above_target: str) -> str:
         known = sorted({*self._heard, *(each.parent for each in self._heard.values())})
@@ -207,7 +207,7 @@ class FrameTree:
                 break
             at = _Heard(
                 above.parent,
-                above.transform.of(at.transform),
+                above.transform.compose(at.transform),
                 min(at.of_sec, above.of_sec),
                 max(at.newest_sec, above.newest_sec),
                 above.came_sec,
@@ -218,15 +218,15 @@ class FrameTree:
     def _on_moving(self, message: Any) -> None:
         now = node_sec(self._node)
         for each in message.transforms:
-            self._take("Topic '/tf'", each, now, is_static=False)
-        self._tell()
+            self._on_transform("Topic '/tf'", each, now, is_static=False)
+        self._notify()
 
     def _on_static(self, message: Any) -> None:
         for each in message.transforms:
-            self._take("Topic '/tf_static'", each, -math.inf, is_static=True)
-        self._tell()
+            self._on_transform("Topic '/tf_static'", each, -math.inf, is_static=True)
+        self._notify()
 
-    def _take(self, topic: str, message: Any, came_sec: float, *, is_static: bool) -> None:
+    def _on_transform(self, topic: str, message: Any, came_sec: float, *, is_static: bool) -> None:
         read = value_reports(self._node).read(topic, lambda: read_transform(message))
         if read is None or not read.child or not read.parent or read.child == read.parent:
             return
@@ -236,7 +236,7 @@ class FrameTree:
             transform = Transform(*read.offset, *read.turn)
             self._heard[read.child] = _Heard(read.parent, transform, *times, came_sec)
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         for listener in tuple(self._listeners):
             listener()
 

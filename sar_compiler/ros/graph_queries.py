@@ -158,16 +158,16 @@ class RosGraph:
         self._cache: dict[Any, Any] = {}
         self._cached_at = -math.inf
 
-    def ask(self, endpoint: Endpoint) -> EndpointState:
+    def query(self, endpoint: Endpoint) -> EndpointState:
         """Return the state of an endpoint: usable, present but unusable, or elsewhere."""
-        return self._cached((endpoint, str(endpoint.qos)), lambda: self._ask(endpoint))
+        return self._get_cached((endpoint, str(endpoint.qos)), lambda: self._query_endpoint(endpoint))
 
     def advice(self, endpoints: Iterable[Endpoint]) -> str:
         """Return command-line rules that remap all endpoints to their alternatives; empty if there are none.
 
         A namespace is recommended if it takes fewer rules than remapping each name.
         """
-        answers = [self.ask(each) for each in dict.fromkeys(endpoints)]
+        answers = [self.query(each) for each in dict.fromkeys(endpoints)]
         absent = [each for each in answers if not each.is_there and each.elsewhere]
         if not absent:
             return ""
@@ -184,9 +184,9 @@ class RosGraph:
         others = [other for other in spaces if other != space and self._fits_as_well(absent, other, space)]
         return f"{text}, or with {' or '.join(others)} instead of {space}" if others else text
 
-    def nodes(self) -> "Counter[str]":
+    def node_counts(self) -> "Counter[str]":
         """Return the full names of all visible nodes, including this one, with their counts."""
-        return self._cached(
+        return self._get_cached(
             "names",
             lambda: Counter(
                 f"{space.rstrip('/')}/{name}" for name, space in self._node.get_node_names_and_namespaces()
@@ -216,7 +216,7 @@ class RosGraph:
 
     def contested_topics(self) -> list[str]:
         """Describe all discovered single-source topics that have several publishers."""
-        several = {topic: nodes for topic, nodes in self._publishing().items() if len(nodes) > 1}
+        several = {topic: nodes for topic, nodes in self._topics_of_others().items() if len(nodes) > 1}
         single = {*_ONE_SOURCE, _CLOCK_TYPE}
         return [
             f"topic {topic}: published by {join_names(sorted(nodes))}. Stop all but one"
@@ -229,7 +229,7 @@ class RosGraph:
 
         The topic is `/tf` as written; a namespaced robot has its transforms in its namespace.
         """
-        return self._cached("transforms", self._find_transforms)
+        return self._get_cached("transforms", self._find_transforms)
 
     @property
     def is_clock_contested(self) -> bool:
@@ -276,7 +276,7 @@ class RosGraph:
 
     def foreign_localisation_problem(self) -> str:
         """Describe why the localisation may belong to another robot; empty if it does not seem to."""
-        poses = self.ask(Endpoint("topic", "amcl_pose", _ONE_SOURCE[2]))
+        poses = self.query(Endpoint("topic", "amcl_pose", _ONE_SOURCE[2]))
         if not poses.is_there and poses.is_same:
             return f"{poses.title} has no publisher; there is {join_names(poses.elsewhere, 'or')}"
         if len(poses.nodes) > 1:
@@ -299,11 +299,11 @@ class RosGraph:
         )
 
     def _has_localisation(self, space: str, own: str) -> bool:
-        topics, services = self._topics(), self._served()
+        topics, services = self._topics(), self._services_of_others()
         is_there = f"{space}/amcl_pose" in topics or f"{space}/amcl{_STATE_SERVICE}" in services
         return space != own and is_there
 
-    def _ask(self, endpoint: Endpoint) -> EndpointState:
+    def _query_endpoint(self, endpoint: Endpoint) -> EndpointState:
         if endpoint.kind in ("topic", "listeners"):
             return self._ask_topic(endpoint)
         suffix = {"action": _GOAL_SERVICE, "node": _STATE_SERVICE}.get(endpoint.kind, "")
@@ -382,7 +382,7 @@ class RosGraph:
     def _is_in(self, endpoint: Endpoint, space: str) -> bool:
         """Return whether a relative name exists in a namespace."""
         moved = Endpoint(endpoint.kind, f"{space.rstrip('/')}/{endpoint.name}")
-        return self.ask(moved).is_there
+        return self.query(moved).is_there
 
     def _fits_as_well(self, absent: Sequence[EndpointState], space: str, chosen: str) -> bool:
         fits = [each for each in absent if chosen in each.namespaces]
@@ -395,7 +395,7 @@ class RosGraph:
     def _find_transforms(self) -> str:
         here, space = self._node.resolve_topic_name("/tf"), self._node.get_namespace().rstrip("/")
         heard, localisers = set(self.publishers("/tf")), set(self.publishers("amcl_pose"))
-        for topic, nodes in sorted(self._publishing().items()):
+        for topic, nodes in sorted(self._topics_of_others().items()):
             if not topic.endswith("/tf") or topic == here:
                 continue
             # If other robots use the topic, it belongs to this one only if this robot's nodes publish on it.
@@ -415,7 +415,7 @@ class RosGraph:
 
     def _infos(self, topic: str, *, hears: bool = False) -> list[Any]:
         """Return the publishers (or subscriptions) of other nodes on a topic that this node uses, by its full name."""
-        return self._cached((topic, "infos", hears), lambda: self._find_infos(topic, hears=hears))
+        return self._get_cached((topic, "infos", hears), lambda: self._find_infos(topic, hears=hears))
 
     def _find_infos(self, topic: str, *, hears: bool, is_service: bool = False) -> list[Any]:
         from rclpy.duration import Duration, Infinite
@@ -432,9 +432,9 @@ class RosGraph:
                 qos.liveliness_lease_duration = Duration()
         return [each for each in infos if _node_of(each) != self._own]
 
-    def _publishing(self, *, hears: bool = False) -> dict[str, dict[str, set[str]]]:
+    def _topics_of_others(self, *, hears: bool = False) -> dict[str, dict[str, set[str]]]:
         """Return the topics that other nodes publish (or subscribe to), with these nodes and the types."""
-        return self._cached(("nodes", hears), lambda: self._find_publishing(hears=hears))
+        return self._get_cached(("nodes", hears), lambda: self._find_publishing(hears=hears))
 
     def _find_publishing(self, *, hears: bool) -> dict[str, dict[str, set[str]]]:
         from rclpy.node import NodeNameNonExistentError
@@ -456,14 +456,14 @@ class RosGraph:
 
     def _topics(self, *, hears: bool = False) -> dict[str, set[str]]:
         """Return the topics that other nodes publish (or subscribe to), with their types."""
-        publishing = self._publishing(hears=hears)
+        publishing = self._topics_of_others(hears=hears)
         return {
             topic: set().union(*nodes.values()) for topic, nodes in publishing.items() if "/_" not in topic
         }
 
-    def _served(self) -> dict[str, set[str]]:
+    def _services_of_others(self) -> dict[str, set[str]]:
         """Return the services that other nodes serve, with their types."""
-        return self._cached("services", self._find_served)
+        return self._get_cached("services", self._find_served)
 
     def _find_served(self) -> dict[str, set[str]]:
         found: dict[str, set[str]] = {}
@@ -474,7 +474,7 @@ class RosGraph:
 
     def _servers(self) -> list[tuple[str, dict[str, list[str]]]]:
         """Return the other nodes by their full names, with the services that they serve."""
-        return self._cached(
+        return self._get_cached(
             "servers", lambda: [each for each in self._find_servers() if each[0] != self._own]
         )
 
@@ -483,23 +483,23 @@ class RosGraph:
             yield f"{space.rstrip('/')}/{name}", served
 
     def _services(self) -> dict[str, set[str]]:
-        return {name: types for name, types in self._served().items() if "/_" not in name}
+        return {name: types for name, types in self._services_of_others().items() if "/_" not in name}
 
     def _actions(self) -> dict[str, set[str]]:
         return {
             name.removesuffix(_GOAL_SERVICE): {each.removesuffix("_SendGoal") for each in types}
-            for name, types in self._served().items()
+            for name, types in self._services_of_others().items()
             if name.endswith(_GOAL_SERVICE)
         }
 
     def _lifecycle_nodes(self) -> dict[str, set[str]]:
         return {
             name.removesuffix(_STATE_SERVICE): types
-            for name, types in self._served().items()
+            for name, types in self._services_of_others().items()
             if name.endswith(_STATE_SERVICE)
         }
 
-    def _cached(self, key: Any, find: Callable[[], T]) -> T:
+    def _get_cached(self, key: Any, find: Callable[[], T]) -> T:
         now = AWAKE.now()
         if now - self._cached_at > _FRESH_SEC:
             self._cache, self._cached_at = {}, now
@@ -541,7 +541,7 @@ def explain_absence(node: "Node", leaf: Behaviour, kind: str, name: str) -> str:
 
 def explain_endpoint(node: "Node", endpoint: Endpoint) -> str:
     """Return the end of a message about an unreachable endpoint; see `explain_absence`."""
-    answer = ros_graph(node).ask(endpoint)
+    answer = ros_graph(node).query(endpoint)
     if answer.is_there:
         connected = "" if endpoint.kind == "topic" else "it is present but not connected yet"
         problem = answer.problem or connected

@@ -75,14 +75,14 @@ class Guardian(RunExtension):
 
     def on_compiled(self, tree: "CompiledTree", engine: "Engine") -> None:  # noqa: ARG002
         """Guard the goals of the mission's node."""
-        self.listen()
+        self.guard_goals()
 
-    def listen(self) -> None:
+    def guard_goals(self) -> None:
         """Guard the goals of the node from here on."""
-        active_goals_of(self._node).listen(self.note)
-        heartbeats(self._node).listen(self.forward_heartbeat)
+        active_goals_of(self._node).add_listener(self.report_goal)
+        heartbeats(self._node).add_listener(self.forward_heartbeat)
 
-    def note(self, news: GoalEvent) -> None:
+    def report_goal(self, news: GoalEvent) -> None:
         """Report a goal to the guardian; never blocks."""
         with self._lock:
             if news.is_over:
@@ -194,11 +194,11 @@ class _GuardedGoals:
             if line == _END:
                 return
             if line is not None:
-                self._take(line)
+                self._handle_line(line)
             elif self._beat.limit_sec is not None:
-                self._look(self._beat.limit_sec, time.monotonic() - self._heard_at - _GRACE_SEC)
+                self._check_heartbeats(self._beat.limit_sec, time.monotonic() - self._heard_at - _GRACE_SEC)
 
-    def _take(self, line: str) -> None:
+    def _handle_line(self, line: str) -> None:
         sign, _, words = line.partition(" ")
         if sign == _BEAT:
             self._take_heartbeat(Heartbeat(*json.loads(words)))
@@ -227,7 +227,7 @@ class _GuardedGoals:
             self._node, goal, on_end=report_end, patience_sec=UNKNOWN_SEC
         )
 
-    def _look(self, limit_sec: float, silent_sec: float) -> None:
+    def _check_heartbeats(self, limit_sec: float, silent_sec: float) -> None:
         """Report missing heartbeats, and cancel the goals of a blocked mission, which may tick again later."""
         if silent_sec > REPORT_SEC and not self._is_reported:
             self._is_reported = True

@@ -39,11 +39,11 @@ class Heartbeats:
         """Whether any listener is registered."""
         return bool(self._listeners)
 
-    def listen(self, listener: Callable[[Heartbeat], None]) -> None:
+    def add_listener(self, listener: Callable[[Heartbeat], None]) -> None:
         """Register a listener, which is called with each heartbeat from any thread."""
         self._listeners.append(listener)
 
-    def report(self, beat: Heartbeat) -> None:
+    def send(self, beat: Heartbeat) -> None:
         """Send one heartbeat to all listeners."""
         for listener in self._listeners:
             listener(beat)

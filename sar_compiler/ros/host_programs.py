@@ -26,7 +26,7 @@ from sar_compiler.ros.arguments import security_arguments, split_arguments
 from sar_compiler.ros.engine import leaves_at_work
 from sar_compiler.ros.forced_end import ForcedEnd
 from sar_compiler.ros.guardian import Guardian
-from sar_compiler.ros.leaves.leaf import alive
+from sar_compiler.ros.leaves.leaf import is_node_valid
 from sar_compiler.ros.orphaned_goals import CancelFunction, make_separate_canceller
 from sar_compiler.ros.runner import TreeRunner
 from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
@@ -38,7 +38,7 @@ _SOON_SEC = 0.02
 
 
 @contextmanager
-def running(
+def running_tree(
     tree: CompiledTree | Behaviour | TreeRunner,
     node: Node,
     *,
@@ -70,7 +70,7 @@ def running(
         SystemExit: At the end of the block, if a signal has asked for it.
     """
     runner = tree if isinstance(tree, TreeRunner) else TreeRunner(tree)
-    if not alive(node):
+    if not is_node_valid(node):
         raise ExternalShutdownException
     name = Path(sys.argv[0]).name or "python"
     security = security_arguments(split_arguments(sys.argv[1:]).ros)
@@ -78,7 +78,7 @@ def running(
         if guardian:
             guard = Guardian(node, security)
             stack.callback(guard.on_end, has_begun=True)
-            guard.listen()
+            guard.guard_goals()
         signals = _Signals() if threading.current_thread() is threading.main_thread() else None
         if signals is not None:
             stack.callback(signals.give_back)
@@ -90,7 +90,7 @@ def running(
         cancel = make_separate_canceller(node)
         stack.callback(runner.shutdown)
         hosted = _HostedTree(name, runner, node, cancel, settle_timeout_sec, signals)
-        with hosted.watch(blocked_tick_timeout_sec):
+        with hosted.tick_watch(blocked_tick_timeout_sec):
             try:
                 yield runner
             except _InterruptionError:
@@ -152,7 +152,7 @@ class _HostedTree:
         self._spinner = threading.get_ident()
         self._active: list[str] = []
 
-    def watch(self, blocked_sec: float) -> TickWatch:
+    def tick_watch(self, blocked_sec: float) -> TickWatch:
         """Return the watch of the executor for the time in which the tree is ticked."""
         signals = self._signals
         watch = TickWatch(
@@ -212,8 +212,8 @@ class _HostedTree:
         self._is_ending = True
         if self._signals is not None:
             self._signals.is_noticed = True
-        names = self._has_settled() if alive(self._node) else []
-        if not alive(self._node):
+        names = self._has_settled() if is_node_valid(self._node) else []
+        if not is_node_valid(self._node):
             names = list(self._cancel(self._settle_sec))
         if names:
             self._active = names
@@ -243,7 +243,7 @@ class _HostedTree:
         """Stop the tree in the thread that spins the executor."""
         self._runner.interrupt()
         deadline = time.monotonic() + self._settle_sec
-        while (self._runner.running or leaves_at_work(self._runner.root)) and time.monotonic() < deadline:
+        while (self._runner.is_running or leaves_at_work(self._runner.root)) and time.monotonic() < deadline:
             time.sleep(_TURN_SEC)
         return [leaf.name for leaf in leaves_at_work(self._runner.root)]
 

@@ -69,7 +69,7 @@ class PolledService:
         """Return whether a server has not responded since a time, in steady seconds."""
         return self._is_there and (self.known_at == -math.inf or self.known_at < since)
 
-    def ask(self, since: float = -math.inf) -> bool:
+    def query(self, since: float = -math.inf) -> bool:
         """Read the response, and query again if due or if it is older than *since*; return whether there is a server."""
         now = AWAKE.now()
         self._is_there = self.is_there
@@ -155,10 +155,10 @@ class LifecycleState(PolledService):
         """Whether the node has not responded since this process was suspended; False without a suspension."""
         return self.answered_at < AWAKE.stood_still_at
 
-    def missing(self, since: float = -math.inf) -> str | None:
+    def poll(self, since: float = -math.inf) -> str | None:
         """Query if due or if the response is older than *since*; describe the last state, None if it was `active`."""
-        if not self.ask(since):
-            there = ros_graph(self._node).ask(Endpoint("node", self.name)).hint
+        if not self.query(since):
+            there = ros_graph(self._node).query(Endpoint("node", self.name)).hint
             return f"node {self.name}: not there (no service {self._service}){there}"
         if self.state is None:
             late = f" for {self.deadline_sec:g} s" if self.is_silent else ""
@@ -185,7 +185,7 @@ class LifecycleNodes:
         self._known: set[LifecycleState] = set()
         self._since = -math.inf
 
-    def look(self) -> None:
+    def update_presence(self) -> None:
         """Record which of the nodes are present."""
         self._known.update(each for each in self._nodes if each.is_there)
 
@@ -195,8 +195,8 @@ class LifecycleNodes:
 
     def obstacle(self) -> str | None:
         """Describe the missing items; empty if none is missing, None until all nodes have responded."""
-        self.look()
-        looked = [(each, each.missing(self._since)) for each in self._nodes if each in self._known]
+        self.update_presence()
+        looked = [(each, each.poll(self._since)) for each in self._nodes if each in self._known]
         missing = [(each, line) for each, line in looked if line is not None]
         if any(each.is_awaited(self._since) for each in self._known):
             return None

@@ -636,10 +636,10 @@ class ValueReports:
         try:
             return read()
         except UnusableValueError as error:
-            self.report(source, error)
+            self.report_problem(source, error)
             return None
 
-    def report(self, source: str, error: UnusableValueError) -> None:
+    def report_problem(self, source: str, error: UnusableValueError) -> None:
         """Report a problem, unless it occurred within the last minute."""
         now, key = AWAKE.now(), (source, error.problem)
         first, last = self._seen.get(key, (now, -math.inf))

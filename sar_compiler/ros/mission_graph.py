@@ -37,15 +37,15 @@ def find_missions(node: Node) -> list[LeaseClaim]:
     claims: dict[str, LeaseClaim] = {}
     heard: dict[str, bool] = {}
 
-    def listen(topic: str) -> None:
-        def take(message: String) -> None:
+    def listen_to_topic(topic: str) -> None:
+        def on_message(message: String) -> None:
             heard[topic] = True
             claim = parse_claim(message.data)
             if claim is not None:
                 claims[claim.key] = claim
 
         heard[topic] = False
-        node.create_subscription(String, topic, take, latched)
+        node.create_subscription(String, topic, on_message, latched)
 
     began = changed = time.monotonic()
     seen: set[tuple[str, str]] = set()
@@ -55,7 +55,7 @@ def find_missions(node: Node) -> list[LeaseClaim]:
             seen, changed = seen | nodes, now
         for topic, _ in node.get_topic_names_and_types():
             if topic.endswith(CLAIMS) and topic not in heard:
-                listen(topic)
+                listen_to_topic(topic)
         is_over = now - changed > _LOOK_SEC and all(heard.values())
         if is_over or now - began > _LONGEST_LOOK_SEC:
             return sorted(claims.values(), key=lambda claim: (claim.node, claim.since))
@@ -89,13 +89,13 @@ def send_command(node: Node, of: str, order: str, sign: Callable[[Callable[[], N
     client: Any = node.create_client(Trigger, f"{of}/{order}")
     answered, answers = Event(), list[Any]()
 
-    def take(answer: Any) -> None:
+    def on_response(answer: Any) -> None:
         answers.append(answer.result())
         answered.set()
 
     if not client.wait_for_service(_ANSWER_SEC):
         raise MissionCommandError(f"{of} no longer accepts '{order}'")
-    sign(lambda: client.call_async(Trigger.Request()).add_done_callback(take))
+    sign(lambda: client.call_async(Trigger.Request()).add_done_callback(on_response))
     if not answered.wait(_ANSWER_SEC):
         raise MissionCommandError(
             f"{of} has not responded within {_ANSWER_SEC:g} s. It may have accepted '{order}'"

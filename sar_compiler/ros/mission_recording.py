@@ -171,7 +171,7 @@ class McapRecorder:
         self._schemas: dict[str, int] = {}
         # The profiles of a topic's publishers, collected before its first message enters the queue.
         self._offers: dict[str, str] = {}
-        self._thread = Thread(target=self._work, name="recorder", daemon=True)
+        self._thread = Thread(target=self._write_queued, name="recorder", daemon=True)
         self._thread.start()
 
     @classmethod
@@ -190,11 +190,11 @@ class McapRecorder:
             raise RecordingError(f"{path} cannot be created: {error.strerror}") from error
         return cls(path, file, complain)
 
-    def listen(self, node: Node) -> None:
+    def record_topics(self, node: Node) -> None:
         """Record a mission's topics, each as soon as it appears with a known type."""
         left = {node.resolve_topic_name(name): name for name in RECORDED}
 
-        def look() -> None:
+        def subscribe_new_topics() -> None:
             for topic, types in node.get_topic_names_and_types():
                 kind = _type_to_record(left.get(topic, ""), types)
                 if kind is None:
@@ -206,19 +206,19 @@ class McapRecorder:
             if not left:
                 timer.cancel()
 
-        timer = steady_timer(node, _LOOK_SEC, look)
+        timer = steady_timer(node, _LOOK_SEC, subscribe_new_topics)
 
     def _listen_to(self, node: Node, topic: str, name: str, kind: Any) -> None:
         latched = DurabilityPolicy.TRANSIENT_LOCAL if name in _LATCHED else DurabilityPolicy.VOLATILE
         reliable = ReliabilityPolicy.BEST_EFFORT if name in _UNRELIABLE else ReliabilityPolicy.RELIABLE
         qos = QoSProfile(depth=_DEPTH, durability=latched, reliability=reliable)
 
-        def take(data: bytes) -> None:
+        def on_message(data: bytes) -> None:
             if topic not in self._offers:
                 self._offers[topic] = self._offers_in(node, topic)
-            self._put(_Recorded(topic, kind, data, time.time_ns()))
+            self._enqueue(_Recorded(topic, kind, data, time.time_ns()))
 
-        node.create_subscription(kind, topic, take, qos, raw=True)
+        node.create_subscription(kind, topic, on_message, qos, raw=True)
 
     def _offers_in(self, node: Node, topic: str) -> str:
         # Queried with the first message, because a topic also exists if it only has subscribers.
@@ -240,9 +240,9 @@ class McapRecorder:
             self._offers.setdefault(
                 topic, _as_yaml([QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)])
             )
-        self._put(_Recorded(topic, type(message), serialize_message(message), time.time_ns()))
+        self._enqueue(_Recorded(topic, type(message), serialize_message(message), time.time_ns()))
 
-    def _put(self, recorded: _Recorded) -> None:
+    def _enqueue(self, recorded: _Recorded) -> None:
         if self._is_broken:
             return
         if self._put_in - self._written > _MOST_WAITING:
@@ -268,7 +268,7 @@ class McapRecorder:
         if not (keep and self._channels):
             self._path.unlink(missing_ok=True)
 
-    def _work(self) -> None:
+    def _write_queued(self) -> None:
         try:
             with self._file:
                 writer = Writer(self._file)
@@ -339,7 +339,7 @@ class MissionRecording(RunExtension):
         self._write("~/tree", String(data=tree_xml(numbered)), latched=True)
         self._tree_log = TreeLog(self._node, numbered, lambda message: self._write(TOPIC, message))
         self._tree_log.observe(engine)
-        self._recorder.listen(self._node)
+        self._recorder.record_topics(self._node)
 
     def on_entry(self, entry: JournalEntry) -> None:
         """Record an entry of the run's journal."""

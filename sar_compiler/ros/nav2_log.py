@@ -106,15 +106,17 @@ class Nav2Log:
             name: The node that logged them; all by default.
             since: Only lines from this time on, steady seconds.
         """
-        lines = [(rank, each) for each in self._since(name, since) if (rank := each.rank) is not None]
+        lines = [(rank, each) for each in self._lines_since(name, since) if (rank := each.rank) is not None]
         best = min((rank for rank, _ in lines), default=None)
-        said = [f'{each.who}: "{_shortened(each.text)}"' for rank, each in lines if rank == best]
+        said = [f'{each.who}: "{_first_line(each.text)}"' for rank, each in lines if rank == best]
         return "; ".join(list(dict.fromkeys(said))[-_QUOTED:])
 
     def failed_change(self) -> str:
         """Return the last node whose state the lifecycle manager could not change; empty if none."""
         found = [
-            each for line in self._since(MANAGER, -math.inf) if (each := _FAILED_CHANGE.search(line.text))
+            each
+            for line in self._lines_since(MANAGER, -math.inf)
+            if (each := _FAILED_CHANGE.search(line.text))
         ]
         return found[-1][1].rpartition("/")[2] if found else ""
 
@@ -126,7 +128,7 @@ class Nav2Log:
         name, since = self._awaited
         return name if time.monotonic() - since >= _DISCOVERED_SEC else ""
 
-    def _since(self, name: str, since: float) -> Iterator[_LoggedLine]:
+    def _lines_since(self, name: str, since: float) -> Iterator[_LoggedLine]:
         foreign = self._foreign_namespaces()
         for each in self._lines:
             if each.at < since or each.who.startswith(foreign):
@@ -171,7 +173,7 @@ class Nav2Log:
             self._awaited = ("", math.inf)
 
 
-def _shortened(text: str) -> str:
+def _first_line(text: str) -> str:
     """Return the first line of a text, shortened."""
     first = text.strip().partition("\n")[0]
     return first if len(first) <= _LONGEST else f"{first[: _LONGEST - 1]}…"

@@ -48,13 +48,13 @@ _TURN_SEC = 0.05
 def record_goals(node: Node, journal: Journal) -> None:
     """Record every goal of a node in the journal before it is sent, and its end."""
 
-    def note(news: GoalEvent) -> None:
+    def record_goal(news: GoalEvent) -> None:
         if news.status is None:
             journal.record_event(GOAL_SENT, action=news.action, goal=news.goal_id)
         else:
             _watch_end(journal, news.goal_id, news.status)
 
-    active_goals_of(node).listen(note)
+    active_goals_of(node).add_listener(record_goal)
 
 
 def _watch_end(journal: Journal, goal_id: str, status: int) -> None:
@@ -77,9 +77,9 @@ class OrphanedGoals(Requirement):
             for goal in journal.active_goals()
         ]
 
-    def missing(self) -> str | None:
+    def poll(self) -> str | None:
         """Cancel the active goals; describe the first one that has not ended, or return None."""
-        return next((line for line in [goal.missing() for goal in self._goals] if line is not None), None)
+        return next((line for line in [goal.poll() for goal in self._goals] if line is not None), None)
 
 
 class CancelClients:
@@ -170,7 +170,7 @@ class OrphanedGoal:
         self._unknown_since: float | None = None
         self._questioned: Client | None = None
 
-    def missing(self) -> str | None:
+    def poll(self) -> str | None:
         """Cancel the goal if due; return why it may be active, None once it has ended."""
         status = self._statuses.end_of(self._id)
         if status is not None:
@@ -234,7 +234,7 @@ def cancel_goals(goals: Sequence[OrphanedGoal], node: Node, limit_sec: float) ->
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     deadline = time.monotonic() + limit_sec
-    while (active := [goal for goal in goals if goal.missing()]) and time.monotonic() < deadline:
+    while (active := [goal for goal in goals if goal.poll()]) and time.monotonic() < deadline:
         executor.spin_once(_TURN_SEC)
     executor.shutdown()
     return active
@@ -298,7 +298,7 @@ def make_separate_canceller(node: Node) -> CancelFunction:
     domain, security = node.context.get_domain_id(), security_arguments(split_arguments(sys.argv[1:]).ros)
     logger, name = node.get_logger(), node.get_name()
 
-    def report(goal: GoalEvent) -> None:
+    def report_goal(goal: GoalEvent) -> None:
         logger.info(f"Canceling the goal of '{goal.action}'.")
 
     def cancel(limit_sec: float) -> Sequence[str]:
@@ -307,7 +307,7 @@ def make_separate_canceller(node: Node) -> CancelFunction:
             return []
         canceller = Canceller(f"{name}_canceller_{os.getpid()}", security, domain)
         try:
-            return canceller.cancel(goals, limit_sec, report)
+            return canceller.cancel(goals, limit_sec, report_goal)
         finally:
             canceller.close()
 

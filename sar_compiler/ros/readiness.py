@@ -61,7 +61,7 @@ class Requirement(ABC):
     ends_by_itself = False
 
     @abstractmethod
-    def missing(self) -> str | None:
+    def poll(self) -> str | None:
         """Perform the next step, and describe the missing item; None if nothing is missing."""
 
     def close(self) -> None:  # noqa: B027 - most have created nothing
@@ -143,7 +143,7 @@ class LocalisationCheck(Requirement):
         )
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
 
-    def missing(self) -> str | None:
+    def poll(self) -> str | None:
         """Publish the pose if due, and describe a missing response; None once there is one.
 
         Raises:
@@ -205,7 +205,7 @@ class LocalisationCheck(Requirement):
         """Return whether the localisation was observed for too short a time."""
         if not self._robot.is_localised:
             return False
-        is_placed = self._robot.place() is not None
+        is_placed = self._robot.last_pose() is not None
         if is_placed and len(ros_graph(self._node).publisher_ids("/tf")) < 2:  # noqa: PLR2004 - then they are of one
             return False
         self._localised_at = min(self._localised_at, now)
@@ -220,7 +220,7 @@ class LocalisationCheck(Requirement):
         others = self._robot.pose is None and self._robot.hears_other_robots
         if self._has_asked or not self._robot.is_localised or others:
             return False
-        place = self._robot.place()
+        place = self._robot.last_pose()
         if place is None or not math.dist(place[:2], self._pose[:2]) <= _AGREES_M:
             raise RobotMovedError(place, self._pose, can_resume=self._can_resume)
         turned = abs(math.remainder(place[2] - self._pose[2], math.tau))
@@ -256,14 +256,14 @@ class Nav2Check(Requirement):
         self._lifecycle, self._log = self._robot.lifecycle(name), nav2_log(node)
         self._manager: PolledService | None = None
 
-    def missing(self) -> str | None:
+    def poll(self) -> str | None:
         """Query if due, and describe the navigator's state with the reason; None if it is `active`."""
         # The missing item may just have arrived.
-        line, state = self._lifecycle.missing(self._robot.pose_at), self._lifecycle.state
+        line, state = self._lifecycle.poll(self._robot.pose_at), self._lifecycle.state
         if line is None:
             return None
         awaited = self._log.awaited_node()
-        if awaited and not ros_graph(self._node).ask(Endpoint("node", awaited)).is_there:
+        if awaited and not ros_graph(self._node).query(Endpoint("node", awaited)).is_there:
             said = self._log.quote(awaited)
             return (
                 f"{line}: {MANAGER} waits for {awaited}, whose process was not started or has crashed"
@@ -280,10 +280,10 @@ class Nav2Check(Requirement):
         """Query the manager and the nodes that it activates earlier, and explain the navigator's state."""
         if self._manager is None:
             self._manager = PolledService(self._node, Trigger, f"{MANAGER}/is_active")
-        self._manager.ask()
+        self._manager.query()
         before = [self._robot.lifecycle(name) for name in BEFORE_NAVIGATOR]
         for each in before:
-            each.missing()
+            each.poll()
         states = {each.name: each.state for each in before if each.state is not None}
         asleep = next((pair for pair in states.items() if pair[1] != "active"), None)
         # It does not answer while it is busy.
@@ -424,7 +424,7 @@ class Readiness:
     @property
     def _is_robot_elsewhere(self) -> bool:
         """Whether the localisation has a different name, which explains all other missing items."""
-        return bool(self._graph.ask(Endpoint("node", NAV2_NODES[0])).elsewhere)
+        return bool(self._graph.query(Endpoint("node", NAV2_NODES[0])).elsewhere)
 
     def _localisation_conflict(self) -> str | None:
         if self._is_robot_elsewhere:
@@ -432,7 +432,7 @@ class Readiness:
         return robot_estimate(self.node).localisation_conflict() or None
 
     def _missing_endpoint(self, endpoint: Endpoint) -> str | None:
-        return self._graph.ask(endpoint).line
+        return self._graph.query(endpoint).line
 
     def _wait_for_nav2(self, initial_pose: InitialPose | None, restarts: bool, can_resume: bool) -> None:
         localizer, navigator = NAV2_NODES
@@ -442,24 +442,24 @@ class Readiness:
                 self.node, initial_pose, restarts=restarts, can_resume=can_resume
             )
             self._closing.append(self._localised)
-            self._steps.append(self._localised.missing)
+            self._steps.append(self._localised.poll)
         # Asked even after it was active: it may no longer be when all else is there.
-        self._steps.append(robot_estimate(self.node).lifecycle(localizer).missing)
+        self._steps.append(robot_estimate(self.node).lifecycle(localizer).poll)
         self._closing.append(Nav2Check(self.node, navigator, tells_pose=initial_pose is not None))
-        self._steps.append(self._closing[-1].missing)
+        self._steps.append(self._closing[-1].poll)
         self._endpoints += [Endpoint("node", name) for name in NAV2_NODES]
         self._steps.append(self._localisation_conflict)
 
     @property
     def is_nav2_absent(self) -> bool:
         """Whether Nav2 is required, and none of its nodes is in the ROS graph under any name."""
-        nodes = [self._graph.ask(Endpoint("node", name)) for name in NAV2_NODES]
+        nodes = [self._graph.query(Endpoint("node", name)) for name in NAV2_NODES]
         return self.uses_nav2 and not any(each.is_there or each.elsewhere for each in nodes)
 
     @property
-    def contested(self) -> bool:
+    def has_rival_servers(self) -> bool:
         """Whether several servers have the same name and would accept the same goal."""
-        servers = any(self._graph.ask(each).is_contested for each in self._endpoints)
+        servers = any(self._graph.query(each).is_contested for each in self._endpoints)
         return servers or self._graph.is_clock_contested
 
     def poll(self) -> bool:
@@ -468,16 +468,16 @@ class Readiness:
         Returns:
             Whether all requirements are fulfilled; the clients and subscriptions made for them are then destroyed.
         """
-        if self.missing():
+        if self.poll_all():
             return False
         if self._steps:
             self.warn()
         self.close()
         return True
 
-    def missing(self) -> list[str]:
+    def poll_all(self) -> list[str]:
         """Perform the next step, and return the missing items, one line each."""
-        first = {each: line for each in self._first if (line := each.missing()) is not None}
+        first = {each: line for each in self._first if (line := each.poll()) is not None}
         self.ends_by_itself = any(each.ends_by_itself for each in first)
         if self._localised is not None:
             self._localised.may_publish = not first
@@ -500,7 +500,7 @@ class Readiness:
         lines = [self._graph.unused_clock_problem()]
         if self.uses_nav2 and not self._is_robot_elsewhere:
             topics += ["map", "amcl_pose", _ODOMETRY.name]
-            odometry = self._graph.ask(_ODOMETRY)
+            odometry = self._graph.query(_ODOMETRY)
             lines.append(
                 f"{odometry.title}: {odometry.problem}{odometry.explanation}" if odometry.elsewhere else ""
             )
@@ -540,7 +540,7 @@ def wait_until_ready(
             now = time.monotonic()
             if readiness.ends_by_itself:
                 start = now
-            if not readiness.contested:
+            if not readiness.has_rival_servers:
                 contested_since = None
             elif contested_since is None:
                 contested_since = now
@@ -549,7 +549,7 @@ def wait_until_ready(
             if now - start >= timeout_sec or not shadow:
                 readiness.warn()
                 raise NotReadyError(
-                    readiness.missing(), now - start, _ABSENT if readiness.is_nav2_absent else ""
+                    readiness.poll_all(), now - start, _ABSENT if readiness.is_nav2_absent else ""
                 )
             if now - told >= _PROGRESS_PERIOD_SEC:
                 told = now
@@ -563,7 +563,7 @@ def wait_until_ready(
 
 
 def _waiting_line(readiness: Readiness) -> str:
-    return escape_to_one_line("Waiting for: " + "; ".join(readiness.missing()))
+    return escape_to_one_line("Waiting for: " + "; ".join(readiness.poll_all()))
 
 
 def _spin_for(executor: Executor, duration_sec: float) -> bool:

@@ -115,7 +115,7 @@ class RobotEstimate:
         return self._slow_since is None
 
     @property
-    def stands(self) -> bool | None:
+    def is_standing(self) -> bool | None:
         """Whether the robot has been standing for half a second; None without recent odometry."""
         if self.moves is None or self._slow_since is None:
             return None if self.moves is None else False
@@ -130,7 +130,7 @@ class RobotEstimate:
         """Register a callback that is called once when the robot stands still."""
         self._awaiting.append(listener)
 
-    def withdraw(self, listener: Callable[[], None]) -> None:
+    def remove_listener(self, listener: Callable[[], None]) -> None:
         """Remove a callback of `call_when_it_stands`; no effect after its call."""
         with suppress(ValueError):
             self._awaiting.remove(listener)
@@ -161,7 +161,7 @@ class RobotEstimate:
             self._states[name] = LifecycleState(self._node, name)
         return self._states[name]
 
-    def place(self) -> PlanarPose | None:
+    def last_pose(self) -> PlanarPose | None:
         """Return the robot's last localised pose, in the frame `map`; None if it is unknown."""
         return self._place_by_transforms() or self.pose
 
@@ -170,9 +170,9 @@ class RobotEstimate:
         if self.lost_transforms():
             return None
         # Between two poses of the localisation, which arrive after movements, only recent odometry extends the last pose.
-        return self.place() if self.moves is not None else self.pose
+        return self.last_pose() if self.moves is not None else self.pose
 
-    def listen(self, listener: PoseListener) -> None:
+    def add_listener(self, listener: PoseListener) -> None:
         """Register a callback for each usable pose of `amcl_pose` from now on."""
         self._listeners.append(listener)
 
@@ -181,7 +181,7 @@ class RobotEstimate:
             pose = localised_pose(message, self._node)
         except UnusableValueError as error:
             self.pose_problem = str(error)
-            self._reports.report("Topic 'amcl_pose'", error)
+            self._reports.report_problem("Topic 'amcl_pose'", error)
             return
         self.pose, self.odometry_at_pose, self.pose_problem = pose, self.odometry, ""
         self.pose_at = AWAKE.now()
@@ -194,11 +194,11 @@ class RobotEstimate:
 
     def _on_odometry(self, message: bytes) -> None:
         self._clocked.now()
-        self._reports.read("Topic 'odometry/filtered'", partial(self._use, message))
+        self._reports.read("Topic 'odometry/filtered'", partial(self._apply_odometry, message))
         for listener in self._odometry_listeners:
             listener()
 
-    def _use(self, message: bytes) -> None:
+    def _apply_odometry(self, message: bytes) -> None:
         """Use the valid values of odometry.
 
         Raises:
@@ -218,7 +218,7 @@ class RobotEstimate:
             self._slow_since = None
         elif self._slow_since is None:
             self._slow_since = self._own_time.now()
-        elif self._awaiting and self.stands:
+        elif self._awaiting and self.is_standing:
             awaiting, self._awaiting = self._awaiting, []
             for listener in awaiting:
                 listener()
@@ -317,7 +317,7 @@ class Standstill:
 
     def is_awaited(self) -> bool:
         """Return whether to continue waiting."""
-        moves = self._robot.stands is False
+        moves = self._robot.is_standing is False
         if not moves and not (self._goals is not None and self._goals.may_be_active):
             if self._due is not None:
                 self._leaf.feedback_message = ""
@@ -328,12 +328,12 @@ class Standstill:
             self._robot.call_when_it_stands(self._wake)
             self._leaf.feedback_message = "waiting for the robot to stop"
         # Read the clock once: a limit that passes between two readings would end the wait without its warning.
-        has_passed = self._due.passed
+        has_passed = self._due.has_passed
         if has_passed and not self._told:
             # Log it once: each line would have another speed.
             self._told = True
             what = f"the robot still moves ({self._robot.speed_text})" if moves else "a goal may be active"
-            self._leaf.complain(
+            self._leaf.warn(
                 f"'{self._leaf.name}': {what} {self._robot.settle_timeout_sec:g} s after {self._since}."
             )
             self.give_up()
@@ -341,4 +341,4 @@ class Standstill:
 
     def give_up(self) -> None:
         """Stop waiting, and do not request a tick when the robot stands still."""
-        self._robot.withdraw(self._wake)
+        self._robot.remove_listener(self._wake)

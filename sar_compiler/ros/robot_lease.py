@@ -99,7 +99,7 @@ class RobotLease(Requirement):
         self._node = node
         # Nodes that are already discovered, and this process's own next one, do not prolong the look.
         own_listener = f"{node.get_namespace().rstrip('/')}/{listener_name(node)}"
-        self._look_sec, self._seen = look_sec, ros_graph(node).nodes() | Counter([own_listener])
+        self._look_sec, self._seen = look_sec, ros_graph(node).node_counts() | Counter([own_listener])
         self._looks_since: float | None = time.monotonic()
         self._clear_at = self._looks_since + look_sec
         self._others: dict[str, LeaseClaim] = {}
@@ -123,11 +123,11 @@ class RobotLease(Requirement):
             {topic: node.create_publisher(String, topic, own) for topic in topics} if claims else {}
         )
         self._subscriptions = [
-            node.create_subscription(String, topic, self._take, latched) for topic in topics
+            node.create_subscription(String, topic, self._on_claim, latched) for topic in topics
         ]
         self._publish()
 
-    def missing(self) -> str | None:
+    def poll(self) -> str | None:
         """Describe the continuing search for other missions; None at its end.
 
         Raises:
@@ -141,7 +141,7 @@ class RobotLease(Requirement):
 
     def _may_miss_claims(self) -> bool:
         """Return whether a claim may still arrive, because discovery is slow on a busy machine."""
-        now, nodes = time.monotonic(), ros_graph(self._node).nodes()
+        now, nodes = time.monotonic(), ros_graph(self._node).node_counts()
         if nodes - self._seen:
             self._seen |= nodes
             if self._looks_since is None:
@@ -156,7 +156,7 @@ class RobotLease(Requirement):
         self._mine = self._mine._replace(runs=True)
         self._publish()
 
-    def trouble(self) -> str:
+    def conflict(self) -> str:
         """Return why this running mission must give way; empty if it need not. Reports new missions."""
         for key in self._others.keys() - self._told:
             self._told.add(key)
@@ -174,7 +174,7 @@ class RobotLease(Requirement):
         own, now = self._mine.node, time.monotonic()
         if self._named_since is None:
             return
-        if ros_graph(self._node).nodes()[own] < 2:  # noqa: PLR2004 - this one and another
+        if ros_graph(self._node).node_counts()[own] < 2:  # noqa: PLR2004 - this one and another
             self._named_since = math.inf
         elif self._named_since == math.inf:
             self._named_since = now
@@ -193,7 +193,7 @@ class RobotLease(Requirement):
             action = topic.removesuffix(CLAIMS)
             publisher.publish(String(data=json.dumps(self._mine._replace(action=action)._asdict())))
 
-    def _take(self, message: String) -> None:
+    def _on_claim(self, message: String) -> None:
         claim = parse_claim(message.data)
         if claim is None or claim.key == self._mine.key:
             return

@@ -119,37 +119,37 @@ class RobotObserver:
         self._others = 0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for message, topic, take, qos in (
-            (Path, "plan", partial(self._take, PLAN), QoSProfile(depth=1)),
-            (OccupancyGrid, "map", partial(self._take, MAP), latched),
+            (Path, "plan", partial(self._on_message, PLAN), QoSProfile(depth=1)),
+            (OccupancyGrid, "map", partial(self._on_message, MAP), latched),
             # Matches drivers that publish reliably and those that do not.
             (
                 BatteryState,
                 "battery_state",
-                partial(self._take, BATTERY),
+                partial(self._on_message, BATTERY),
                 QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
             ),
             (Log, "/rosout", self._on_log, QoSProfile(depth=_LINES)),
         ):
             node.create_subscription(message, topic, take, qos)
         self._robot, self._lacks = robot_estimate(node), ("", False)
-        self._robot.listen(partial(self._take, POSE))
+        self._robot.add_listener(partial(self._on_message, POSE))
         if self._robot.pose is not None:
-            self._take(POSE, self._robot.pose)
-        node.create_timer(_LOOK_SEC, self._look)
-        journal.listen(self._on_entry)
+            self._on_message(POSE, self._robot.pose)
+        node.create_timer(_LOOK_SEC, self._record_postponed)
+        journal.add_listener(self._on_entry)
 
     def _on_entry(self, entry: JournalEntry) -> None:
         if entry.kind == GOAL_ENDED:
             self._newest.pop(PLAN, None)
 
-    def _take(self, kind: str, message: Any) -> None:
+    def _on_message(self, kind: str, message: Any) -> None:
         self._newest[kind] = message
-        self._tell(kind)
+        self._record(kind)
 
-    def _look(self) -> None:
+    def _record_postponed(self) -> None:
         """Record the latest postponed message."""
         for kind in tuple(self._newest):
-            self._tell(kind)
+            self._record(kind)
         # A stopped localisation usually takes Nav2 down. Its loss is the cause, and more urgent: the robot may be anywhere.
         lost = self._robot.lost_transforms()
         if (lacks := (lost or self._robot.lacks, bool(lost))) != self._lacks:
@@ -163,7 +163,7 @@ class RobotObserver:
             text = f"{left_out} more warnings of other nodes within {_LOOK_SEC:g} s are omitted."
             self._journal.record_observation(LOG, node=self._name, level=Log.WARN, text=text)
 
-    def _tell(self, kind: str) -> None:
+    def _record(self, kind: str) -> None:
         if self._is_due(kind):
             self._takers[kind](self._newest.pop(kind))
 

@@ -27,15 +27,15 @@ from sar_compiler.ros.clock import steady_timer
 from sar_compiler.ros.engine import (
     error_text,
     give_up,
+    log_error,
     log_failure,
     require_tickable_depth,
     settle,
     shut_down,
     stop_behaviours,
-    tell,
 )
 from sar_compiler.ros.executors import call_soon
-from sar_compiler.ros.leaves.leaf import alive
+from sar_compiler.ros.leaves.leaf import is_node_valid
 from sar_compiler.ros.orphaned_goals import CancelFunction, make_separate_canceller
 from sar_compiler.runtime.breakpoints import Breakpoints, tick_with_breakpoints
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
@@ -60,9 +60,9 @@ class TickScheduler:
         self._tick = tick
         self._count = count
         self._seen = (-1, -1)
-        self._timers = [steady_timer(node, period_sec, self._beat)]
+        self._timers = [steady_timer(node, period_sec, self._on_timer)]
         self._is_simulated = False
-        self._look()
+        self._check_clock()
 
     def destroy(self) -> None:
         """Destroy the timers; the context may be shut down already."""
@@ -77,7 +77,7 @@ class TickScheduler:
         except Exception as error:  # noqa: BLE001
             self._node.get_logger().debug(f"a timer could not be destroyed: {error_text(error)}")
 
-    def _look(self) -> bool:
+    def _check_clock(self) -> bool:
         """Check the node's clock; return whether it has stopped."""
         clock = self._node.get_clock()
         if clock.ros_time_is_active != self._is_simulated:
@@ -89,13 +89,13 @@ class TickScheduler:
         seen, self._seen = self._seen, (self._count(), clock.now().nanoseconds)
         return seen == self._seen
 
-    def _beat(self) -> None:
+    def _on_timer(self) -> None:
         """Tick if the node's clock is not simulated, paused or missing.
 
         The leaves' deadlines for servers use the steady clock and must be checked nevertheless. No ticks are added
         to a simulation that is only slow.
         """
-        if self._look() or not self._is_simulated:
+        if self._check_clock() or not self._is_simulated:
             self._tick()
             self._seen = (self._count(), self._seen[1])
 
@@ -168,7 +168,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._running = self._ticking = self._stopped = self._shut_down = self._woken = False
 
     @property
-    def running(self) -> bool:
+    def is_running(self) -> bool:
         """Whether the tree is being ticked."""
         return self._running
 
@@ -250,7 +250,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             pre_tick_handler: Called before every tick, before the handlers that were added.
             post_tick_handler: Called after every tick, after the handlers that were added.
             until: The statuses of the root at which ticking ends. By default there are none: the tree starts over at the next
-                tick, which changes `last_status`. At the end `running` is False, and `last_status` keeps that status.
+                tick, which changes `last_status`. At the end `is_running` is False, and `last_status` keeps that status.
 
         Raises:
             RuntimeError: If `setup` was not called, or the tree was stopped already.
@@ -391,7 +391,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         """
         self.stop()
         atexit.unregister(self._end_with_program)
-        if self.node is not None and not alive(self.node):
+        if self.node is not None and not is_node_valid(self.node):
             self._cancel_what_is_left()
         if not self._shut_down:
             self._shut_down = True
@@ -418,14 +418,14 @@ class TreeRunner(py_trees.trees.BehaviourTree):
 
         self._try(cancel, "active goals could not be canceled. The robot may still be moving")
         for action in active:
-            tell(self.node, f"{action} does not end its goal: the robot may still be moving")
+            log_error(self.node, f"{action} does not end its goal: the robot may still be moving")
 
     def _try(self, action: Callable[[], object], complaint: str) -> None:
         """Run a shutdown step, and log its errors, so that all steps run."""
         try:
             action()
         except Exception as error:  # noqa: BLE001
-            tell(self.node, f"{complaint}: {error_text(error)}")
+            log_error(self.node, f"{complaint}: {error_text(error)}")
 
     def _require_not_stopped(self) -> None:
         if self._stopped:

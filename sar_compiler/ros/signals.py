@@ -88,7 +88,7 @@ class StopSignals:
         self._listener.join(_LAST_WORDS_SEC)
 
     def _listen(self) -> None:
-        while numbers := self._heard():
+        while numbers := self._read_signals():
             for number in (each for each in numbers if each in self._before):
                 if number == self._own:
                     self._own = 0
@@ -98,20 +98,20 @@ class StopSignals:
                     self._ear.settimeout(UNNOTICED_SEC)
                 elif number != signal.SIGHUP and time.monotonic() - self.came_at > _TOGETHER_SEC:
                     self._number = number
-                    self._leave()
+                    self._exit_at_once()
         self._ear.close()
 
-    def _heard(self) -> bytes:
+    def _read_signals(self) -> bytes:
         """Return the numbers of the next signals; empty after listening has ended."""
         try:
             return self._ear.recv(64)
         except TimeoutError:
             self._ear.settimeout(None)
         if self.ends_unnoticed and not self.is_noticed:
-            self._leave()
-        return self._heard()
+            self._exit_at_once()
+        return self._read_signals()
 
-    def _leave(self) -> NoReturn:
+    def _exit_at_once(self) -> NoReturn:
         """End the process at once."""
         end_at_once(self.exit_status, self.last_words or (lambda: None), _LAST_WORDS_SEC)
 

@@ -80,7 +80,7 @@ class TickWatch:
     def __enter__(self) -> None:
         """Start watching."""
         self._timer = steady_timer(self._node, _PERIOD_SEC, self._on_timer)
-        self._beat()
+        self._on_alive()
         self._watcher = threading.Thread(target=self._watch, name="tick watch", daemon=True)
         self._watcher.start()
 
@@ -88,7 +88,7 @@ class TickWatch:
         """Stop watching."""
         self._is_over.set()
         self._watcher.join(_OWN_PAUSE_SEC)  # it may be waiting for the ends of goals
-        self._heartbeats.report(Heartbeat())
+        self._heartbeats.send(Heartbeat())
         if self._stack is not None:
             faulthandler.cancel_dump_traceback_later()
             os.close(self._stack)
@@ -96,10 +96,10 @@ class TickWatch:
             self._node.destroy_timer(self._timer)
 
     def _on_timer(self) -> None:
-        self._beat()
+        self._on_alive()
         self._on_beat()
 
-    def _beat(self) -> None:
+    def _on_alive(self) -> None:
         """Record that the executor is not blocked; called in its thread."""
         self._beat_at, self._thread = time.monotonic(), threading.get_ident()
         if self._stack is None:
@@ -108,7 +108,7 @@ class TickWatch:
         os.lseek(self._stack, 0, os.SEEK_SET)
         faulthandler.dump_traceback_later(REPORT_SEC, file=self._stack)
         place = f"/proc/{os.getpid()}/fd/{self._stack}"
-        self._heartbeats.report(Heartbeat(self._cancel_sec, stack=place, thread=self._thread))
+        self._heartbeats.send(Heartbeat(self._cancel_sec, stack=place, thread=self._thread))
 
     def _watch(self) -> None:
         looked_at = time.monotonic()
@@ -117,21 +117,21 @@ class TickWatch:
             late_sec, looked_at = now - looked_at - _LOOK_SEC, now
             if late_sec > _OWN_PAUSE_SEC:
                 self._beat_at += late_sec
-            self._look(now - self._beat_at)
+            self._check_heartbeat(now - self._beat_at)
 
-    def _look(self, silent_sec: float) -> None:
+    def _check_heartbeat(self, silent_sec: float) -> None:
         if silent_sec < REPORT_SEC:
             if self._is_reported:
                 self._logger.info("The tree is ticked again.")
             self._is_reported = self._is_canceled = False
         elif not self._is_reported:
             self._is_reported = True
-            self._heartbeats.report(Heartbeat(self._cancel_sec, is_reported=True))
+            self._heartbeats.send(Heartbeat(self._cancel_sec, is_reported=True))
             self._logger.error(
-                f"Nothing was ticked for {silent_sec:.0f} s: {escape_to_one_line(self.where())}. Time limits, responses and commands have no effect meanwhile. Send a request in initialise(), and poll its response in update()."
+                f"Nothing was ticked for {silent_sec:.0f} s: {escape_to_one_line(self.blocking_location())}. Time limits, responses and commands have no effect meanwhile. Send a request in initialise(), and poll its response in update()."
             )
         if self._must_end(silent_sec):
-            self.end(self.where())
+            self.end(self.blocking_location())
         if silent_sec > self._cancel_sec and not self._is_canceled and self._cancel is not None:
             self._is_canceled = True
             self._cancel_goals(self._cancel)
@@ -150,7 +150,7 @@ class TickWatch:
         for action in cancel(_TRYING_SEC):
             self._logger.error(f"{action} does not end its goal: the robot may still be moving.")
 
-    def where(self) -> str:
+    def blocking_location(self) -> str:
         """Return the blocking leaf with its lines, or the line of the program."""
         if (leaf := self.blocking_leaf()) is not None:
             return f"{behaviour_title(leaf)} blocks{source_locations(leaf, self._frames())}"

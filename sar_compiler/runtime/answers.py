@@ -88,7 +88,7 @@ def probabilities(answers: Sequence[Answer]) -> list[tuple[float, float]]:
         least = max(0.0, 1.0 - high) if len(known) + 1 == len(answers) else 0.0
         return [answer.p or (least, 1.0 - low) for answer in answers]
     weights = [answer.p or (0.0, 0.0) for answer in answers]
-    return [(_share(p[0], high - p[1]), _share(p[1], low - p[0])) for p in weights]
+    return [(_probability(p[0], high - p[1]), _probability(p[1], low - p[0])) for p in weights]
 
 
 def middle(bounds: Sequence[tuple[float, float]]) -> list[float]:
@@ -98,7 +98,7 @@ def middle(bounds: Sequence[tuple[float, float]]) -> list[float]:
     return [low + part * (high - low) for low, high in bounds]
 
 
-def _share(weight: float, others: float) -> float:
+def _probability(weight: float, others: float) -> float:
     return weight / (weight + others) if weight else 0.0
 
 
@@ -130,7 +130,7 @@ class DeclaredAnswers:
             return said
         return labels[0] if len(labels) == 1 else ""
 
-    def objection(self, status: str, said: str) -> str:
+    def why_invalid(self, status: str, said: str) -> str:
         """Return why a leaf's `answer_label` is invalid; empty if it is valid."""
         labels = self._labels.get(status, [])
         if said in ("", *labels) or (said in self._all and len(labels) == 1):

@@ -67,7 +67,7 @@ class Breakpoints:
         if self.held_at is not None and self._is_abandoned():
             self.wake()
 
-    def before(self, behaviour: Behaviour) -> Generator[None, None, None]:
+    def wait_at(self, behaviour: Behaviour) -> Generator[None, None, None]:
         """Yield as long as a tick has to wait at a node."""
         if behaviour not in self or self._is_abandoned():
             return
@@ -102,7 +102,7 @@ def tick_with_breakpoints(
     node = tree.nodes[0]
     try:
         while True:
-            yield from breakpoints.before(node.behaviour)
+            yield from breakpoints.wait_at(node.behaviour)
             ticker.reach(node)
             outcome = node.begin(ticker)
             while outcome != CALLED:

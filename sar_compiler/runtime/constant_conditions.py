@@ -127,9 +127,9 @@ class _SampledCondition:
             lefts = (node.first, *(step.operand for step in node.steps))
             links = [self._compare(left, step) for left, step in zip(lefts, node.steps, strict=False)]
             # As in a run, a comparison is not evaluated if the previous one is false.
-            no = Literal(0, **_place(node))
+            no = Literal(0, **_source_range(node))
             return functools.reduce(
-                lambda rest, link: Conditional(link, rest, no, **_place(node)), reversed(links)
+                lambda rest, link: Conditional(link, rest, no, **_source_range(node)), reversed(links)
             )
         return self._unknown(node) if any(isinstance(part, Name) for part in parts(node)) else node
 
@@ -139,7 +139,7 @@ class _SampledCondition:
         if not any(isinstance(part, Name) for side in (left, right) for part in parts(side)):
             return _comparison(left, operator, right)
         if left == right:
-            return Literal(_OF_EQUALS[operator], **_place(step))
+            return Literal(_OF_EQUALS[operator], **_source_range(step))
         for name, other in ((left, right), (right, left)):
             if isinstance(name, Name) and isinstance(other, Literal):
                 self._literals.setdefault(name.name, set()).add(other.value)
@@ -147,7 +147,7 @@ class _SampledCondition:
         if operator in {"!=", ">=", "<="}:
             opposite = {"!=": "==", ">=": "<", "<=": ">"}[operator]
             term = replace(step, operator=opposite)
-            return Prefix("!", self._compare(left, term), **_place(step))
+            return Prefix("!", self._compare(left, term), **_source_range(step))
         mirrored = _comparison(right, operator.replace(">", "<"), left)
         if operator == ">" or (operator == "==" and mirrored in self._unjudged):
             return self._unknown(mirrored)
@@ -155,7 +155,7 @@ class _SampledCondition:
 
     def _unknown(self, node: Expression) -> Name:
         """Return the variable that replaces an unanalysed part; equal parts have the same variable."""
-        name = self._unjudged.setdefault(node, Name(f"?{len(self._unjudged)}", **_place(node)))
+        name = self._unjudged.setdefault(node, Name(f"?{len(self._unjudged)}", **_source_range(node)))
         self._literals.setdefault(name.name, set())
         return name
 
@@ -179,9 +179,9 @@ def _representatives(literals: Iterable[ScriptValue]) -> Iterator[ScriptValue]:
 
 
 def _comparison(left: Expression, operator: str, right: Expression) -> ComparisonChain:
-    place = _place(left)
+    place = _source_range(left)
     return ComparisonChain(left, (OperatorTerm(operator, right, **place),), **place)
 
 
-def _place(part: ScriptPart) -> dict[str, int]:
+def _source_range(part: ScriptPart) -> dict[str, int]:
     return {"start": part.start, "end": part.end}

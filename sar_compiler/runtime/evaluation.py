@@ -144,7 +144,7 @@ class _ScriptCompiler:
         operand = self.make(node.operand)
         calculate = operators.PREFIX[node.operator]
 
-        return lambda variables: self._calculated(node, calculate, operand(variables))
+        return lambda variables: self._calculate(node, calculate, operand(variables))
 
     def _operation(self, node: Operation) -> Evaluate:
         first = self.make(node.first)
@@ -185,7 +185,7 @@ class _ScriptCompiler:
         condition, then, otherwise = map(self.make, (node.condition, node.then, node.otherwise))
 
         def run(variables: Variables) -> ScriptValue:
-            chosen = self._calculated(node.condition, operators.is_chosen, condition(variables))
+            chosen = self._calculate(node.condition, operators.is_chosen, condition(variables))
             return then(variables) if chosen else otherwise(variables)
 
         return run
@@ -201,14 +201,14 @@ class _ScriptCompiler:
             try:
                 if calculate is not None:
                     # Not through an enumeration, because the target of an assignment is a variable.
-                    result = self._calculated(node, calculate, variables.read(name), result)
+                    result = self._calculate(node, calculate, variables.read(name), result)
                 return variables.create(name, result) if creates else variables.assign(name, result)
             except VariableError as error:
                 raise _assignment_failure(node, error) from error
 
         return run
 
-    def _calculated(self, node: Expression, calculate: Callable[..., T], *operands: ScriptValue) -> T:
+    def _calculate(self, node: Expression, calculate: Callable[..., T], *operands: ScriptValue) -> T:
         try:
             return calculate(*operands)
         except RefusedValueError as error:

@@ -58,14 +58,14 @@ class Event(NamedTuple):
         return self.path[-1]
 
     @property
-    def answer(self) -> str:
+    def outcome(self) -> str:
         """The outcome's label, or else its status; empty for other events."""
         return (self.label or self.status) if self.what == ANSWERED else ""
 
     @property
-    def deed(self) -> str:
+    def action(self) -> str:
         """The action in one word: the outcome, or else the kind of event."""
-        return self.answer or self.what
+        return self.outcome or self.what
 
 
 def changes_in(before: Mapping[str, object], after: Mapping[str, object]) -> FactChanges:

@@ -17,20 +17,20 @@ _WORDS = {outcome.status: outcome.name for outcome in Outcome}
 class LeafListener(Protocol):
     """The receiver of a leaf's events."""
 
-    def looks(self, number: int) -> None:
+    def on_before_event(self, number: int) -> None:
         """React to a leaf that is about to act."""
 
-    def starts(self, number: int) -> None:
+    def on_start(self, number: int) -> None:
         """React to the start of a leaf."""
 
-    def answers(self, number: int, status: str) -> None:
+    def on_status(self, number: int, status: str) -> None:
         """React to the status that a leaf has returned."""
 
-    def halts(self, number: int) -> None:
+    def on_halt(self, number: int) -> None:
         """React to a leaf that is halted while it runs."""
 
 
-def hear(leaf: Behaviour, number: int, ear: LeafListener) -> None:
+def listen_to_leaf(leaf: Behaviour, number: int, ear: LeafListener) -> None:
     """Report a leaf's events from now on; call it before the tree's first tick.
 
     Args:
@@ -41,23 +41,23 @@ def hear(leaf: Behaviour, number: int, ear: LeafListener) -> None:
     initialise, update, terminate = leaf.initialise, leaf.update, leaf.terminate
 
     def start() -> None:
-        ear.looks(number)
-        ear.starts(number)
+        ear.on_before_event(number)
+        ear.on_start(number)
         initialise()
 
-    def answer() -> Status:
-        ear.looks(number)
+    def return_status() -> Status:
+        ear.on_before_event(number)
         status = update()
         if isinstance(status, Status):
-            ear.answers(number, _WORDS[status])
+            ear.on_status(number, _WORDS[status])
         return status
 
     def end(new_status: Status) -> None:
         if new_status is Status.INVALID and leaf.status is Status.RUNNING:
-            ear.looks(number)
-            ear.halts(number)
+            ear.on_before_event(number)
+            ear.on_halt(number)
         terminate(new_status)
 
-    methods: dict[str, object] = {"initialise": start, "update": answer, "terminate": end}
+    methods: dict[str, object] = {"initialise": start, "update": return_status, "terminate": end}
     for name, method in methods.items():
         setattr(leaf, name, method)

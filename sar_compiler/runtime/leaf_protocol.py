@@ -25,7 +25,7 @@ def ignore_wake() -> None:
 class SettlingLeaf(Protocol):
     """A leaf that may leave something active after it was stopped, such as a pending cancellation."""
 
-    def settled(self) -> bool:
+    def is_settled(self) -> bool:
         """Return whether the leaf has no active work; called after the tree was stopped."""
         ...
 

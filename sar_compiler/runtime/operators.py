@@ -65,8 +65,8 @@ BINARY: Mapping[str, Callable[[ScriptValue, ScriptValue], ScriptValue]] = {
     "|": lambda left, right: float(_bits(left) | _bits(right)),
     "^": lambda left, right: float(_bits(left) ^ _bits(right)),
     # Both operands are evaluated, and rejected if they are not bools, whatever the other one is.
-    "&&": lambda left, right: float(_truth(left) & _truth(right)),
-    "||": lambda left, right: float(_truth(left) | _truth(right)),
+    "&&": lambda left, right: float(_is_true(left) & _is_true(right)),
+    "||": lambda left, right: float(_is_true(left) | _is_true(right)),
 }
 """The binary operators that are not comparisons."""
 
@@ -105,17 +105,17 @@ def as_condition(value: ScriptValue) -> bool:
     """
     if not isinstance(value, (int, float)):
         raise RefusedValueError(f"{describe_value(value)} is neither true (1) nor false (0)")
-    return _truth(value)
+    return _is_true(value)
 
 
-def _same(left: Any, right: Any) -> bool:
+def _are_equal(left: Any, right: Any) -> bool:
     return bool(left == right if isinstance(left, str) else abs(left - right) <= EPSILON)
 
 
 # True unless the opposite is true, which differs only for NaN.
 _COMPARISONS: Mapping[str, Callable[[Any, Any], bool]] = {
-    "==": _same,
-    "!=": lambda left, right: not _same(left, right),
+    "==": _are_equal,
+    "!=": lambda left, right: not _are_equal(left, right),
     "<": lambda left, right: not left >= right,
     ">": lambda left, right: not left <= right,
     "<=": lambda left, right: not left > right,
@@ -152,7 +152,7 @@ def _bits(value: ScriptValue) -> int:
     return to_int64(as_real(value))
 
 
-def _truth(value: ScriptValue) -> bool:
+def _is_true(value: ScriptValue) -> bool:
     """Return the truth of a number, as for `as_condition`."""
     number = as_real(value)
     if number < 0 or (isinstance(value, int) and value not in {0, 1}):

@@ -33,7 +33,7 @@ class Children(list[Behaviour]):
     changes: ClassVar[int] = 0
 
     @classmethod
-    def of(cls, children: list[Behaviour]) -> "Children":
+    def from_list(cls, children: list[Behaviour]) -> "Children":
         """Return children as a list of this class."""
         return children if isinstance(children, cls) else cls(children)
 
@@ -46,11 +46,11 @@ def _count_changes(name: str) -> Callable[..., Any]:
     change = getattr(list, name)
 
     @wraps(change)
-    def counted(self: Children, *args: Any, **kwargs: Any) -> Any:
+    def count_change(self: Children, *args: Any, **kwargs: Any) -> Any:
         Children.changes += 1
         return change(self, *args, **kwargs)
 
-    return counted
+    return count_change
 
 
 _PLAIN = ("append", "clear", "extend", "insert", "pop", "remove", "reverse", "sort")
@@ -126,13 +126,13 @@ class EngineBehaviour(Behaviour):
         """Tick once, then yield each ticked node with its status, this one last."""
         visits: list[Visit] = []
         try:
-            tree, index = self._place()
+            tree, index = self._tree_and_index()
             tree.tick(visits, index)
         finally:
             yield from self.ticking.show_visits(visits)
         yield self
 
-    def _place(self) -> tuple[TickedTree, int]:
+    def _tree_and_index(self) -> tuple[TickedTree, int]:
         if self.place is None or not self.place[0].is_whole():
             self.ticking.make_tree(self, former=self.place[0] if self.place else None)
         assert self.place is not None  # noqa: S101 - set by the tree
@@ -145,7 +145,7 @@ class EngineBehaviour(Behaviour):
     def stop(self, new_status: Status = Status.INVALID) -> None:
         """Stop the node; with INVALID, the node and its children are halted."""
         if new_status == Status.INVALID:
-            tree, index = self._place()
+            tree, index = self._tree_and_index()
             tree.stop(index)
         self.status = new_status
 
@@ -189,7 +189,7 @@ class EngineParent(EngineBehaviour):
         self.cells = (*self.cells, added)
         return added
 
-    def ask(self, leaf: Behaviour) -> None:
+    def insert_leaf(self, leaf: Behaviour) -> None:
         """Insert a leaf that represents the world around the node, before the children."""
         self.children.insert(0, leaf)
         leaf.parent = self

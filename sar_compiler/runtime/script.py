@@ -106,7 +106,7 @@ def parse(text: str, *, allow_empty: bool = False) -> Script:
     Raises:
         ScriptError: At the first error.
     """
-    simple = _simple(text)
+    simple = _parse_simple(text)
     script = _ScriptParser(text).script() if simple is None else Script(text, (simple,))
     if not script.statements and not allow_empty:
         raise ScriptError(
@@ -121,7 +121,7 @@ def _simple_pattern() -> re.Pattern[str]:
     return re.compile(_SIMPLE, re.VERBOSE)
 
 
-def _simple(text: str) -> Expression | None:
+def _parse_simple(text: str) -> Expression | None:
     """Return the expression of a simple script with a variable, an operator and a value, or None."""
     match = _simple_pattern().fullmatch(text)
     if match is None:
@@ -166,7 +166,7 @@ class _ScriptParser:
             if len(self._tokens) > MAX_DEPTH:  # each level has at least one token
                 _check_depth(statements[-1])
             self._refuse_word()
-            while self._take(";"):
+            while self._consume(";"):
                 pass
         return Script(self._text, tuple(statements))
 
@@ -184,7 +184,7 @@ class _ScriptParser:
     def _is_next(self, sign: str) -> bool:
         return self._next.text == sign  # no other token looks like a sign
 
-    def _take(self, sign: str) -> bool:
+    def _consume(self, sign: str) -> bool:
         found = self._is_next(sign)
         if found:
             self._advance()
@@ -236,7 +236,7 @@ class _ScriptParser:
 
     def _in_brackets(self, opening: Token) -> Expression:
         inner = self._expression(_ANY)
-        if self._take(")"):
+        if self._consume(")"):
             return inner
         self._refuse_word()
         if self._next.kind is _END:
@@ -262,7 +262,7 @@ class _ScriptParser:
     def _conditional(self, condition: Expression, start: int) -> Conditional:
         question = self._advance()
         then = self._expression(_ANY)
-        if not self._take(":"):
+        if not self._consume(":"):
             self._refuse_word()
             message = "this '?' has no ':'"
             raise ScriptError(

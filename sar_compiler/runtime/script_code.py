@@ -124,14 +124,16 @@ def _function_of(
 
 
 def _body(statements: Sequence[SkeletonPart | None], ending: _Return) -> list[ast.stmt]:
-    body: list[ast.stmt] = [] if statements else [_let("given", ast.Constant(0.0))]
+    body: list[ast.stmt] = [] if statements else [_assignment("given", ast.Constant(0.0))]
     for at, statement in enumerate(statements):
-        usual = _let("given", _call(f"usual{at}"))
+        usual = _assignment("given", _call(f"usual{at}"))
         if statement is None:
             body.append(usual)
             continue
         is_answer = ending.is_condition and at == len(statements) - 1 and not _is_assignment(statement)
-        quick = _FastPath().answer(statement, ending) if is_answer else _FastPath().statement(statement)
+        quick = (
+            _FastPath().condition_code(statement, ending) if is_answer else _FastPath().statement(statement)
+        )
         body.append(ast.Try(quick, [ast.ExceptHandler(_load("MISSED"), None, [usual])], [], []))
     return [*body, ast.Return(ending.from_given())]
 
@@ -147,37 +149,37 @@ class _FastPath:
         self.reads: list[ast.stmt] = []
         self._names: set[str] = set()
 
-    def answer(self, part: SkeletonPart, ending: _Return) -> list[ast.stmt]:
+    def condition_code(self, part: SkeletonPart, ending: _Return) -> list[ast.stmt]:
         """Return the code that returns the truth of a condition."""
-        answer = ast.Return(ending.from_condition(self.truth(part)))
+        answer = ast.Return(ending.from_condition(self.truth_code(part)))
         return [*self.reads, answer]
 
     def statement(self, part: SkeletonPart) -> list[ast.stmt]:
         """Return the code that evaluates a statement."""
         if not isinstance(part, Applied) or not _is_assignment(part):
-            given = _let("given", self.value(part))
+            given = _assignment("given", self.value_code(part))
             return [*self.reads, given]
         target, value = part.operands
         assert isinstance(target, VariableSlot)  # noqa: S101 - guaranteed by the skeleton
         if part.sign not in {":=", "="}:
             value = Chain((part.sign[0],), (target, value))
-        given = _let("given", self.value(value))
+        given = _assignment("given", self.value_code(value))
         is_real = _is_number(value) and not isinstance(value, ConstantSlot)
         kind = _load("float") if is_real else _call("type", _load("given"))
         return [*self.reads, given, *_write(f"name{target.number}", kind, creates=part.sign == ":=")]
 
-    def value(self, part: SkeletonPart) -> ast.expr:
+    def value_code(self, part: SkeletonPart) -> ast.expr:
         """Return the code of a part's value."""
         if isinstance(part, VariableSlot):
             return self._read(part, "value", (float, int, str), "seen")
         if isinstance(part, ConstantSlot):
             return _load(f"constant{part.number}")
         if _is_truth(part):
-            return ast.IfExp(self.truth(part), ast.Constant(1.0), ast.Constant(0.0))
+            return ast.IfExp(self.truth_code(part), ast.Constant(1.0), ast.Constant(0.0))
         if isinstance(part, Applied) and part.sign == "?":
             condition, then, otherwise = part.operands
-            return ast.IfExp(self._choice(condition), self.value(then), self.value(otherwise))
-        return self.real(part) if _is_number(part) else self._joined(part)
+            return ast.IfExp(self._choice(condition), self.value_code(then), self.value_code(otherwise))
+        return self.real(part) if _is_number(part) else self._operator_code(part)
 
     def real(self, part: SkeletonPart) -> ast.expr:
         """Return the code of a part that must be a number."""
@@ -188,16 +190,16 @@ class _FastPath:
         if isinstance(part, Applied) and part.sign == "-":
             return ast.UnaryOp(ast.USub(), self.real(part.operands[0]))
         if isinstance(part, Chain) and _ARITHMETIC.keys() >= set(part.signs):
-            return self._folded(
+            return self._fold(
                 part, self.real, lambda sign, *two: ast.BinOp(two[0], _ARITHMETIC[sign](), two[1])
             )
-        return _call("as_real", self.value(part))
+        return _call("as_real", self.value_code(part))
 
-    def truth(self, part: SkeletonPart) -> ast.expr:
+    def truth_code(self, part: SkeletonPart) -> ast.expr:
         """Return the code of a part's truth value."""
         if isinstance(part, Chain) and part.signs[0] in _JUNCTIONS:
-            return self._folded(
-                part, self.truth, lambda sign, *two: ast.BinOp(two[0], _JUNCTIONS[sign](), two[1])
+            return self._fold(
+                part, self.truth_code, lambda sign, *two: ast.BinOp(two[0], _JUNCTIONS[sign](), two[1])
             )
         if isinstance(part, Chain) and part.signs[0] in _COMPARISONS:
             return self._comparisons(part)
@@ -205,14 +207,14 @@ class _FastPath:
             return self._negation(*part.operands)
         if isinstance(part, VariableSlot):
             return self._flag(part, lambda flag: flag, _call("as_condition", _call("seen", self._raw(part))))
-        return _call("as_condition", self.value(part))
+        return _call("as_condition", self.value_code(part))
 
     def _negation(self, part: SkeletonPart) -> ast.expr:
         if _is_truth(part):
-            return _not(self.truth(part))
+            return _negation(self.truth_code(part))
         if isinstance(part, VariableSlot):
             number = _call("number_seen", self._raw(part))
-            return self._flag(part, _not, _compare(number, ast.Eq(), ast.Constant(0.0)))
+            return self._flag(part, _negation, _compare(number, ast.Eq(), ast.Constant(0.0)))
         return _compare(self.real(part), ast.Eq(), ast.Constant(0.0))
 
     def _flag(
@@ -227,9 +229,9 @@ class _FastPath:
         return self._read(part, "raw", ())
 
     def _choice(self, part: SkeletonPart) -> ast.expr:
-        return self.truth(part) if _is_truth(part) else _call("is_chosen", self.value(part))
+        return self.truth_code(part) if _is_truth(part) else _call("is_chosen", self.value_code(part))
 
-    def _folded(
+    def _fold(
         self, part: Chain, code: Callable[[SkeletonPart], ast.expr], calculate: Callable[..., ast.expr]
     ) -> ast.expr:
         folded = code(part.operands[0])
@@ -237,14 +239,14 @@ class _FastPath:
             folded = calculate(sign, folded, code(operand))
         return folded
 
-    def _joined(self, part: Applied | Chain) -> ast.expr:
+    def _operator_code(self, part: Applied | Chain) -> ast.expr:
         """Return the code of an operator without a fast path: on possible strings, or on bits."""
         if isinstance(part, Applied):
-            return _call("complement", self.value(part.operands[0]))
-        folded = self.value(part.operands[0])
+            return _call("complement", self.value_code(part.operands[0]))
+        folded = self.value_code(part.operands[0])
         for sign, operand in zip(part.signs, part.operands[1:], strict=True):
             if sign in _CALCULATE:
-                folded = _call(_CALCULATE[sign], folded, self.value(operand))
+                folded = _call(_CALCULATE[sign], folded, self.value_code(operand))
             else:
                 folded = ast.BinOp(_call("as_real", folded), _ARITHMETIC[sign](), self.real(operand))
         return folded
@@ -255,19 +257,19 @@ class _FastPath:
             isinstance(each, (VariableSlot, ConstantSlot)) for each in part.operands
         ):
             pairs = zip(part.signs, part.operands, part.operands[1:], strict=False)
-            return _all([self._comparison(*each) for each in pairs])
-        values = [self._once(self.value(each)) for each in part.operands]
+            return _conjunction([self._comparison(*each) for each in pairs])
+        values = [self._precomputed(self.value_code(each)) for each in part.operands]
         compared = zip(part.signs, values, values[1:], strict=False)
-        return _all([_usual_comparison(*each) for each in compared])
+        return _conjunction([_usual_comparison(*each) for each in compared])
 
     def _comparison(self, sign: str, left: SkeletonPart, right: SkeletonPart) -> ast.expr:
         """Return the code of a comparison, fast for two numbers, and for a variable and a string."""
         parts, kind = (left, right), str if _is_text(left) or _is_text(right) else float
         is_known = _is_text if kind is str else _is_number
         if not all(isinstance(each, VariableSlot) or is_known(each) for each in parts):
-            return _usual_comparison(sign, self.value(left), self.value(right))
+            return _usual_comparison(sign, self.value_code(left), self.value_code(right))
         if is_known(left) and is_known(right):
-            return _compared(kind, sign, self._known(left), self._known(right))
+            return _comparison_code(kind, sign, self._constant_code(left), self._constant_code(right))
         first, second = map(self._side, parts)
         sides = [
             (side, isinstance(each, VariableSlot)) for side, each in zip((first, second), parts, strict=True)
@@ -276,22 +278,28 @@ class _FastPath:
             _is_of_type(side, str) if kind is str else _is_exact(side) for side, is_read in sides if is_read
         ]
         seen = (_call("seen", side) if is_read else side for side, is_read in sides)
-        return ast.IfExp(_all(guards), _compared(kind, sign, first, second), _usual_comparison(sign, *seen))
+        return ast.IfExp(
+            _conjunction(guards), _comparison_code(kind, sign, first, second), _usual_comparison(sign, *seen)
+        )
 
     def _side(self, part: SkeletonPart) -> ast.expr:
         """Return the code of one side of a comparison, which is needed twice."""
         if isinstance(part, VariableSlot):
             return self._raw(part)
-        return self._known(part) if isinstance(part, ConstantSlot) else self._once(self._known(part))
+        return (
+            self._constant_code(part)
+            if isinstance(part, ConstantSlot)
+            else self._precomputed(self._constant_code(part))
+        )
 
-    def _once(self, code: ast.expr) -> ast.expr:
+    def _precomputed(self, code: ast.expr) -> ast.expr:
         """Return the code of a precomputed expression; the expression has no side effects, so its result may be discarded."""
         name = f"part{len(self.reads)}"
-        self.reads.append(_let(name, code))
+        self.reads.append(_assignment(name, code))
         return _load(name)
 
-    def _known(self, part: SkeletonPart) -> ast.expr:
-        return self.value(part) if _is_text(part) else self.real(part)
+    def _constant_code(self, part: SkeletonPart) -> ast.expr:
+        return self.value_code(part) if _is_text(part) else self.real(part)
 
     def _read(self, part: VariableSlot, name: str, kinds: Sequence[type], otherwise: str = "") -> ast.expr:
         """Return the code of a variable's value.
@@ -305,10 +313,10 @@ class _FastPath:
         name = f"{name}{part.number}"
         if name not in self._names:
             self._names.add(name)
-            self.reads.append(_let(name, _item("storage", f"name{part.number}")))
+            self.reads.append(_assignment(name, _item("storage", f"name{part.number}")))
             if kinds:
-                others = _all([_is_of_type(_load(name), kind, ast.IsNot()) for kind in kinds])
-                self.reads.append(ast.If(others, [_let(name, _call(otherwise, _load(name)))], []))
+                others = _conjunction([_is_of_type(_load(name), kind, ast.IsNot()) for kind in kinds])
+                self.reads.append(ast.If(others, [_assignment(name, _call(otherwise, _load(name)))], []))
         return _load(name)
 
 
@@ -319,13 +327,13 @@ def _write(target: str, kind: ast.expr, *, creates: bool) -> list[ast.stmt]:
     fitted = _call("fitted", held, _load("kinds"), name, _load("given"), _load("enums"))
     seen = ast.IfExp(_is_of_type(held, int), held, _call("seen", held))
     unlike = [
-        _let("held", fitted),
-        _let("given", seen),
+        _assignment("held", fitted),
+        _assignment("given", seen),
         ast.Assign([_item_to("storage", target)], held),
     ]
     found: list[ast.stmt] = [
-        _let("held", _item("storage", target)),
-        _let("count", ast.BinOp(_item("stamps", target), ast.Add(), ast.Constant(1))),
+        _assignment("held", _item("storage", target)),
+        _assignment("count", ast.BinOp(_item("stamps", target), ast.Add(), ast.Constant(1))),
     ]
     if creates:
         made = _call("created", *map(_load, ("storage", "stamps", "kinds", target)))
@@ -368,15 +376,15 @@ def _is_real(part: SkeletonPart) -> bool:
     )
 
 
-def _compared(kind: type, sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
+def _comparison_code(kind: type, sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
     """Return the code of a comparison of two strings, or of two numbers."""
     if sign in _DENIED:
-        return _not(_compare(left, _DENIED[sign](), right))
+        return _negation(_compare(left, _DENIED[sign](), right))
     if kind is str:
         equal = _compare(left, ast.Eq(), right)
     else:
         equal = _is_within(ast.BinOp(left, ast.Sub(), right), operators.EPSILON)
-    return equal if sign == "==" else _not(equal)
+    return equal if sign == "==" else _negation(equal)
 
 
 def _usual_comparison(sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
@@ -385,7 +393,7 @@ def _usual_comparison(sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
 
 def _is_exact(value: ast.expr) -> ast.expr:
     """Return the code that tests whether a value is a number for calculations."""
-    exact = _all([_is_of_type(value, int), _is_within(value, LARGEST_EXACT)])
+    exact = _conjunction([_is_of_type(value, int), _is_within(value, LARGEST_EXACT)])
     return ast.BoolOp(ast.Or(), [_is_of_type(value, float), exact])
 
 
@@ -398,11 +406,11 @@ def _is_of_type(value: ast.expr, kind: type, operator: ast.cmpop | None = None) 
     return _compare(_call("type", value), operator or ast.Is(), _load(kind.__name__))
 
 
-def _all(conditions: list[ast.expr]) -> ast.expr:
+def _conjunction(conditions: list[ast.expr]) -> ast.expr:
     return conditions[0] if len(conditions) == 1 else ast.BoolOp(ast.And(), conditions)
 
 
-def _not(condition: ast.expr) -> ast.expr:
+def _negation(condition: ast.expr) -> ast.expr:
     return ast.UnaryOp(ast.Not(), condition)
 
 
@@ -418,7 +426,7 @@ def _load(name: str) -> ast.expr:
     return ast.Name(name, ast.Load())
 
 
-def _let(name: str, value: ast.expr) -> ast.stmt:
+def _assignment(name: str, value: ast.expr) -> ast.stmt:
     return ast.Assign([ast.Name(name, ast.Store())], value)
 
 
@@ -435,7 +443,7 @@ def _define(name: str, arguments: list[str], body: list[ast.stmt]) -> ast.stmt:
     return ast.FunctionDef(name, taken, body, [])
 
 
-def _seen(held: object) -> ScriptValue:
+def _read_value(held: object) -> ScriptValue:
     """Return the value that a script reads."""
     if type(held) is bool:
         return int(held)
@@ -448,10 +456,10 @@ def _seen(held: object) -> ScriptValue:
 def _number_seen(held: object) -> float:
     if type(held) is int and -LARGEST_EXACT <= held <= LARGEST_EXACT:
         return float(held)
-    return as_real(_seen(held))
+    return as_real(_read_value(held))
 
 
-def _created(
+def _declare_entry(
     storage: Mapping[str, object], stamps: Mapping[str, int], kinds: dict[str, type | None], name: str
 ) -> tuple[object, int]:
     """Declare an entry that may not exist; return its value, and its number of writes after the next one."""
@@ -459,7 +467,7 @@ def _created(
     return storage.get(name), stamps.get(name, 0) + 1
 
 
-def _fitted(
+def _fit_value(
     held: object, kinds: Mapping[str, type | None], name: str, given: ScriptValue, enums: Mapping[str, int]
 ) -> object:
     """Return the value to store for a value that has another type than the entry."""
@@ -485,9 +493,9 @@ _REACHED: dict[str, Any] = {
     "is_chosen": operators.is_chosen,
     "as_condition": operators.as_condition,
     "as_real": as_real,
-    "seen": _seen,
+    "seen": _read_value,
     "number_seen": _number_seen,
-    "fitted": _fitted,
-    "created": _created,
+    "fitted": _fit_value,
+    "created": _declare_entry,
 }
 """All functions that the code can call."""

@@ -144,14 +144,14 @@ class NodeScript:
         return entries.pop() if len(entries) == 1 and all(use.access is Access.READ for use in uses) else None
 
     def _run(self) -> ScriptValue:
-        quick: Callable[[], ScriptValue] | None = self._quick()
+        quick: Callable[[], ScriptValue] | None = self._fast_runner()
         if quick is None:
             return self._recall(Program.run)
         self.run = quick
         return quick()
 
     def _holds(self) -> bool:
-        quick: Callable[[], bool] | None = self._quick(self._answer)
+        quick: Callable[[], bool] | None = self._fast_runner(self._is_true)
         if quick is None:
             return self._recall(Program.holds)
         self.holds = quick
@@ -164,9 +164,9 @@ class NodeScript:
             success: The status if its value is true.
             failure: The status if it is false; None if the script is no condition, and every value is a success.
         """
-        return self._quick(None if failure is None else self._answer, (success, failure))
+        return self._fast_runner(None if failure is None else self._is_true, (success, failure))
 
-    def _quick(
+    def _fast_runner(
         self,
         condition: Callable[[ScriptValue], bool] | None = None,
         answers: tuple[object, object] | None = None,
@@ -184,7 +184,7 @@ class NodeScript:
         """Evaluate a statement with `evaluation`."""
         return self._explain(self._current_program().statements[at], self._variables)
 
-    def _answer(self, value: ScriptValue) -> bool:
+    def _is_true(self, value: ScriptValue) -> bool:
         return self._explain(self._current_program().as_condition, value)
 
     def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
@@ -223,7 +223,7 @@ class NodeScript:
     def _failure(self, error: EvaluationError) -> NodeScriptError:
         assert self._program is not None  # noqa: S101 - it exists, since it has failed
         hint, text = f"; {error.hint}" if error.hint else "", self._program.script.text
-        message = f"'{self._node}': {self._attribute}, {_place(text, error.start)}: {error}{hint}"
+        message = f"'{self._node}': {self._attribute}, {_position_text(text, error.start)}: {error}{hint}"
         return NodeScriptError(message, self._node, self._attribute, error.start, error.end)
 
 
@@ -238,6 +238,6 @@ def _as_script_value(name: str, value: object) -> ScriptValue:
     return seen
 
 
-def _place(text: str, offset: int) -> str:
+def _position_text(text: str, offset: int) -> str:
     line, column = text.count("\n", 0, offset) + 1, offset - (text.rfind("\n", 0, offset) + 1) + 1
     return f"column {column}" if "\n" not in text else f"line {line}, column {column}"

@@ -93,9 +93,9 @@ class Amcl:
         if pose is None or self._map.cell_at(pose.x, pose.y) is None:
             self._node.get_logger().error("Initial pose ignored: it is malformed or outside the map.")
             return
-        self._believe(pose)
+        self._set_estimate(pose)
 
-    def _believe(self, pose: Pose2D) -> None:
+    def _set_estimate(self, pose: Pose2D) -> None:
         truth = self._robot.state.pose
         if _is_away(truth, pose, _NOTABLE_MOVE, _NOTABLE_TURN):
             self._node.get_logger().warning(

@@ -104,7 +104,7 @@ class AcceptedGoal:
         self.handle, self.began, self.action_type = handle, began, action_type
         self._outcome = Future()
 
-    def end(self, outcome: DriveOutcome) -> None:
+    def finish(self, outcome: DriveOutcome) -> None:
         """End the goal; the client is notified in the executor's next round."""
         self._outcome.set_result(outcome)
 
@@ -117,9 +117,9 @@ class AcceptedGoal:
             handle.canceled()
         else:
             handle.abort()
-        return self.action_type.Result(error_code=self._told(outcome.code), error_msg=outcome.text)
+        return self.action_type.Result(error_code=self._error_code(outcome.code), error_msg=outcome.text)
 
-    def _told(self, code: int) -> int:
+    def _error_code(self, code: int) -> int:
         return int(code)
 
 
@@ -162,13 +162,13 @@ class _Goal(AcceptedGoal):
             del self.poses[0]
         return len(self.poses) < before
 
-    def count(self, message: Any) -> Any:
+    def count_remaining_poses(self, message: Any) -> Any:
         """Return feedback with the number of remaining poses, if the goal leads through several."""
         if self.leads_through:
             message.number_of_poses_remaining = len(self.poses)
         return message
 
-    def _told(self, code: int) -> int:
+    def _error_code(self, code: int) -> int:
         of_planner = self.leads_through and NavCode.TF_ERROR <= code <= NavCode.NO_VALID_PATH
         return int(code) + (_THROUGH_CODES if of_planner else 0)
 
@@ -383,19 +383,19 @@ class BtNavigator:
         refused = _refusal(goal, under_way)
         if refused is not None:
             self._node.get_logger().warning(f"Goal aborted ({int(refused.code)}): {refused.text}.")
-            goal.end(refused)
+            goal.finish(refused)
             return
         if under_way is not None:
-            under_way.end(end_of_replaced_goal(under_way))
+            under_way.finish(end_of_replaced_goal(under_way))
         self._goal, self._loose = goal, None
 
     def _update_goal(self, goal: _Goal, *, feedback_due: bool) -> None:
         is_first = goal.drive is None and goal.recovery is None
         if is_first and not self._manner.knows_distance_at_once:
             message = goal.action_type.Feedback(number_of_recoveries=goal.recoveries_begun)
-            goal.handle.publish_feedback(goal.count(message))
+            goal.handle.publish_feedback(goal.count_remaining_poses(message))
         outcome = self._end_by_fault(goal) or (
-            self._go(goal) if goal.recovery is None else self._recover(goal)
+            self._drive_step(goal) if goal.recovery is None else self._recover(goal)
         )
         if feedback_due and goal.progress is not None:
             goal.handle.publish_feedback(self._feedback(goal, goal.progress))
@@ -454,7 +454,7 @@ class BtNavigator:
         self._lines.publish(Log(stamp=stamp, level=_LEVEL, name=name, msg=text))
         self._node.get_logger().info(f"Fault, as {name}: {text}.")
 
-    def _go(self, goal: _Goal) -> DriveOutcome | None:
+    def _drive_step(self, goal: _Goal) -> DriveOutcome | None:
         """Drive for a step; return the end unless a recovery follows."""
         if goal.drive is None and (refused := self._set_out(goal)) is not None:
             return self._recover_or_end(goal, refused)
@@ -537,7 +537,7 @@ class BtNavigator:
             self._node.get_logger().warning(f"Goal aborted ({int(outcome.code)}): {outcome.text}.")
         if self._loose is None:
             self._rosbot.drive(STAND)
-        self._goal.end(outcome)
+        self._goal.finish(outcome)
         self._goal = None
 
     def _feedback(self, goal: _Goal, progress: DriveProgress) -> Any:
@@ -550,7 +550,7 @@ class BtNavigator:
         message.current_pose.header.frame_id = _MAP
         message.current_pose.header.stamp = to_stamp(round(self._now * 1e9))
         message.current_pose.pose = to_pose(self._localise() or ORIGIN)
-        return goal.count(message)
+        return goal.count_remaining_poses(message)
 
     def _place_of(self, goal: Pose2D | None) -> str | None:
         if goal is None or not self._places:

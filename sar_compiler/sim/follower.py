@@ -47,7 +47,7 @@ class Path2D:
         return float(x), float(y)
 
     @staticmethod
-    def through(corners: Floats, spacing: float = 0.05) -> "Path2D":
+    def through_corners(corners: Floats, spacing: float = 0.05) -> "Path2D":
         """Return the straight path from corner to corner, with a point at least every *spacing* metres."""
         pieces = []
         for start, end in itertools.pairwise(corners):
@@ -108,7 +108,7 @@ class Follower:
         self._goal = Pose2D(float(path.points[-1, 0]), float(path.points[-1, 1]))
 
     @property
-    def done(self) -> bool:
+    def is_done(self) -> bool:
         """Whether the robot is at the goal and has the final yaw."""
         return self._phase is _Phase.DONE
 
@@ -138,7 +138,7 @@ class Follower:
         if abs(aside) > self._settings.turn_first:
             self._phase = _Phase.TURN
         if self._phase is _Phase.TURN and abs(aside) > self._settings.turned:
-            return Twist2D(0.0, self._turning(aside))
+            return Twist2D(0.0, self._braked_turn_rate(aside))
         self._phase = _Phase.DRIVE
         return self._pursue(aside, reach, max(away, self.distance_remaining(state.pose)))
 
@@ -155,12 +155,12 @@ class Follower:
     def _align(self, state: RobotState) -> Twist2D:
         error = 0.0 if self._yaw is None else normalise_angle(self._yaw - state.pose.yaw)
         if abs(error) > self._settings.yaw_tolerance:
-            return Twist2D(0.0, self._turning(error))
+            return Twist2D(0.0, self._braked_turn_rate(error))
         if state.velocity.is_still:
             self._phase = _Phase.DONE
         return STAND
 
-    def _turning(self, error: float) -> float:
+    def _braked_turn_rate(self, error: float) -> float:
         """Return a turning speed that can still be braked before *error* radians are turned."""
         fastest = math.sqrt(2.0 * self._settings.braking * self._limits.turn_acceleration * abs(error))
         return math.copysign(min(self._limits.turn, fastest), error)

@@ -75,17 +75,17 @@ def require_no_other_nodes(
     node = Node("look_around", context=context, namespace=namespace, start_parameter_services=False)
     try:
         # This process's own entities are already in the graph.
-        if _company(node, actions) is None and _is_alone(node.context.get_domain_id()):
+        if _foreign_nodes(node, actions) is None and _is_alone(node.context.get_domain_id()):
             return
         # Only waiting can show that no other node exists: discovery has no end to wait for.
         on_waiting()
         deadline = time.monotonic() + look_around_sec
         while time.monotonic() < deadline and not should_stop():
-            found = _company(node, actions)
+            found = _foreign_nodes(node, actions)
             if found is not None and found.node != _ANOTHER:
                 raise found
             time.sleep(_LOOK_EVERY_SEC)
-        found = _company(node, actions)
+        found = _foreign_nodes(node, actions)
         if found is not None:
             raise found
     finally:
@@ -157,7 +157,7 @@ def require_no_rival_servers(node: Node, actions: Sequence[str] = (_ACTION,)) ->
             raise IsolationError(_ANOTHER, _title(goals))
 
 
-def _company(node: Node, actions: Sequence[str]) -> IsolationError | None:
+def _foreign_nodes(node: Node, actions: Sequence[str]) -> IsolationError | None:
     for publisher in node.get_publishers_info_by_topic(_CLOCK):
         return IsolationError(_full_name(publisher.node_name, publisher.node_namespace), _CLOCK)
     found = (_server(node, node.resolve_service_name(action + _GOALS)) for action in actions)

@@ -218,7 +218,7 @@ class Drive:
     def _outcome(self, state: RobotState, now: float) -> DriveOutcome | None:
         if self._braking:
             return DriveOutcome(DriveEnd.CANCELED) if state.velocity.is_still else None
-        if self._follower.done:
+        if self._follower.is_done:
             return DriveOutcome(DriveEnd.SUCCEEDED)
         turned = abs(normalise_angle(state.pose.yaw - self._mark.yaw))
         if state.pose.distance_to(self._mark) > _MOVE or turned > _TURN:

@@ -53,7 +53,7 @@ class PacedExecutor(SingleThreadedExecutor):
             to_the_end: Whether to continue despite an interruption.
         """
         self._rounds += 1
-        interrupted = _never if to_the_end else self._interrupted
+        interrupted = _never_stop if to_the_end else self._interrupted
         self._over = interrupted if enough is None else lambda: interrupted() or enough()
         while not self._over():
             self._remaining.timeout = max(0.0, deadline - time.monotonic())
@@ -74,7 +74,7 @@ class PacedExecutor(SingleThreadedExecutor):
         return self._over()
 
 
-def _never() -> bool:
+def _never_stop() -> bool:
     return False
 
 
@@ -100,7 +100,7 @@ class SteppedExecutor:
         self.context = context
         self.step: Callable[[], object] | None = None
         self._events = EventsExecutor(context=context)
-        self._apart = PacedExecutor(context=context, interrupted=_never)
+        self._apart = PacedExecutor(context=context, interrupted=_never_stop)
         self.add_node, self.remove_node = self._events.add_node, self._events.remove_node
 
     def serve_apart(self, node: Node) -> None:

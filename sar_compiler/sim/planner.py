@@ -96,7 +96,7 @@ class Planner:
         Raises:
             PlanningError: If there is no path; its code is the reason.
         """
-        goal = self._near(goal, tolerance) if tolerance else goal
+        goal = self._nearest_free(goal, tolerance) if tolerance else goal
         goal_node = self._goal_node(goal)
         start_node = self._start_node(start)
         next_to_goal = self._ways_to(goal_node)
@@ -121,7 +121,7 @@ class Planner:
         near = distance_transform_edt(~reached) * self.occupancy.resolution
         return self.occupancy.cells == FREE, near <= self._radius + self.occupancy.resolution
 
-    def _near(self, goal: Pose2D, tolerance: float) -> Pose2D:
+    def _nearest_free(self, goal: Pose2D, tolerance: float) -> Pose2D:
         """Return the position nearest to a goal at which the robot fits."""
         cell = self.occupancy.cell_at(goal.x, goal.y)
         if cell is None or self.fits[cell]:

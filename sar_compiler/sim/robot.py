@@ -101,16 +101,16 @@ class Robot:
         self._command = STAND
         self._command_age = math.inf
 
-    def meet(self, others: Iterable["Robot"]) -> None:
+    def add_robots(self, others: Iterable["Robot"]) -> None:
         """Add other robots as obstacles, which the lidar sees."""
         self._others = tuple(others)
 
     def surroundings(self) -> Solid:
         """Return all objects that this robot can touch and see."""
         if not self._others:
-            return self._world.solid
+            return self._world.obstacle_arrays
         poses = (other.state.pose for other in self._others)
-        return self._world.solid.with_cylinders(
+        return self._world.obstacle_arrays.with_cylinders(
             Cylinder(pose.x, pose.y, self._world.robot_radius) for pose in poses
         )
 
@@ -127,8 +127,8 @@ class Robot:
         wanted = self._command if self._command_age < self._timeout else STAND
         self._command_age += duration
         before = self.state
-        v = _approach(before.velocity.v, wanted.v, self.limits.acceleration * duration)
-        w = _approach(before.velocity.w, wanted.w, self.limits.turn_acceleration * duration)
+        v = _limit_change(before.velocity.v, wanted.v, self.limits.acceleration * duration)
+        w = _limit_change(before.velocity.w, wanted.w, self.limits.turn_acceleration * duration)
         heading = before.pose.yaw + w * duration / 2
         # Within a step the robot moves along the chord of its arc, which makes the contact test exact.
         length = v * duration * _sinc(w * duration / 2)
@@ -138,7 +138,7 @@ class Robot:
         touching = gone < abs(length)
         moved = math.copysign(gone, length)
         self.state = RobotState(
-            pose=_moved(before.pose, moved, w * duration),
+            pose=_move_along_arc(before.pose, moved, w * duration),
             velocity=Twist2D(0.0 if touching else v, w),
             odometry=self._measure(before.odometry, moved, w * duration),
             touching=touching,
@@ -150,10 +150,10 @@ class Robot:
         typo, skid = self._random.standard_normal(2)
         moved *= 1.0 + _ODOMETRY_NOISE * float(typo)
         turned *= 1.0 + _ODOMETRY_NOISE * float(skid)
-        return _moved(odometry, moved, turned)
+        return _move_along_arc(odometry, moved, turned)
 
 
-def _moved(pose: Pose2D, length: float, turned: float) -> Pose2D:
+def _move_along_arc(pose: Pose2D, length: float, turned: float) -> Pose2D:
     """Return a pose after a step along the chord of an arc: metres, radians."""
     heading = pose.yaw + turned / 2
     x, y = pose.x + length * math.cos(heading), pose.y + length * math.sin(heading)
@@ -164,7 +164,7 @@ def _clip(value: float, limit: float) -> float:
     return max(-limit, min(limit, value)) if math.isfinite(value) else 0.0
 
 
-def _approach(value: float, target: float, most: float) -> float:
+def _limit_change(value: float, target: float, most: float) -> float:
     return value + max(-most, min(most, target - value))
 
 

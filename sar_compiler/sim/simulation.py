@@ -55,7 +55,7 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
     radius = world.robot_radius
     starts = [(placement.name, placement.start or world.start) for placement in placements]
     for name, start in starts:
-        if not world.solid.clearance(start.x, start.y) > radius:
+        if not world.obstacle_arrays.clearance(start.x, start.y) > radius:
             problem = (
                 f"would start in an obstacle, or touching one, at {_place_text(start)}; "
                 f"its centre needs more than {radius:g} m around it"
@@ -88,7 +88,7 @@ def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0)
         for number, placement in enumerate(placements)
     ]
     for robot in robots:
-        robot.meet(other for other in robots if other is not robot)
+        robot.add_robots(other for other in robots if other is not robot)
     return robots
 
 
@@ -143,7 +143,7 @@ class SimulatedRobot:
             )
 
     @property
-    def place(self) -> tuple[Pose2D, Pose2D]:
+    def poses(self) -> tuple[Pose2D, Pose2D]:
         """The true pose, frame `map`, and the odometry pose."""
         return self._robot.state.pose, self._robot.state.odometry
 
@@ -152,7 +152,7 @@ class SimulatedRobot:
         state = self._robot.step(duration)
         self._battery.step(state.pose, state.velocity.v, duration)
 
-    def sense(self, step: int, now_ns: int) -> None:
+    def publish_sensors(self, step: int, now_ns: int) -> None:
         """Publish the sensor data at the end of step number *step*, at *now_ns* nanoseconds."""
         self._interface.publish(step, now_ns)
 
@@ -286,7 +286,7 @@ class Simulation:
 
     def robot_pose(self, name: str = "") -> Pose2D:
         """Return the true pose of the robot called *name*, frame `map`."""
-        return self._robots[name].place[0]
+        return self._robots[name].poses[0]
 
     def store_poses(self, kept: PoseFile) -> None:
         """Write the robots' poses from the start on; a write error ends the simulation."""
@@ -340,7 +340,7 @@ class Simulation:
         self.stop()
 
     def _run(self) -> None:
-        with self._ending():
+        with self._store_exception():
             while not self._stopping.is_set():
                 began = time.monotonic()
                 self._make_step()
@@ -352,13 +352,13 @@ class Simulation:
     def _advance(self) -> None:
         """Make a step when it is due, unless something has ended the simulation."""
         if self.failure is None:
-            with self._ending():
+            with self._store_exception():
                 if (early_sec := self._due - time.monotonic()) > 0.0:
                     time.sleep(early_sec)
                 self._make_step()
 
     @contextmanager
-    def _ending(self) -> Iterator[None]:
+    def _store_exception(self) -> Iterator[None]:
         """Store the exception that ends the simulation."""
         try:
             yield
@@ -384,12 +384,12 @@ class Simulation:
         for robot in robots:
             robot.move(STEP_SEC)
         for robot in robots:
-            robot.sense(self._step_count, now_ns)
+            robot.publish_sensors(self._step_count, now_ns)
         self._clock.publish(Clock(clock=to_stamp(now_ns)))
         for robot in robots:
             robot.navigate(self._step_count, now_ns)
         if self._kept is not None and self._step_count % _KEEP_EVERY == 0:
-            self._kept.write({name: robot.place for name, robot in self._robots.items()})
+            self._kept.write({name: robot.poses for name, robot in self._robots.items()})
 
     def _has_listener_caught_up(self) -> bool:
         """Return whether the listener has almost reached the time of this step, or does not need to."""

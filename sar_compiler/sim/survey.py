@@ -135,15 +135,15 @@ def survey(
     random = np.random.default_rng([seed, 2])
     robot, mapper = Robot(world, seed=seed), Mapper(lidar, world.start)
     corners = np.array([(world.start.x, world.start.y), *world.survey], dtype=np.float64)
-    path = Path2D.through(corners)
+    path = Path2D.through_corners(corners)
     follower = Follower(path, None, robot.limits, FollowerSettings(look_ahead=0.3))
     for step in range(round(float(path.remaining_lengths[0]) / _SLOWEST / STEP_SEC)):
         if step % _SCAN_EVERY == 0:
             pose = robot.state.pose
-            mapper.integrate(pose, lidar.scan(world.solid, pose, random))
+            mapper.integrate(pose, lidar.scan(world.obstacle_arrays, pose, random))
             on_progress(max(0.0, 1.0 - follower.distance_remaining(pose) / float(path.remaining_lengths[0])))
         robot.command(follower.command(robot.state))
-        if follower.done:
+        if follower.is_done:
             return mapper.result()
         robot.step(STEP_SEC)
     pose = robot.state.pose

@@ -59,7 +59,7 @@ class World:
     warnings: tuple[Diagnostic, ...] = ()
 
     @functools.cached_property
-    def solid(self) -> "Solid":
+    def obstacle_arrays(self) -> "Solid":
         """The obstacles as arrays."""
         return Solid(self.boxes, self.cylinders)
 
@@ -210,7 +210,7 @@ def load_world(path: Path) -> World:
         battery=_battery(said.get("battery", {})),
         warnings=document.warnings,
     )
-    if world.solid.clearance(world.start.x, world.start.y) <= world.robot_radius:
+    if world.obstacle_arrays.clearance(world.start.x, world.start.y) <= world.robot_radius:
         message = "the robot would start in an obstacle"
         document.report("wrong-value", message, document.root.name_at(("robot",)))
     document.raise_findings()

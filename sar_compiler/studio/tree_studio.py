@@ -96,7 +96,7 @@ class Studio:
             "stop": lambda: self._budget.spend("stopped"),
         }
 
-    def answer(self, question: str, values: Mapping[str, Any]) -> object:
+    def answer_question(self, question: str, values: Mapping[str, Any]) -> object:
         """Return the answer to a question of the page; `error` in it says why there is none.
 
         Args:
@@ -105,7 +105,7 @@ class Studio:
         """
         if values.get("file"):
             if other := self._others.get(values["file"]):
-                return other.answer(question, {**values, "file": ""})
+                return other.answer_question(question, {**values, "file": ""})
             return {"error": f"the project has no file '{values['file']}'"}
         function = self._questions.get(question)
         if function is None:
@@ -133,7 +133,7 @@ class Studio:
         ids = [each.attributes.get("ID", "") for each in parsed.trees]
         shown = tree if tree in ids else None
         elements = [*parsed.root.iterate()]
-        numbers = {each.place: number for number, each in enumerate(elements)}
+        numbers = {each.position: number for number, each in enumerate(elements)}
         told |= {"trees": ids, "keys": _keys(loaded, numbers), "files": self._files(loaded)}
         told["elements"] = _elements(elements, numbers, offset)
         try:
@@ -146,7 +146,7 @@ class Studio:
         hidden: set[UUID] = set()
         for each in pre_order(sketch.root):
             bound = sketch.origins[each.id].bound
-            nodes.append(numbers.get(bound.element.place) if bound.element.source is own else None)
+            nodes.append(numbers.get(bound.element.position) if bound.element.source is own else None)
             is_wrapper = any(sketch.origins[child.id].bound is bound for child in each.children)
             if nodes[-1] in folds and not is_wrapper:
                 hidden |= {below.id for below in islice(pre_order(each), 1, None)}
@@ -360,14 +360,14 @@ def _elements(
     elements: Sequence[Element], numbers: Mapping[tuple[int, int], int], offset: Callable[[int], int]
 ) -> list[object]:
     parents = {
-        child.place: (number, index)
+        child.position: (number, index)
         for number, each in enumerate(elements)
         for index, child in enumerate(each.children)
     }
     listed: list[object] = []
     for each in elements:
         start, end = each.source.spans.tag(each)
-        parent, index = parents.get(each.place, (None, 0))
+        parent, index = parents.get(each.position, (None, 0))
         listed.append(
             {
                 "from": offset(start),
@@ -376,7 +376,7 @@ def _elements(
                 "attributes": dict(each.attributes),
                 "parent": parent,
                 "index": index,
-                "children": [numbers[child.place] for child in each.children],
+                "children": [numbers[child.position] for child in each.children],
             }
         )
     return listed
@@ -388,8 +388,8 @@ def _keys(loaded: ProjectTree, numbers: Mapping[tuple[int, int], int]) -> Mappin
     for accesses in loaded.context.key_accesses.values():
         for each in accesses.accesses:
             element, users = each.bound.element, keys.setdefault(each.key, [])
-            if element.source is loaded.source and element.place in numbers:
-                users.append([numbers[element.place], each.kind.value])
+            if element.source is loaded.source and element.position in numbers:
+                users.append([numbers[element.position], each.kind.value])
     return dict(sorted(keys.items()))
 
 
@@ -458,7 +458,7 @@ def _run(
         events = [
             {
                 "leaf": event.leaf,
-                "does": event.deed,
+                "does": event.action,
                 "status": "halted" if event.what == HALTED else (event.status or "").lower(),
                 "way": nodes.get("/".join(event.path), []),
             }
@@ -482,12 +482,12 @@ def _scenario(run: ScenarioRun, tree: str | None) -> Mapping[str, object]:
     answered = [event for tick in ticks for event in tick.events if event.what == ANSWERED]
     outcomes: dict[str, list[str]] = {}
     for event in answered:
-        outcomes.setdefault(labels[event.number], []).append(event.answer)
+        outcomes.setdefault(labels[event.number], []).append(event.outcome)
     ends = ticks[-1].root in _ENDED
     expect = {
         "ends": ends,
         "root": ticks[-1].root,
-        "order": [f"{labels[event.number]} {event.answer}" for event in answered],
+        "order": [f"{labels[event.number]} {event.outcome}" for event in answered],
         "facts": facts,
     }
     return {

@@ -17,7 +17,7 @@ class Colour(NamedTuple):
     light: str
     dark: str
 
-    def on(self, *, dark: bool) -> str:
+    def for_background(self, *, dark: bool) -> str:
         """Return the colour for one background, `#rrggbb`."""
         return self.dark if dark else self.light
 
@@ -31,7 +31,7 @@ COLOURS: Mapping[str, Colour] = {
     "text": Colour("#16191d", "#e8eaed"),
     "quiet": Colour("#545d69", "#a8b1bc"),
     "mark": Colour("#0b57a4", "#7cc0f5"),
-    # statuses and progress; `on` is written upon them
+    # statuses and progress; `for_background` is written upon them
     "running": Colour("#005f9e", "#5db7f0"),
     "success": Colour("#00694d", "#3fd0a4"),
     "failure": Colour("#b03a00", "#ff8b4d"),
@@ -161,7 +161,7 @@ def sign_of(level: int, *, is_found: bool) -> str:
 def rgb(name: str, *, dark: bool = False) -> tuple[float, float, float]:
     """Return a colour's red, green and blue, from 0 to 1."""
     red, green, blue = (
-        int(part, 16) / 255 for part in re.findall("[0-9a-f]{2}", COLOURS[name].on(dark=dark))
+        int(part, 16) / 255 for part in re.findall("[0-9a-f]{2}", COLOURS[name].for_background(dark=dark))
     )
     return red, green, blue
 
@@ -169,7 +169,8 @@ def rgb(name: str, *, dark: bool = False) -> tuple[float, float, float]:
 def style() -> str:
     """Return the common stylesheet of pages and reports: the colours by name, and the marks on a map."""
     light, dark = (
-        ";".join(f"--{name}:{each.on(dark=dark)}" for name, each in COLOURS.items()) for dark in (False, True)
+        ";".join(f"--{name}:{each.for_background(dark=dark)}" for name, each in COLOURS.items())
+        for dark in (False, True)
     )
     looks = (*LEVELS, FOUND, *PROPERTIES.values())
     levels = "".join(f".{each.word}{{--level:var(--{each.colour})}}" for each in looks)
@@ -189,7 +190,7 @@ def literal(css: str) -> str:
 
 
 def _resolve(css: str, *, dark: bool) -> str:
-    return re.sub(r"var\(--([a-z-]+)\)", lambda name: COLOURS[name[1]].on(dark=dark), css)
+    return re.sub(r"var\(--([a-z-]+)\)", lambda name: COLOURS[name[1]].for_background(dark=dark), css)
 
 
 def script() -> str:

@@ -10,7 +10,7 @@ from enum import Enum
 from typing import Any, NamedTuple, Protocol, TypedDict
 
 from sar_compiler.errors import SarError
-from sar_compiler.tree.display_text import escape_to_one_line, shortened, visible
+from sar_compiler.tree.display_text import escape_to_one_line, shorten, visible
 from sar_compiler.tree.severity import Severity as Severity
 
 LINE_END = re.compile(r"\r\n|\r|\n")
@@ -52,7 +52,7 @@ class ElementView(Protocol):
         """The file."""
 
     @property
-    def place(self) -> tuple[int, int]:
+    def position(self) -> tuple[int, int]:
         """The line and the column of its first character."""
 
     @property
@@ -131,7 +131,7 @@ class Source:
         return end[0] if end else "\n"
 
     @functools.cached_property
-    def _wide(self) -> dict[tuple[int, int], dict[str, AttributePlaces]]:
+    def _many_attributes(self) -> dict[tuple[int, int], dict[str, AttributePlaces]]:
         """The offsets of the attributes of elements that have many or long attributes."""
         return {}
 
@@ -140,9 +140,9 @@ class Source:
         values, attributes = element.attributes.values(), self.spans.attributes(element)
         if len(values) <= _FEW and sum(map(len, values)) <= _SHORT:
             return next((places for each, places in attributes if each == name), None)
-        if element.place not in self._wide:
-            self._wide[element.place] = dict(attributes)
-        return self._wide[element.place].get(name)
+        if element.position not in self._many_attributes:
+            self._many_attributes[element.position] = dict(attributes)
+        return self._many_attributes[element.position].get(name)
 
     def offset(self, line: int, column: int) -> int:
         """Return the offset of a line and column."""
@@ -161,13 +161,13 @@ class Source:
 
     def span(self, start: int, end: int) -> Span:
         """Return the span between two offsets."""
-        return Span(*self.place(start), *self.place(end))
+        return Span(*self.position_of(start), *self.position_of(end))
 
     def inside(self, start: int, end: int) -> Span:
         """Return the span of a name or a value, without its quotes."""
         return self.span(*self.spans.inside(self.text, start, end))
 
-    def place(self, offset: int) -> tuple[int, int]:
+    def position_of(self, offset: int) -> tuple[int, int]:
         """Return the line and the column of an offset."""
         line = bisect.bisect_right(self.line_starts, offset)
         return line, offset - self.line_starts[line - 1] + 1
@@ -191,7 +191,7 @@ AS_DECLARED: Any = None
 """Replaces a severity: the severity that the finding's kind declares."""
 
 
-def _plain(text: str, _part: str) -> str:
+def _keep_text(text: str, _part: str) -> str:
     return text
 
 
@@ -249,8 +249,8 @@ class Diagnostic:
         declared = SEVERITIES[self.code]
         object.__setattr__(self, "severity", self.severity or declared)
         # A quoted value may be as long as a file.
-        object.__setattr__(self, "message", shortened(self.message))
-        object.__setattr__(self, "hint", self.hint and shortened(self.hint))
+        object.__setattr__(self, "message", shorten(self.message))
+        object.__setattr__(self, "hint", self.hint and shorten(self.hint))
 
     @property
     def identity(self) -> tuple[object, ...]:
@@ -268,9 +268,9 @@ class Diagnostic:
         if not self.suggestion:
             return self.hint or ""
         quote = next((mark for mark in "'\"`" if mark not in self.suggestion), "")
-        return f"did you mean {quote}{shortened(self.suggestion)}{quote}?"
+        return f"did you mean {quote}{shorten(self.suggestion)}{quote}?"
 
-    def render(self, width: int = WIDTH, paint: Callable[[str, str], str] = _plain) -> str:
+    def render(self, width: int = WIDTH, paint: Callable[[str, str], str] = _keep_text) -> str:
         """Return the finding as text: location, message, the line with carets, the suggestion.
 
         Args:

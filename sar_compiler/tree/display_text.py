@@ -14,7 +14,7 @@ UNSPEAKABLE = "[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]"
 """The characters that XML cannot represent, not even by a reference."""
 
 
-def shortened(text: str) -> str:
+def shorten(text: str) -> str:
     """Return a text without its middle if it is very long."""
     if len(text) <= _LONGEST:
         return text
@@ -35,7 +35,7 @@ def escape_to_one_line(text: str) -> str:
 
 def shorten_to_line(text: str) -> str:
     """Return a foreign text for a log: on one line, without its middle if it is very long."""
-    return escape_to_one_line(shortened(text))
+    return escape_to_one_line(shorten(text))
 
 
 def _code(match: re.Match[str]) -> str:

@@ -77,7 +77,7 @@ class Forest:
         return tuple({id(file): file for home in self.homes.values() for file in home.files}.values())
 
     @functools.cached_property
-    def place(self) -> Path:
+    def path(self) -> Path:
         """The path of the file, with links resolved."""
         return real_path(Path(self.main.source.path))
 
@@ -97,7 +97,7 @@ class Forest:
 
     def is_used_elsewhere(self, tree_id: str) -> bool:
         """Return whether another file of the set, without a tree of this ID, references it."""
-        return self.tree_set is not None and self.tree_set.is_used(tree_id, self.place)
+        return self.tree_set is not None and self.tree_set.is_used(tree_id, self.path)
 
     def main_tree(self, tree_id: str | None = None) -> Element | None:
         """Return the tree to execute: the requested one, the main file's choice, or its only tree.
@@ -147,7 +147,7 @@ def load_forest(
     # The file must be in the folder that includes may come from. If that folder is replaced by a link between the two calls,
     # more files could be included. A pipe of the shell has only a name, without a folder.
     main = read(NamedPath.confined_to(path, (place, Path(place.name))))
-    loader.included(place, main, ())
+    loader.add_after_includes(place, main, ())
     forest = Forest(main, tuple(loader.files), tuple(loader.findings), tree_set=tree_set)
     return forest if tree_set is None else _SetSearch(forest, tree_set).result()
 
@@ -226,7 +226,7 @@ class TreeSet:
         """Return whether another file without a tree of this ID references it."""
         return any(path != by_other_than for path in self._users.get(tree_id, ()))
 
-    def having(self, tree_id: str) -> Iterable[tuple[Path, Forest]]:
+    def files_with_tree(self, tree_id: str) -> Iterable[tuple[Path, Forest]]:
         """Return the files that contain a tree of an ID, with their paths."""
         return self.by_id.get(tree_id, {}).values()
 
@@ -281,16 +281,14 @@ class _SetSearch:
         """Resolve a reference in a tree of one of the forests."""
         tree_id = reference.attributes[attribute]
         having = (
-            [(self.forest.place, home)]
-            if tree_id in home.trees
-            else self._files_with_tree(tree_id, reference)
+            [(self.forest.path, home)] if tree_id in home.trees else self._files_with_tree(tree_id, reference)
         )
         if not having:
             # A malformed file of which only the beginning is checked has its own finding.
             self.findings += [
                 each
                 for each in self.tree_set.findings
-                if tree_id in each.source.text and real_path(Path(each.source.path)) != self.forest.place
+                if tree_id in each.source.text and real_path(Path(each.source.path)) != self.forest.path
             ]
             for reason in self.tree_set.unreadable if self.tree_set.is_declared else ():
                 message = f"the tree '{tree_id}' may be in a file of the set: {reason}"
@@ -313,9 +311,9 @@ class _SetSearch:
 
     def _files_with_tree(self, tree_id: str, reference: Element) -> list[tuple[Path, Forest]]:
         """Return the files that contain a tree; of several, those closest to the referencing file."""
-        having = [each for each in self.tree_set.having(tree_id) if each[0] != self.forest.place]
+        having = [each for each in self.tree_set.files_with_tree(tree_id) if each[0] != self.forest.path]
         if tree_id in self.forest.trees:
-            having.insert(0, (self.forest.place, self.forest))
+            having.insert(0, (self.forest.path, self.forest))
         here = real_path(Path(reference.source.path)).parent
         if not having:
             return having
@@ -333,7 +331,7 @@ class _Loader:
         self.full = False
         self.compared = 0
 
-    def included(self, path: Path, tree_file: TreeFile, around: tuple[Path, ...]) -> None:
+    def add_after_includes(self, path: Path, tree_file: TreeFile, around: tuple[Path, ...]) -> None:
         """Add a file after the files that it includes."""
         self.seen.add(path)
         around = (*around, path)
@@ -363,18 +361,18 @@ class _Loader:
         try:
             tree_file = self.read(NamedPath.confined_to(as_written(target), self.folders))
         except UnreadableFileError as error:
-            near = self._near(element, target)
+            near = self._intended_path(element, target)
             self.findings.append(
                 element.finding("unreadable-include", str(error), value="path", suggestion=near)
             )
         except TreeError as error:
             self.findings.extend(error.findings)
         else:
-            self.included(target, tree_file, around)
+            self.add_after_includes(target, tree_file, around)
             return
         self.seen.add(target)
 
-    def _near(self, element: Element, target: Path) -> str | None:
+    def _intended_path(self, element: Element, target: Path) -> str | None:
         """Return the path that a missing include probably intended."""
         written, beside = element.attributes["path"], []
         with suppress(UnreadableFileError):
@@ -398,7 +396,7 @@ class _Loader:
         package = element.attributes.get("ros_pkg")
         if package is None or Path(written).is_absolute():
             target = self._resolve_path(element, here / written)
-            return target if target is not None and self._allowed(element, target) else None
+            return target if target is not None and self._is_allowed(element, target) else None
         share = _package_share(package)
         if share is None:
             message = f"the ROS package '{package}' is not installed"
@@ -410,7 +408,7 @@ class _Loader:
         target = self._resolve_path(element, share / written)
         if target is None or (
             not Path(os.path.normpath(share / written)).is_relative_to(share)
-            and not self._allowed(element, target)
+            and not self._is_allowed(element, target)
         ):
             return None
         self.folders += [share.resolve(), target.parent]
@@ -425,7 +423,7 @@ class _Loader:
             self._report("unreadable-include", f"'{written}' is not a valid path: {error}", element)
             return None
 
-    def _allowed(self, element: Element, target: Path) -> bool:
+    def _is_allowed(self, element: Element, target: Path) -> bool:
         if any(target.is_relative_to(folder) for folder in self.folders):
             return True
         message = f"'{element.attributes['path']}' lies outside the folders that may be included from"

@@ -70,7 +70,7 @@ class JsonFile:
                     yield key, self._location(match.start())
                 around[-1].add(key)
 
-    def place(self, *path: str | int) -> str:
+    def location_of(self, *path: str | int) -> str:
         """Return the file, line and column of the value at a path of keys and indices.
 
         If the file has no such value, return the location of the last existing value on its path.
@@ -111,5 +111,5 @@ class JsonFile:
         return at
 
     def _location(self, offset: int) -> str:
-        line, column = self._source.place(offset)
+        line, column = self._source.position_of(offset)
         return f"{self._source.path}:{line}:{column}"

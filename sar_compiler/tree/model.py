@@ -85,7 +85,7 @@ class Element:
     comments: tuple[Comment, ...] = field(default=(), repr=False, compare=False)
 
     @property
-    def place(self) -> tuple[int, int]:
+    def position(self) -> tuple[int, int]:
         """The line and the column of its first character."""
         return self.line, self.column
 
@@ -177,7 +177,7 @@ class Element:
 
 def last_element_before(elements: "Sequence[Element]", place: tuple[int, int]) -> Element | None:
     """Return the last element at or before a location; the elements are in the order of the file."""
-    index = bisect.bisect_right(elements, place, key=lambda each: each.place)
+    index = bisect.bisect_right(elements, place, key=lambda each: each.position)
     return elements[index - 1] if index else None
 
 

@@ -20,7 +20,7 @@ def _escape(match: re.Match[str]) -> str:
     return "".join(f"\\u{digits[start : start + 4]}" for start in range(0, len(digits), 4))
 
 
-def plain(value: object) -> object:
+def to_json_value(value: object) -> object:
     """Return a value for JSON: an enum as its name, numbers and strings unchanged."""
     if isinstance(value, Enum):
         return value.name

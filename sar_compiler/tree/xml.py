@@ -128,7 +128,9 @@ class _XmlReader:
                 if recovered is not None:
                     return _XmlReader(self._source, recovered).read()
             findings = recovered.findings if recovered is not None else ()
-            raise UnfinishedFileError([*findings, self._malformed(error)], self._beginning()) from None
+            raise UnfinishedFileError(
+                [*findings, self._explain_error(error)], self._elements_before_error()
+            ) from None
         return self._file()
 
     def _file(self) -> TreeFile:
@@ -136,7 +138,7 @@ class _XmlReader:
         findings = (*findings, *self._instructions)
         return TreeFile(self._source, self._levels[0][0], tuple(self._comments.get(0, ())), findings)
 
-    def _beginning(self) -> FileBeginning | None:
+    def _elements_before_error(self) -> FileBeginning | None:
         """Return the elements before the error in the file; None if there are none."""
         unfinished = [OpenTag(line, column, tag) for tag, _, line, column in self._open]
         for place in reversed(unfinished):
@@ -166,7 +168,7 @@ class _XmlReader:
             if len(opened) > MAX_DEPTH:
                 self._refuse("too-deep", f"elements are nested more than {MAX_DEPTH} deep", tag)
 
-        def end(tag: str) -> None:
+        def end_element(tag: str) -> None:
             text, notes = self._extras() if comments or texts else _NOTHING
             children = tuple(levels.pop())
             _, attributes, line, column = opened.pop()
@@ -174,7 +176,7 @@ class _XmlReader:
             if tag == MODEL_TAG:
                 parser.CharacterDataHandler = None
 
-        return start, end
+        return start, end_element
 
     def _extras(self) -> tuple[str, tuple[Comment, ...]]:
         """Return and clear the text and the comments of the element that ends."""
@@ -187,7 +189,7 @@ class _XmlReader:
         self._texts.setdefault(len(self._open), []).append(text)
 
     def _comment(self, data: str) -> None:
-        depth, start, siblings = len(self._open), self._here(), self._levels[-1]
+        depth, start, siblings = len(self._open), self._offset(), self._levels[-1]
         text = xml_comment_text(self._recovered.original(data) if self._recovered is not None else data)
         written = self._source.text
         # The text before the comment on its line.
@@ -212,7 +214,7 @@ class _XmlReader:
     def _instruction(self, target: str, _data: str) -> None:
         """Report the first processing instruction after the start of the root element."""
         if (self._open or self._levels[0]) and not self._instructions:
-            start = self._here()
+            start = self._offset()
             span = self._source.span(start, start + len(target) + 2)
             message = f"BehaviorTree.CPP reads processing instructions before <root> only: <?{target}?>"
             hint, severity = "put it in a comment, or delete it", Severity.WARNING
@@ -225,21 +227,21 @@ class _XmlReader:
     def _doctype(self, *_declaration: object) -> None:
         message = "a DOCTYPE is not allowed in a tree file (entities could hide what the file says)"
         # expat reports the declaration after its name.
-        start = self._source.text.rfind("<!DOCTYPE", 0, self._here())
+        start = self._source.text.rfind("<!DOCTYPE", 0, self._offset())
         self._refuse("doctype", message, "!DOCTYPE", start, hint="delete the declaration")
 
-    def _here(self) -> int:
+    def _offset(self) -> int:
         return self._source.offset(self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1)
 
     def _refuse(
         self, code: str, message: str, name: str, start: int | None = None, hint: str | None = None
     ) -> None:
         """Raise the finding about an invalid `<` and the name after it."""
-        start = self._here() if start is None else start
+        start = self._offset() if start is None else start
         span = self._source.span(start, start + len(name) + 1)
         raise TreeError([Diagnostic(code, message, self._source, span, hint=hint)])
 
-    def _malformed(self, error: expat.ExpatError) -> Diagnostic:
+    def _explain_error(self, error: expat.ExpatError) -> Diagnostic:
         """Explain an error of expat in the user's terms, as a finding."""
         from sar_compiler.tree.xml_errors import find_xml_fault
 

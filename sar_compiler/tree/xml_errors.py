@@ -44,9 +44,9 @@ def find_xml_fault(text: str, place: int, words: str) -> XmlFault | None:
         None if expat's message says everything.
     """
     by_words = {
-        expat.errors.XML_ERROR_UNDEFINED_ENTITY: _undefined,
-        expat.errors.XML_ERROR_DUPLICATE_ATTRIBUTE: _twice,
-        expat.errors.XML_ERROR_UNCLOSED_TOKEN: _unclosed,
+        expat.errors.XML_ERROR_UNDEFINED_ENTITY: _find_undefined_entity,
+        expat.errors.XML_ERROR_DUPLICATE_ATTRIBUTE: _find_duplicate_attribute,
+        expat.errors.XML_ERROR_UNCLOSED_TOKEN: _find_unclosed,
         expat.errors.XML_ERROR_INVALID_TOKEN: _invalid,
     }
     return by_words[words](text, place) if words in by_words else None
@@ -59,11 +59,11 @@ def _invalid(text: str, place: int) -> XmlFault | None:
     if text.rfind("<!--", 0, place) > text.rfind("-->", 0, place):
         return _in_comment(text, place)
     if _UNSEEN.match(text, place):
-        return _unseen(text, place)
+        return _invisible_character(text, place)
     return _out_of_place(text, place) or _in_tag(text, place)
 
 
-def _unseen(text: str, place: int) -> XmlFault:
+def _invisible_character(text: str, place: int) -> XmlFault:
     what = "looks like a blank, but XML does not treat it as one" if text[place].isspace() else "is invisible"
     hint = "write a blank in its place" if text[place].isspace() else "delete it"
     import unicodedata
@@ -128,7 +128,7 @@ def _in_attributes(text: str, tag: int, place: int) -> XmlFault | None:
     return None
 
 
-def _twice(text: str, place: int) -> XmlFault | None:
+def _find_duplicate_attribute(text: str, place: int) -> XmlFault | None:
     name = _ATTRIBUTE_NAME.match(text, place)
     if name is None:
         return None
@@ -136,7 +136,7 @@ def _twice(text: str, place: int) -> XmlFault | None:
     return XmlFault(message, *name.span(), hint="delete one of the two")
 
 
-def _unclosed(text: str, place: int) -> XmlFault | None:
+def _find_unclosed(text: str, place: int) -> XmlFault | None:
     """Return the error if a comment, value or tag never ends."""
     if text.startswith("<!--", place):
         return XmlFault(
@@ -159,7 +159,7 @@ def _in_value(text: str, place: int, quote: int) -> XmlFault:
     return XmlFault("a < in a value is written &lt; in XML", place, place + 1, "&lt;")
 
 
-def _undefined(text: str, place: int) -> XmlFault | None:
+def _find_undefined_entity(text: str, place: int) -> XmlFault | None:
     for entity in _ENTITY.finditer(text, place):
         if entity[1] not in _BUILT_IN:
             message = (

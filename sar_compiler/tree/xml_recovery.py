@@ -107,7 +107,7 @@ def readable(tree_file: TreeFile) -> str:
     return recovered.text if recovered is not None else tree_file.source.text
 
 
-def escaped(written: str) -> str:
+def escape_xml(written: str) -> str:
     """Return a part of a value, escaped for XML."""
     return _RAW.sub(lambda raw: _replacement(raw[0]), written)
 

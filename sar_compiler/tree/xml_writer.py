@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from sar_compiler.tree.diagnostic import Form
 from sar_compiler.tree.model import Comment, Element, TreeFile
-from sar_compiler.tree.xml_recovery import escaped
+from sar_compiler.tree.xml_recovery import escape_xml
 
 WIDTH = 100
 DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>'
@@ -98,7 +98,7 @@ def _as_broken(element: Element, name: str, value: str) -> str | None:
     start, end = source.offsets(span)
     broken = re.sub(r"\r\n?", "\n", source.text[start:end]).replace('"', "&quot;").replace("\t", " ")
     # The element may have been given another value after parsing.
-    return escaped(broken) if unescape(broken.replace("\n", " ")) == value else None
+    return escape_xml(broken) if unescape(broken.replace("\n", " ")) == value else None
 
 
 def _comment(comment: Comment, indent: str, *, after_blank_line: bool) -> Iterator[str]:

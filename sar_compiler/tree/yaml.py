@@ -27,7 +27,7 @@ from sar_compiler.tree.model import (
     yaml_comment_text,
 )
 from sar_compiler.tree.yaml_events import YamlEvents
-from sar_compiler.tree.yaml_fields import dedented, is_fields_attribute
+from sar_compiler.tree.yaml_fields import dedent, is_fields_attribute
 from sar_compiler.tree.yaml_spans import SPLIT, YamlSpans, split_number
 
 _EMPTY_HINT = "write root: with BTCPP_format: 4 and children: below it"
@@ -80,24 +80,24 @@ class _YamlReader:
         self._unfinished: list[OpenTag] = []
         # Findings about text that may be intended.
         self._doubts: list[Diagnostic] = []
-        self._report = self._events.report
+        self._report = self._events.report_finding
         self._depth = 0
         self._count = 0
         self._models = 0
 
     def read(self) -> TreeFile:
         events = self._events
-        events.take()  # the stream begins
+        events.pop()  # the stream begins
         self._document()
         root = None
         before = [_comment(one, 0) for one in events.comments()]
         if isinstance(events.next, yaml.CollectionStartEvent | yaml.ScalarEvent | yaml.AliasEvent):
             root = self._node()
         after = [_comment(one, 1) for one in events.comments()]
-        events.take()  # the document ends
+        events.pop()  # the document ends
         after += [_comment(one, 1) for one in events.comments()]
         if isinstance(events.next, yaml.DocumentStartEvent):
-            start, end = _place(events.next)
+            start, end = _mark_position(events.next)
             message = "a second document begins here, but a tree file has only one"
             self._report("second-document", message, start, end, hint="move it to a separate file")
         tree_file = (
@@ -110,18 +110,20 @@ class _YamlReader:
         return tree_file
 
     def _document(self) -> None:
-        start: Any = self._events.take()
+        start: Any = self._events.pop()
         if not isinstance(start, yaml.DocumentStartEvent):
             self._report("empty-file", "the file is empty", 0, 0, hint=_EMPTY_HINT)
         elif start.version or start.tags:
             message = "YAML directives are not allowed in a tree file"
-            self._report("yaml-directive", message, *_place(start), hint="delete the lines that begin with %")
+            self._report(
+                "yaml-directive", message, *_mark_position(start), hint="delete the lines that begin with %"
+            )
 
     def _node(self) -> Element | None:
         events = self._events
         first: Any = events.next
         if isinstance(first, yaml.ScalarEvent):
-            return self._bare(events.take())
+            return self._bare(events.pop())
         if not isinstance(first, yaml.MappingStartEvent):
             end = events.skip()
             if isinstance(first, yaml.SequenceStartEvent):
@@ -131,22 +133,26 @@ class _YamlReader:
                     if self._depth
                     else f"delete the '- ' before '{ROOT_TAG}:'; put a list under its '{CHILDREN_KEY}:'"
                 )
-                self._report("wrong-shape", f"{what}, but this is a list", _place(first)[0], end, hint=hint)
+                self._report(
+                    "wrong-shape", f"{what}, but this is a list", _mark_position(first)[0], end, hint=hint
+                )
             return None
-        events.take()
+        events.pop()
         if isinstance(events.next, yaml.MappingEndEvent):
-            events.take()
-            self._report("wrong-shape", "these braces are empty, but a node needs a tag", *_place(first))
+            events.pop()
+            self._report(
+                "wrong-shape", "these braces are empty, but a node needs a tag", *_mark_position(first)
+            )
             return None
         if not self._depth and getattr(events.next, "value", None) in _OF_THE_ROOT:
             return self._read_without_root()
         tag = self._key()
-        element = self._tagged(tag, events.trailing) if tag is not None else None
+        element = self._read_tagged(tag, events.trailing) if tag is not None else None
         if tag is None:
             events.skip()
         while not isinstance(events.next, yaml.MappingEndEvent):
             self._stray_key(tag)
-        events.take()
+        events.pop()
         return element
 
     def _read_without_root(self) -> Element | None:
@@ -154,8 +160,8 @@ class _YamlReader:
         first, parts = self._events.next, _Parts()
         message = f"a tree file begins with '{ROOT_TAG}:'; '{first.value}' belongs below it"
         hint = f"write '{ROOT_TAG}:' above, and indent the following lines"
-        self._report("wrong-root", message, *_place(first), hint=hint)
-        number = self._spans.begin(*_place(first))
+        self._report("wrong-root", message, *_mark_position(first), hint=hint)
+        number = self._spans.begin(*_mark_position(first))
         self._depth += 1
         self._content(ROOT_TAG, parts)
         self._depth -= 1
@@ -172,12 +178,12 @@ class _YamlReader:
         parts = _Parts()
         if self._events.trailing is not None:
             parts.comments.append(Comment(self._events.trailing, trailing=True))
-        return self._element(tag, parts, self._spans.begin(*_place(tag)))
+        return self._element(tag, parts, self._spans.begin(*_mark_position(tag)))
 
-    def _tagged(self, tag: Any, trailing: str | None) -> Element | None:
+    def _read_tagged(self, tag: Any, trailing: str | None) -> Element | None:
         events, parts = self._events, _Parts()
         wrong = len(events.findings)
-        number = self._spans.begin(*_place(tag))
+        number = self._spans.begin(*_mark_position(tag))
         if trailing is not None:
             parts.comments.append(Comment(trailing, trailing=True))
         content = events.next
@@ -186,15 +192,15 @@ class _YamlReader:
             self._models += tag.value == MODEL_TAG
             if self._depth > MAX_DEPTH:
                 self._refuse("too-deep", tag, f"elements are nested more than {MAX_DEPTH} deep")
-            events.take()
+            events.pop()
             self._content(tag.value, parts)
             self._depth -= 1
             self._models -= tag.value == MODEL_TAG
         elif _is_nothing(content):
-            events.take()
+            events.pop()
             if events.trailing is not None:
                 parts.comments.append(Comment(events.trailing, trailing=True))
-            column = self._source.place(tag.start_mark.index)[1]
+            column = self._source.position_of(tag.start_mark.index)[1]
             parts.comments += [_comment(one, 0) for one in events.comments(column + 1)]
         else:
             end = events.skip()
@@ -204,13 +210,13 @@ class _YamlReader:
                 what = f"- {content.value}" if is_name(content.value) else "- "
                 hint = f"a node in it belongs below '{CHILDREN_KEY}:', as '{what}'"
             if not isinstance(content, yaml.AliasEvent):  # which has its own finding
-                self._report("wrong-shape", message, _place(content)[0], end, hint=hint)
+                self._report("wrong-shape", message, _mark_position(content)[0], end, hint=hint)
         if len(events.findings) > wrong or events.is_cut or isinstance(content, yaml.AliasEvent):
-            self._unfinished.append(OpenTag(*self._source.place(tag.start_mark.index), tag.value))
+            self._unfinished.append(OpenTag(*self._source.position_of(tag.start_mark.index), tag.value))
         return self._element(tag, parts, number)
 
     def _refuse(self, code: str, tag: Any, message: str) -> NoReturn:
-        self._report(code, message, *_place(tag))
+        self._report(code, message, *_mark_position(tag))
         raise TreeError(self._events.findings)
 
     def _element(self, tag: Any, parts: _Parts, number: int) -> Element | None:
@@ -223,14 +229,14 @@ class _YamlReader:
         if len(parts.attributes) > MAX_ATTRIBUTES:
             self._refuse("too-many-nodes", tag, f"'{tag.value}' has more than {MAX_ATTRIBUTES:,} attributes")
         self._spans.finish(number, parts.places)
-        place = self._source.place(tag.start_mark.index)
+        place = self._source.position_of(tag.start_mark.index)
         children, comments = tuple(parts.children), tuple(parts.comments)
         return Element(tag.value, parts.attributes, children, self._source, *place, parts.text, comments)
 
     def _content(self, tag: str, parts: _Parts) -> None:
         """Read attributes and children up to the end of their mapping."""
         events = self._events
-        column = self._source.place(events.next.start_mark.index)[1]
+        column = self._source.position_of(events.next.start_mark.index)[1]
         while not isinstance(events.next, yaml.MappingEndEvent):
             waiting = events.comments()
             key = self._key()
@@ -252,7 +258,7 @@ class _YamlReader:
         if parts.text and parts.children:
             place, message = parts.seen[TEXT_KEY], "an element can have children or text, but not both"
             self._report("wrong-shape", message, place, place + len(TEXT_KEY))
-        events.take()
+        events.pop()
 
     def _attribute(self, parts: _Parts, key: Any, trailing: str | None) -> None:
         events = self._events
@@ -260,7 +266,7 @@ class _YamlReader:
         if not isinstance(value, yaml.ScalarEvent):
             self._structure(parts, key, trailing)
             return
-        events.take()
+        events.pop()
         for said in (trailing, _header_comment(self._source.text, value), events.trailing):
             if said is not None:
                 parts.comments.append(Comment(said, attribute=key.value, trailing=True))
@@ -268,23 +274,23 @@ class _YamlReader:
             pass
         elif value.style == '"' and (unspeakable := re.search(UNSPEAKABLE, value.value)):
             message = f"{key.value}: a tree file cannot have the character U+{ord(unspeakable.group()):04X}"
-            self._report("wrong-character", message, *_place(value), hint="delete it")
+            self._report("wrong-character", message, *_mark_position(value), hint="delete it")
         elif value.tag is not None:
             pass  # which has its own finding
         elif key.value != TEXT_KEY:
             parts.attributes[key.value] = value.value
-            parts.places += (*_place(key), *_place(value))
+            parts.places += (*_mark_position(key), *_mark_position(value))
             if events.trailing is not None:
                 self._report_cut_string(key, value)
         elif self._models:
             parts.text = value.value.strip()
         else:
             message = f"'{TEXT_KEY}' is allowed only in the ports of a {MODEL_TAG}"
-            self._report("wrong-shape", message, *_place(key), hint="write a comment instead")
+            self._report("wrong-shape", message, *_mark_position(key), hint="write a comment instead")
 
     def _report_cut_string(self, key: Any, value: Any) -> None:
         """Report a plain string that a # has possibly cut off."""
-        start, end = _place(value)
+        start, end = _mark_position(value)
         cut = _CUT.match(self._source.text, end) if not value.style and value.value[:1].isalpha() else None
         if cut is None or cut[0].startswith(" #sar:"):
             return
@@ -301,15 +307,17 @@ class _YamlReader:
             events.skip()
             return
         parts.comments += [_comment(one, 0, key.value) for one in events.comments()]
-        start = _place(value)[0]
+        start = _mark_position(value)[0]
         end, behind = events.skip_fields()
         for said in (trailing, behind.text if behind is not None else None):
             if said is not None:
                 parts.comments.append(Comment(said, attribute=key.value, trailing="\n" not in said))
         if not events.is_cut and value.tag is None:
             parts.unquoted[key.value] = self._no_string_finding(parts, key, value, end)
-            parts.attributes[key.value] = dedented(self._source.text[start:end], self._source.place(start)[1])
-            parts.places += (*_place(key), start, end)
+            parts.attributes[key.value] = dedent(
+                self._source.text[start:end], self._source.position_of(start)[1]
+            )
+            parts.places += (*_mark_position(key), start, end)
             self._spans.add_verbatim(start)
 
     def _refuse_structures(self, tag: str, parts: _Parts) -> None:
@@ -325,7 +333,7 @@ class _YamlReader:
 
     def _no_string_finding(self, parts: _Parts, key: Any, value: Any, end: int) -> Diagnostic:
         """Return the finding about a list or a mapping in place of a string."""
-        start = _place(value)[0]
+        start = _mark_position(value)[0]
         written = self._source.text[start:end]
         if value.flow_style and REFERENCE.fullmatch(written):
             message = f"{key.value}: braces are a mapping in YAML, so a reference needs quotes"
@@ -338,7 +346,7 @@ class _YamlReader:
         )
         block = isinstance(value, yaml.SequenceStartEvent) and not value.flow_style
         meant = CHILDREN_KEY if block and CHILDREN_KEY not in parts.seen else None
-        span = self._source.span(*_place(key))
+        span = self._source.span(*_mark_position(key))
         return Diagnostic("wrong-shape", message, self._source, span, suggestion=meant, hint=hint)
 
     def _children(self, parts: _Parts, key: Any) -> None:
@@ -352,45 +360,47 @@ class _YamlReader:
                 if not _is_nothing(start)
                 else "write the nodes, or delete the line"
             )
-            self._report("wrong-shape", message, *_place(key), hint=hint)
+            self._report("wrong-shape", message, *_mark_position(key), hint=hint)
             return
-        events.take()
-        column = 0 if start.flow_style else self._source.place(_place(start)[0])[1]
+        events.pop()
+        column = 0 if start.flow_style else self._source.position_of(_mark_position(start)[0])[1]
         while not isinstance(events.next, yaml.SequenceEndEvent):
             parts.comments += [_comment(one, len(parts.children)) for one in events.comments()]
             child = self._node()
             if child is not None:
                 parts.children.append(child)
         parts.comments += [_comment(one, len(parts.children)) for one in events.comments(column)]
-        events.take()
+        events.pop()
 
     def _key(self) -> Any:
         """Read the next key; None, after a finding, if it is not a string."""
         key = self._events.next
         if isinstance(key, yaml.ScalarEvent):
-            return self._events.take()
+            return self._events.pop()
         end = self._events.skip()
         if not isinstance(key, yaml.AliasEvent):
             hint = "put a name that begins with { or [ in quotes"
-            self._report("wrong-shape", "a key must be a name", _place(key)[0], end, hint=hint)
+            self._report("wrong-shape", "a key must be a name", _mark_position(key)[0], end, hint=hint)
         return None
 
     def _is_wrong(self, key: Any, parts: _Parts) -> bool:
         name = key.value
         if name in parts.seen:
-            line = self._source.place(parts.seen[name])[0]
+            line = self._source.position_of(parts.seen[name])[0]
             message = f"'{name}' is given twice; the first is on line {line}"
-            self._report("duplicate-key", message, *_place(key), hint="delete one of them")
+            self._report("duplicate-key", message, *_mark_position(key), hint="delete one of them")
             return True
         if name == "<<" and not key.style:
             message = "'<<' is a YAML merge key, which is not allowed in a tree file"
-            self._report("yaml-merge", message, *_place(key), hint="write the attributes out")
+            self._report("yaml-merge", message, *_mark_position(key), hint="write the attributes out")
             return True
-        split = split_number(self._source.text, *_place(key)) if _is_nothing(self._events.next) else None
+        split = (
+            split_number(self._source.text, *_mark_position(key)) if _is_nothing(self._events.next) else None
+        )
         if split is not None:
             message = SPLIT.format(split.written)
             advice = Advice(suggestion=split.meant, hint=split.hint)
-            self._report("wrong-value", message, split.start, _place(key)[1], **advice)
+            self._report("wrong-value", message, split.start, _mark_position(key)[1], **advice)
             return True
         if name != TEXT_KEY and not is_name(name):
             self._wrong_name(key, "an attribute")
@@ -402,13 +412,13 @@ class _YamlReader:
         if _is_nothing(value):
             message = f"'{key.value}' has no value"
             hint = f"write {key.value}: '' for an empty string, or delete the line"
-            self._report("missing-value", message, *_place(key), hint=hint)
+            self._report("missing-value", message, *_mark_position(key), hint=hint)
             return True
         return self._is_too_deep(value)
 
     def _is_too_deep(self, scalar: Any) -> bool:
         """Report a node whose indentation makes it part of the string above; return whether there is one."""
-        start, end = _place(scalar)
+        start, end = _mark_position(scalar)
         node = _CONTINUED.search(self._source.text, start, end) if not scalar.style else None
         if node is None:
             return False
@@ -426,7 +436,7 @@ class _YamlReader:
         if "\n" in written or not written.isprintable():
             message = f"this cannot be the name of {what}"
         hint = "use letters, digits, '_', '-' and '.', and begin with a letter or '_'"
-        self._report("wrong-name", message, *_place(scalar), hint=hint)
+        self._report("wrong-name", message, *_mark_position(scalar), hint=hint)
 
     def _stray_key(self, tag: Any) -> None:
         """Report a key beside a node's tag."""
@@ -439,15 +449,15 @@ class _YamlReader:
         else:
             message = f"'{key.value}' is beside '{tag.value}', not below it"
         hint = "indent it further, or begin a node with '- '"
-        self._report("wrong-shape", message, *_place(key), hint=hint)
+        self._report("wrong-shape", message, *_mark_position(key), hint=hint)
 
 
-def _place(event: Any) -> tuple[int, int]:
+def _mark_position(event: Any) -> tuple[int, int]:
     return event.start_mark.index, event.end_mark.index
 
 
 def _is_nothing(event: Any) -> bool:
-    start, end = _place(event)
+    start, end = _mark_position(event)
     return isinstance(event, yaml.ScalarEvent) and start == end
 
 

@@ -17,7 +17,7 @@ import yaml
 from sar_compiler.tree.content import MAX_DEPTH
 from sar_compiler.tree.diagnostic import LINE_END, Advice, Diagnostic, Source, TreeError
 from sar_compiler.tree.model import yaml_comment_text
-from sar_compiler.tree.yaml_fields import end_of_block, masked, unmasked
+from sar_compiler.tree.yaml_fields import end_of_block, mask, unmask
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -86,22 +86,24 @@ class YamlEvents:
             code = ord(unreadable.group())
             message = f"the character U+{code:04X} is not allowed in YAML unescaped"
             hint = f'delete it, or write "\\u{code:04x}" in double quotes'
-            self.report("wrong-character", message, *unreadable.span(), hint=hint)
+            self.report_finding("wrong-character", message, *unreadable.span(), hint=hint)
             raise TreeError(self.findings)
-        self._text = masked(source.text) if closing else source.text
+        self._text = mask(source.text) if closing else source.text
         self._is_masked = self._text != source.text
         self._stream: Iterator[Any] = yaml.parse(self._text, Loader=_LOADER)
         self.next: Any = None
-        self.take()
+        self.pop()
 
-    def report(self, code: str, message: str, start: int, end: int, **advice: "Unpack[Advice]") -> None:
+    def report_finding(
+        self, code: str, message: str, start: int, end: int, **advice: "Unpack[Advice]"
+    ) -> None:
         """Add a finding about the text between two offsets, unless a cut text lacks that part."""
         if self.is_cut:
             return
         span = self._source.span(start, max(start + 1, end))
         self.findings.append(Diagnostic(code, message, self._source, span, **advice))
 
-    def take(self) -> Any:
+    def pop(self) -> Any:
         """Return the next event, and read the following one.
 
         Raises:
@@ -111,7 +113,7 @@ class YamlEvents:
         try:
             self.next = event = next(self._stream, None)
         except yaml.YAMLError as error:
-            self.findings.append(malformed(self._source, error))
+            self.findings.append(syntax_finding(self._source, error))
             if not self._closing:
                 raise TreeError(self.findings) from None
             self.is_cut = True
@@ -120,7 +122,7 @@ class YamlEvents:
         self.trailing = None
         if event is not None:
             if self._is_masked and isinstance(event, yaml.ScalarEvent):
-                event.value = unmasked(event.value)
+                event.value = unmask(event.value)
             if isinstance(event, yaml.CollectionStartEvent):
                 self._enter(event)
             elif isinstance(event, yaml.CollectionEndEvent):
@@ -162,7 +164,7 @@ class YamlEvents:
         """Skip the next value, whatever it is, and return the offset of its end."""
         depth = end = 0
         while True:
-            event = self.take()
+            event = self.pop()
             if isinstance(event, yaml.CollectionStartEvent):
                 depth += 1
             elif isinstance(event, yaml.CollectionEndEvent):
@@ -211,7 +213,7 @@ class YamlEvents:
         self._nested += 1
         if self._nested > _MAX_NESTING:
             message = f"lists and mappings are nested more than {_MAX_NESTING} deep"
-            self.report("too-deep", message, event.start_mark.index, event.start_mark.index)
+            self.report_finding("too-deep", message, event.start_mark.index, event.start_mark.index)
             raise TreeError(self.findings)
 
     def _collect(self, taken: Any, event: Any) -> None:
@@ -231,7 +233,7 @@ class YamlEvents:
             self._end = max(self._end, event.end_mark.index)
 
     def _wait(self, match: re.Match[str]) -> None:
-        column = self._source.place(match.start())[1]
+        column = self._source.position_of(match.start())[1]
         last = self._waiting[-1] if self._waiting else None
         if last is not None:
             between = self._source.text[last.end : match.start()]
@@ -250,20 +252,20 @@ class YamlEvents:
             written, what = f"{mark}{event.anchor}", "alias" if mark == "*" else "anchor"
             message = f"'{written}' is a YAML {what}, which is not allowed here"
             hint = f"write the value itself, or put a string that begins with {mark} in quotes"
-            self.report("yaml-anchor", message, start, start + len(written), hint=hint)
+            self.report_finding("yaml-anchor", message, start, start + len(written), hint=hint)
         else:
             end = start + len(self._source.text[start : start + 80].split(maxsplit=1)[0])
             message = f"'{self._source.text[start:end]}' is a YAML tag, which is not allowed here"
             hint = "delete it, or put a string that begins with ! in quotes"
-            self.report("yaml-tag", message, start, end, hint=hint)
+            self.report_finding("yaml-tag", message, start, end, hint=hint)
 
 
 def masked_events(text: str) -> Iterator[Any]:
     """Yield the events of a valid tree file's text; each is at its offset in it."""
-    yield from yaml.parse(masked(text), Loader=_LOADER)
+    yield from yaml.parse(mask(text), Loader=_LOADER)
 
 
-def malformed(source: Source, error: yaml.YAMLError) -> Diagnostic:
+def syntax_finding(source: Source, error: yaml.YAMLError) -> Diagnostic:
     """Return the finding for a text that the YAML parser rejects."""
     problem, start = str(error), 0
     if isinstance(error, yaml.MarkedYAMLError):
@@ -273,7 +275,7 @@ def malformed(source: Source, error: yaml.YAMLError) -> Diagnostic:
         if error.context_mark is not None and re.search(r"quoted|flow|simple key", error.context or ""):
             start = error.context_mark.index if "escape" not in problem else start
             problem = f"{problem} {error.context}" if "flow" in (error.context or "") else problem
-    message, hint = _reword(source.text[start : start + 1], problem)
+    message, hint = _reword_problem(source.text[start : start + 1], problem)
     span = source.span(start, min(start + 1, len(source.text)))
     return Diagnostic("malformed-yaml", f"not well-formed YAML: {message}", source, span, hint=hint)
 
@@ -284,7 +286,7 @@ def _rewordings() -> list[dict[str, str]]:
     return list(yaml.load(text, _LOADER))  # noqa: S506 - a safe one
 
 
-def _reword(character: str, problem: str) -> tuple[str, str | None]:
+def _reword_problem(character: str, problem: str) -> tuple[str, str | None]:
     if "cannot start any token" in problem and character != "\t":
         return f"a string cannot begin with {character}", "put it in quotes"
     for words in _rewordings():

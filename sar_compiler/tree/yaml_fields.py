@@ -30,17 +30,17 @@ def is_fields_attribute(tag: str, attributes: Mapping[str, str], name: str) -> b
     return name in FIELD_ATTRIBUTES.get(attributes.get("ID", "") if tag in EXPLICIT_TAGS else tag, ())
 
 
-def masked(text: str) -> str:
+def mask(text: str) -> str:
     """Return a text with replacements for the characters in keys and fields that YAML does not accept."""
     return _MASKED.sub(lambda match: match[0].translate(_MASKS), text)
 
 
-def unmasked(text: str) -> str:
+def unmask(text: str) -> str:
     """Return a part of a masked text with its original characters."""
     return text.translate(_UNMASKS)
 
 
-def dedented(text: str, column: int) -> str:
+def dedent(text: str, column: int) -> str:
     """Return a part of a file as a separate text.
 
     Args:

@@ -70,7 +70,7 @@ class YamlSpans(Spans):
 
     def inside(self, text: str, start: int, end: int) -> tuple[int, int]:
         """Return the offsets of a name or a value, without quotes and without the header of a block."""
-        return (start, end) if start in self._verbatim else unquoted(text, start, end)
+        return (start, end) if start in self._verbatim else unquote(text, start, end)
 
     def characters(self, text: str, start: int, end: int, value: str) -> Sequence[int]:
         """Return the offset of each character of a parsed value, and of its end."""
@@ -82,7 +82,7 @@ class YamlSpans(Spans):
         return bisect.bisect_left(self._tags, element.offset)
 
 
-def unquoted(text: str, start: int, end: int) -> tuple[int, int]:
+def unquote(text: str, start: int, end: int) -> tuple[int, int]:
     """Return the offsets of a scalar without its quotes, or without the header and end of a block."""
     if text[start : start + 1] in ("'", '"'):
         return start + 1, end - 1
@@ -97,7 +97,7 @@ def unquoted(text: str, start: int, end: int) -> tuple[int, int]:
 
 def offsets_in_scalar(text: str, start: int, end: int, value: str) -> Sequence[int]:
     """Return the offset of each character of a value, and of its end, in the scalar written for it."""
-    first, last = unquoted(text, start, end)
+    first, last = unquote(text, start, end)
     if last - first == len(value) and text.startswith(value, first):  # nearly every value
         return range(first, last + 1)
     header = _HEADER.match(text, start, end)

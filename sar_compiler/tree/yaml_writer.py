@@ -64,7 +64,7 @@ def node_lines(element: Element, indent: str = "", dash: str = "- ") -> Iterator
     below = indent + ("    " if dash else "  ")
     content = [*_attributes(element, below), *_children(element, below)]
     trailing = [comment for comment in element.comments if comment.trailing and comment.attribute is None]
-    yield f"{indent}{dash}{key}{':' if content else ''}{_trailing(trailing)}"
+    yield f"{indent}{dash}{key}{':' if content else ''}{_trailing_comment(trailing)}"
     yield from content
 
 
@@ -80,7 +80,7 @@ def _attributes(element: Element, indent: str) -> Iterator[str]:
             yield from _comment(comment, indent, after_blank_line=index > 0)
         trailing = [comment for comment in comments if comment.trailing]
         first, *rest = _fields(element, name, value, indent) or _value(value, indent)
-        yield f"{indent}{scalar(name)}:{first and f' {first}'}{_trailing(trailing)}"
+        yield f"{indent}{scalar(name)}:{first and f' {first}'}{_trailing_comment(trailing)}"
         yield from rest
 
 
@@ -107,7 +107,7 @@ def _comment(comment: Comment, indent: str, *, after_blank_line: bool) -> Iterat
         yield f"{indent}{_mark(line)}"
 
 
-def _trailing(comments: list[Comment]) -> str:
+def _trailing_comment(comments: list[Comment]) -> str:
     return f"  {_mark(', '.join(comment_in_yaml(comment.text) for comment in comments))}" if comments else ""
 
 

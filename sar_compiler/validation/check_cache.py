@@ -155,7 +155,7 @@ class CheckCache:
             self._load()
 
     @classmethod
-    def of(cls, additions: CommandLineSettings, options: Sequence[object]) -> "CheckCache | None":
+    def for_settings(cls, additions: CommandLineSettings, options: Sequence[object]) -> "CheckCache | None":
         """Return the cache for checks with some additions; None if these contain more than names.
 
         Args:

@@ -123,7 +123,7 @@ class ForkedWorkers:
             self._send_orders(copy)
             yield number, text.decode("utf-8", "surrogatepass") or None
 
-    def end(self) -> None:
+    def terminate_workers(self) -> None:
         """Terminate the workers, regardless of their state."""
         for copy in self._copies:
             with suppress(ProcessLookupError):

@@ -131,7 +131,7 @@ class Validation:
             # A package of leaves can have the name of a shipped tree.
             if name and is_folder(name) and (files or not is_file(resources.find("trees", name, ".xml"))):
                 if not files:
-                    self._tell(f"{name} has no tree file")
+                    self._report_error(f"{name} has no tree file")
                 self._found_in_folders.update(files)
                 folders.append(Path(name))
                 yield from files
@@ -139,9 +139,9 @@ class Validation:
                 resources.require_tree_file(name)
                 yield find_tree(name)
         except UnreadableFileError as error:
-            self._tell(str(error))
+            self._report_error(str(error))
 
-    def _tell(self, why: str) -> None:
+    def _report_error(self, why: str) -> None:
         self.unreadable += 1
         if why not in self._said:
             self._said.add(why)
@@ -164,7 +164,7 @@ class Validation:
             except TreeError as error:
                 self._report(error.findings)
             except SarError as error:
-                self._tell(str(error))
+                self._report_error(str(error))
             except Exception as error:  # noqa: BLE001 - no error may prevent findings about the other files
                 from sar_compiler.checks import failure_of_file
 
@@ -196,7 +196,7 @@ class Validation:
         finally:
             # Findings of an abandoned check are ignored.
             self._is_left = True
-            run.end()
+            run.stop_workers()
         if any(self._used):
             from sar_compiler.project.workspace import use_notes
 
@@ -206,7 +206,7 @@ class Validation:
     def _cache(self, options: CheckOptions, *, is_tried: bool) -> "CheckCache | None":
         if not options.is_cached or self._additions.trust or LIMITS_VARIABLE in os.environ:
             return None
-        return CheckCache.of(self._additions, [is_tried, options.trial_sec])
+        return CheckCache.for_settings(self._additions, [is_tried, options.trial_sec])
 
     def _receive_checks(self, run: "CheckRun", budget: Budget) -> None:
         for path, check in run.results():
@@ -218,7 +218,7 @@ class Validation:
                 return
 
     @property
-    def unchecked(self) -> int:
+    def unchecked_count(self) -> int:
         """Number of files that were not checked completely."""
         return len(self.files) - self._done
 
@@ -238,7 +238,7 @@ class Validation:
         self._raising.update((each.source.path, each.span) for each in raised)
         self._report([*check.findings, *check.further, *raised])
         if check.problem:
-            self._tell(check.problem)
+            self._report_error(check.problem)
         self.fixable += check.fixable
         self.fixes += [(check.findings[each.number], each) for each in check.fixes]
         for used, new in zip(self._used, (check.used_palettes, check.used_trees), strict=True):
@@ -405,10 +405,10 @@ class CheckRun:
                 self._results[number] = self._checker.check(path)
             yield path, self._results[number]
 
-    def end(self) -> None:
+    def stop_workers(self) -> None:
         """Stop the worker processes and cache the results for the next command."""
         if self._copies is not None:
-            self._copies.end()
+            self._copies.terminate_workers()
         if self._cache is not None and self._checker is not None:
             for question, answer in self._checker.surroundings.items():
                 self._others.record(question, answer)
@@ -449,13 +449,13 @@ class FileChecker:
         # The content of a file and its includes is recorded only for its own check; a set is read once for all files.
         with large_imports():
             from sar_compiler.project.workspace import Workspace
-        self.workspace = Workspace(additions, self._read, self._note, further_checks, read_tree_file)
+        self.workspace = Workspace(additions, self._read, self._add_note, further_checks, read_tree_file)
 
     def _read(self, path: Path) -> TreeFile:
         with self._check.sources.recording():
             return read_tree_file(path)
 
-    def _note(self, text: str) -> None:
+    def _add_note(self, text: str) -> None:
         self._check.notes.append(text)
 
     @property

@@ -159,10 +159,10 @@ def _difference_data(one: Difference) -> dict[str, object]:
 def _line(one: Difference) -> str:
     elements = [element for element in (one.old, one.new) if element is not None]
     places = ", ".join(element.file_and_line for element in elements)
-    return f"{one.change.value:8} {_words(one, elements[-1].tag)}  ({places})"
+    return f"{one.change.value:8} {_difference_text(one, elements[-1].tag)}  ({places})"
 
 
-def _words(one: Difference, tag: str) -> str:
+def _difference_text(one: Difference, tag: str) -> str:
     if one.change is Change.MOVED:
         place = "" if one.after == one.path else f"{one.path}: "
         return f"{place}{one.before} -> {one.after}"

@@ -26,9 +26,9 @@ from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.style import COLOURS, DECORATORS, literal
-from sar_compiler.tree.display_text import escape_to_one_line, shortened
+from sar_compiler.tree.display_text import escape_to_one_line, shorten
 from sar_compiler.tree.model import SUBTREE_TAG
-from sar_compiler.tree.plain import plain, speakable
+from sar_compiler.tree.plain import speakable, to_json_value
 
 # Maximum number of characters of a label and of the line below it; a title has the full texts.
 _LONGEST = 40
@@ -149,7 +149,7 @@ def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> tuple[Shape, str, 
     else:
         shape, sign = (Shape.UNKNOWN, "?") if is_unknown(bound) else _shape_and_sign(bound)
     written = origin.attributes if is_wrapper else _attributes(bound)
-    attributes = " ".join(f"{key}={_value(plain(value))}" for key, value in written.items())
+    attributes = " ".join(f"{key}={_value(to_json_value(value))}" for key, value in written.items())
     says_tag = is_wrapper or bound.element.tag == SUBTREE_TAG or bound.spec.semantics.with_memory
     details = attributes if says_tag or name in (tag, f"{tag}?") else f"{tag} {attributes}"
     title = f"{element.file_and_line} <{tag}> {name} {attributes}"
@@ -158,7 +158,7 @@ def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> tuple[Shape, str, 
         sign,
         _cut(name),
         _cut(details),
-        escape_to_one_line(shortened(title.rstrip())),
+        escape_to_one_line(shorten(title.rstrip())),
         bound.subtree is not None and not is_wrapper,
     )
 

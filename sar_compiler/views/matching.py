@@ -169,9 +169,9 @@ def _align(old: ComparedNode, new: ComparedNode) -> None:
     """Pair the children of a pair of nodes by unambiguous keys."""
     if not old.ordered:
         for key in (_mark, _identity):
-            _pair_by_key(_unpaired(old.children), _unpaired(new.children), key)
+            _pair_by_key(_without_pair(old.children), _without_pair(new.children), key)
         return
-    gaps = [(_unpaired(old.children), _unpaired(new.children))]
+    gaps = [(_without_pair(old.children), _without_pair(new.children))]
     for key in (_mark, _identity, _content):
         gaps = [smaller for gap in gaps for smaller in _align_gap(*gap, key)]
 
@@ -187,10 +187,10 @@ def _align_gap(
     pairs = [(i, j) for i, j in common_subsequence(*keys) if accept(old[i], new[j])]
     for i, j in pairs:
         _join(old[i], new[j])
-    return [gap for gap in _between(old, new, pairs) if gap[0] and gap[1]]
+    return [gap for gap in _ranges_between(old, new, pairs) if gap[0] and gap[1]]
 
 
-def _between(
+def _ranges_between(
     old: list[ComparedNode], new: list[ComparedNode], pairs: Sequence[tuple[int, int]]
 ) -> Iterator[tuple[list[ComparedNode], list[ComparedNode]]]:
     """Yield the ranges of two lists before, between and after pairs."""
@@ -208,7 +208,7 @@ def _join(old: ComparedNode, new: ComparedNode) -> None:
         _align(old, new)
 
 
-def _unpaired(nodes: list[ComparedNode]) -> list[ComparedNode]:
+def _without_pair(nodes: list[ComparedNode]) -> list[ComparedNode]:
     return [node for node in nodes if node.partner is None]
 
 
@@ -231,7 +231,7 @@ def _pair_by_key(
 def _find_moved(old: ComparedNode, new: ComparedNode) -> None:
     """Pair the remaining nodes by content or name, starting with large nodes and common parents."""
     left, right = (
-        sorted(_unpaired(list(root.iterate())), key=lambda node: -node.size) for root in (old, new)
+        sorted(_without_pair(list(root.iterate())), key=lambda node: -node.size) for root in (old, new)
     )
     _pair_by_key(
         left, right, lambda node: (node.mark, _home(node, other=True)), lambda node: (node.mark, _home(node))
@@ -252,18 +252,18 @@ def _find_renamed(old: ComparedNode) -> None:
         stayed = in_place(node, node.partner) if node.ordered else []
         numbers = [(one.number, other.number) for one, other in stayed]
         gaps = [
-            (_unpaired(one), _unpaired(other))
-            for one, other in _between(node.children, node.partner.children, numbers)
+            (_without_pair(one), _without_pair(other))
+            for one, other in _ranges_between(node.children, node.partner.children, numbers)
         ]
         for key in (lambda one: one.type, lambda one: one.name or None, _shape):
-            gaps = [smaller for gap in gaps for smaller in _align_gap(*gap, key, _alike)]
+            gaps = [smaller for gap in gaps for smaller in _align_gap(*gap, key, _are_similar)]
 
 
 def _shape(node: ComparedNode) -> Hashable | None:
     return "parent" if node.children else None
 
 
-def _alike(old: ComparedNode, new: ComparedNode) -> bool:
+def _are_similar(old: ComparedNode, new: ComparedNode) -> bool:
     """Return whether at least half of the content of two nodes is equal."""
     if old.children and new.children:
         ours, theirs = (Counter(child.identity for child in node.children) for node in (old, new))
@@ -299,7 +299,7 @@ def common_subsequence(
     """
     head = _common_head(old, new)
     tail = _common_head(old[head:][::-1], new[head:][::-1])
-    middle = _chained(old[head : len(old) - tail], new[head : len(new) - tail])
+    middle = _chain_pairs(old[head : len(old) - tail], new[head : len(new) - tail])
     return [
         *((index, index) for index in range(head)),
         *((head + i, head + j) for i, j in middle),
@@ -316,7 +316,7 @@ def _common_head(old: Sequence[Hashable | None], new: Sequence[Hashable | None])
     return count
 
 
-def _chained(old: Sequence[Hashable | None], new: Sequence[Hashable | None]) -> list[tuple[int, int]]:
+def _chain_pairs(old: Sequence[Hashable | None], new: Sequence[Hashable | None]) -> list[tuple[int, int]]:
     places: dict[Hashable, list[int]] = defaultdict(list)
     for j, key in enumerate(new):
         if key is not None:

@@ -26,7 +26,7 @@ from sar_compiler.journal.open_tasks import find_open_tasks
 from sar_compiler.journal.status_line import DRIVING, GOOD, QUIET, StatusLine, condition
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.style import IN_TEXT
-from sar_compiler.tree.display_text import escape_to_one_line, shortened
+from sar_compiler.tree.display_text import escape_to_one_line, shorten
 
 # The maximum numbers of events, and of landmarks of a kind, in a line.
 _MOST_TOLD = 10
@@ -61,7 +61,7 @@ class Piece(NamedTuple):
 Line = list[Piece]
 
 
-def sign(status: str) -> str:
+def status_sign(status: str) -> str:
     """Return the sign of a status, which differs for earlier activations."""
     return IN_TEXT.get(status, IN_TEXT[""])
 
@@ -99,7 +99,7 @@ def condition_change(state: MissionState, before: StatusLine) -> str:
 
 
 def _log_line(state: MissionState, words: str) -> str:
-    return escape_to_one_line(f"{clock_text(state.now.time):>9}  {shortened(words)}")
+    return escape_to_one_line(f"{clock_text(state.now.time):>9}  {shorten(words)}")
 
 
 def screen(state: MissionState, now: float, height: int) -> list[Line]:
@@ -110,7 +110,7 @@ def screen(state: MissionState, now: float, height: int) -> list[Line]:
         now: Seconds of the mission's clock since the run's start.
         height: The number of lines at most; 3 or more.
     """
-    head = [_headline(state, now), *_tasks(state), *_figures(state, now), *_found(state)]
+    head = [_headline(state, now), *_tasks(state), *_figures(state, now), *_detection_lines(state)]
     return [*head, *_tree(state, now, height - len(head))]
 
 
@@ -151,7 +151,7 @@ def _figures(state: MissionState, now: float) -> Iterator[Line]:
         yield [Piece("  ".join(map(escape_to_one_line, words)), "alarm" if raised else "")]
 
 
-def _found(state: MissionState) -> Iterator[Line]:
+def _detection_lines(state: MissionState) -> Iterator[Line]:
     """Yield a line for each kind of detections, the latest first; without detections, the latest events."""
     situation = state.situation
     kinds = [kind for kind in situation.kinds.values() if kind.is_found]
@@ -162,7 +162,7 @@ def _found(state: MissionState) -> Iterator[Line]:
         yield [Piece(escape_to_one_line(text), "" if finds else "quiet")]
     if state.facts and not kinds:
         latest = "; ".join(fact.text for fact in state.facts[: -_MOST_TOLD - 1 : -1])
-        yield [Piece(escape_to_one_line(f"noted: {len(state.facts)}; {shortened(latest)}"))]
+        yield [Piece(escape_to_one_line(f"noted: {len(state.facts)}; {shorten(latest)}"))]
 
 
 def _find(find: Landmark) -> str:
@@ -193,11 +193,11 @@ def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
     at = 0
     for index in shown:
         if index > at:
-            yield _more(index - at, rows[at])
+            yield _omission_line(index - at, rows[at])
         yield _row(state, rows[index], now, is_folded=_is_folded(rows, index))
         at = index + 1
     if at < len(rows):
-        yield _more(len(rows) - at, rows[at])
+        yield _omission_line(len(rows) - at, rows[at])
 
 
 def _rows(state: MissionState, height: int) -> list[_TreeRow]:
@@ -207,14 +207,14 @@ def _rows(state: MissionState, height: int) -> list[_TreeRow]:
     """
     if len(state.nodes) <= height:
         return [_TreeRow([node], node.depth) for node in state.nodes]
-    rows = _unfolded(state, {node.number for node in state.nodes})
+    rows = _visible_rows(state, {node.number for node in state.nodes})
     if len(rows) <= height:
         return rows
     running = {node.number for node in state.nodes if node.status == RUNNING}
-    return _unfolded(state, running or {node.number for node in state.nodes if node.has_part})
+    return _visible_rows(state, running or {node.number for node in state.nodes if node.has_part})
 
 
-def _unfolded(state: MissionState, open_nodes: Collection[int]) -> list[_TreeRow]:
+def _visible_rows(state: MissionState, open_nodes: Collection[int]) -> list[_TreeRow]:
     """Return the rows of chains, and below them those of nodes that are open."""
     rows: list[_TreeRow] = []
     waiting = [(0, 0)] if state.nodes else []
@@ -243,13 +243,13 @@ def _nearest(rows: Sequence[_TreeRow], height: int) -> list[int]:
         key=lambda index: (distance[index], 0 if distance[index] else -rows[index].depth, index),
     )
     for count in range(min(height, len(rows)), 0, -1):
-        chosen = _filled(sorted(order[:count]), len(rows))
+        chosen = _fill_single_gaps(sorted(order[:count]), len(rows))
         if len(chosen) + _gaps(chosen, len(rows)) <= height:
             return chosen
     return []
 
 
-def _filled(chosen: Sequence[int], count: int) -> list[int]:
+def _fill_single_gaps(chosen: Sequence[int], count: int) -> list[int]:
     """Add single omitted rows, because a line about one omission needs as much space."""
     there = {-1, *chosen, count}
     return sorted({*chosen, *(index for index in range(count) if index - 1 in there and index + 1 in there)})
@@ -274,7 +274,7 @@ def _is_folded(rows: Sequence[_TreeRow], index: int) -> bool:
 def _row(state: MissionState, row: _TreeRow, now: float, *, is_folded: bool) -> Line:
     pieces = [Piece(_indent(row.depth)), *_names(row.nodes)]
     if is_folded:
-        pieces.append(Piece(f" +{_below(state, row.nodes[-1])}", "quiet"))
+        pieces.append(Piece(f" +{_count_descendants(state, row.nodes[-1])}", "quiet"))
     parts = [node for node in row.nodes if node.has_part and node.status_time is not None]
     if parts and (since := parts[-1].status_time) is not None:
         pieces.append(Piece(f"  {clock_text(now - since.time)}", "quiet"))
@@ -290,20 +290,22 @@ def _row(state: MissionState, row: _TreeRow, now: float, *, is_folded: bool) -> 
 def _names(chain: Sequence[NodeState]) -> Iterator[Piece]:
     """Yield the names of a chain, each with its sign unless it equals its parent's; a long chain is shortened."""
     # A subtree often has the name of its root.
-    nodes = [next(same) for _, same in itertools.groupby(chain, lambda node: (node.name, sign(node.status)))]
+    nodes = [
+        next(same) for _, same in itertools.groupby(chain, lambda node: (node.name, status_sign(node.status)))
+    ]
     left_out = max(0, len(nodes) - _MOST_NAMES)
     shown = ""
     for number, node in enumerate([nodes[0], *nodes[1 + left_out :]]):
         if number:
             yield Piece(" > … > " if number == 1 and left_out else " > ", "quiet")
-        if sign(node.status) != shown:
-            shown = sign(node.status)
+        if status_sign(node.status) != shown:
+            shown = status_sign(node.status)
             yield Piece(shown, node.status)
             yield Piece(" ")
         yield Piece(escape_to_one_line(node.name))
 
 
-def _below(state: MissionState, node: NodeState) -> int:
+def _count_descendants(state: MissionState, node: NodeState) -> int:
     """Return the number of a node's descendants: in pre-order they follow it."""
     last = node
     while last.children:
@@ -311,7 +313,7 @@ def _below(state: MissionState, node: NodeState) -> int:
     return last.number - node.number
 
 
-def _more(count: int, first: _TreeRow) -> Line:
+def _omission_line(count: int, first: _TreeRow) -> Line:
     return [Piece(f"{_indent(first.depth)}… {count} more", "quiet")]
 
 

@@ -9,7 +9,7 @@ from sar_compiler.nodes.outcome_sets import ALLOWED, K
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, ParameterRole, SkipPossibility
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.tree.model import synthetic_element
-from sar_compiler.tree.plain import as_json, plain, value_as_script
+from sar_compiler.tree.plain import as_json, to_json_value, value_as_script
 
 # The question to the user about a leaf without declared answers, for a file that predicts runs.
 _PROBABILITIES = ("p", "sec")
@@ -30,7 +30,7 @@ def nodes_as_json(specs: Sequence[NodeSpec]) -> str:
 
 def _in_full(spec: NodeSpec) -> str:
     lines = [f"<{spec.tag}>  {spec.kind.value.lower()}", "", *([spec.doc, ""] if spec.doc else [])]
-    lines += _answers(spec)
+    lines += _outcome_texts(spec)
     if spec.effects:
         lines.append(f"effects: {spec.effects}")
     if spec.uses:
@@ -46,17 +46,18 @@ def _in_full(spec: NodeSpec) -> str:
     return "\n".join(lines)
 
 
-def _answers(spec: NodeSpec) -> list[str]:
+def _outcome_texts(spec: NodeSpec) -> list[str]:
     """Return the possible outcomes of a node."""
     if not any(answer.label or answer.when or answer.then for answer in spec.answers):
-        outcomes = [*sorted(spec.outcomes), *_skipped(spec)]
+        outcomes = [*sorted(spec.outcomes), *_skip_conditions(spec)]
         return [f"answers: {', '.join(outcomes)}"] if outcomes else []
     return [
-        f"{'answers:' if not index else '':8} {_answer(answer)}" for index, answer in enumerate(spec.answers)
+        f"{'answers:' if not index else '':8} {_outcome_text(answer)}"
+        for index, answer in enumerate(spec.answers)
     ]
 
 
-def _skipped(spec: NodeSpec) -> Iterator[str]:
+def _skip_conditions(spec: NodeSpec) -> Iterator[str]:
     """Yield the conditions under which a control or a decorator is skipped."""
     skipping = spec.skipping
     if skipping.possible is SkipPossibility.NEVER:
@@ -78,7 +79,7 @@ def _passes_on(spec: NodeSpec) -> bool:
     return possible is not None and bool(possible(BoundNode(element, spec, spec.tag), [K], ALLOWED) & K)
 
 
-def _answer(answer: Answer) -> str:
+def _outcome_text(answer: Answer) -> str:
     label = f" '{answer.label}'" if answer.label else ""
     when = f" when {answer.when}" if answer.when else ""
     then = f", then {answer.then}" if answer.then else ""
@@ -110,7 +111,7 @@ def _as_dict(spec: NodeSpec) -> dict[str, object]:
         "class": spec.class_path.replace(":", ".") or None,
         "doc": spec.doc,
         "outcomes": sorted(spec.outcomes),
-        "skipped": list(_skipped(spec)),
+        "skipped": list(_skip_conditions(spec)),
         "effects": spec.effects,
         "uses": [{"kind": use.kind, "name": use.name} for use in spec.uses],
         "answers": [
@@ -137,6 +138,6 @@ def _parameter(spec: NodeSpec, parameter: Parameter) -> dict[str, object]:
         "type": parameter.value_type.label or None,
         "refers_to": parameter.target_name or None,
         "required": parameter.required and parameter.name not in spec.implied_values,
-        "default": plain(default),
+        "default": to_json_value(default),
         "doc": parameter.doc,
     }

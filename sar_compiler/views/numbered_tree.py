@@ -167,7 +167,11 @@ def tree_xml(tree: NumberedTree) -> str:
     waiting = [_UsedSubtree(tree.name, "", root)]
     while waiting:
         name, path, first = waiting.pop()
-        lines += [_start(TREE_TAG, {"ID": name, "_fullpath": path}), *writer.nodes(first), f"</{TREE_TAG}>"]
+        lines += [
+            _start(TREE_TAG, {"ID": name, "_fullpath": path}),
+            *writer.node_lines(first),
+            f"</{TREE_TAG}>",
+        ]
         # In pre-order: readers process the uses of a tree one by one.
         waiting += reversed(writer.pop_subtrees())
     models = describe([spec for specs in writer.specs.values() for spec in specs])
@@ -201,7 +205,7 @@ class _NodeWriter:
         found, self._subtrees = self._subtrees, []
         return found
 
-    def nodes(self, first: NumberedNode) -> Iterator[str]:
+    def node_lines(self, first: NumberedNode) -> Iterator[str]:
         """Yield the lines of a node and its descendants, iteratively because trees may be deep."""
         waiting: list[NumberedNode | str] = [first]
         while waiting:

@@ -20,13 +20,13 @@ def describe_tree(tree: Drawable) -> tuple[dict[str, Any], dict[str, Any]]:
     return {"tree": json_data(outline(tree))}, of_run
 
 
-def _bound(tree: Drawable, behaviour: Behaviour) -> BoundNode:
+def _bound_node(tree: Drawable, behaviour: Behaviour) -> BoundNode:
     return tree.origins[behaviour.id].bound
 
 
 def _constant(tree: Drawable) -> list[int]:
     """Return the numbers of leaves with a constant status, which cannot be the cause of a failure."""
-    nodes = ((number, each, _bound(tree, each).spec) for number, each in enumerate(pre_order(tree.root)))
+    nodes = ((number, each, _bound_node(tree, each).spec) for number, each in enumerate(pre_order(tree.root)))
     return [number for number, each, spec in nodes if not each.children and len(set(spec.outcomes)) == 1]
 
 
@@ -34,8 +34,8 @@ def _limits(tree: Drawable) -> dict[str, float]:
     """Return the time limits of nodes in seconds, by their numbers, if they are known before the run."""
     limits: dict[str, float] = {}
     for number, each in enumerate(pre_order(tree.root)):
-        bound = _bound(tree, each)
-        if any(_bound(tree, child) is bound for child in each.children):
+        bound = _bound_node(tree, each)
+        if any(_bound_node(tree, child) is bound for child in each.children):
             continue  # a node created for a condition shares its spec
         limit_sec = bound.spec.semantics.limit_sec
         limit = limit_sec(bound) if limit_sec is not None and len(each.children) == 1 else None

@@ -69,7 +69,7 @@ async def _ask(studio: Studio, one: asyncio.Lock, token: str, request: Request) 
     question = request.path_params["question"]
     try:
         async with nullcontext() if question in SIDE_BY_SIDE else one:
-            return JSONResponse(await asyncio.to_thread(studio.answer, question, values))
+            return JSONResponse(await asyncio.to_thread(studio.answer_question, question, values))
     except TypeError:
         raise HTTPException(400) from None
 

@@ -70,7 +70,7 @@ class ReplayFeed:
     async def run(self) -> None:
         """Do nothing: a recording has no new events."""
 
-    def end(self) -> None:
+    def finish(self) -> None:
         """End the streams of all browsers."""
         self._ended = True
 
@@ -87,7 +87,7 @@ class _Browser:
     def is_up_to_date(self) -> bool:
         return self._waiting.empty()
 
-    def put(self, text: str) -> bool:
+    def enqueue(self, text: str) -> bool:
         """Queue a text; drop a browser whose queue is full, and return False."""
         if self._size > _WAITING:
             if self._task is not None:
@@ -122,7 +122,7 @@ class LiveFeed:
         self._listeners: set[_Browser] = set()
         self._ended = self._has_told_all = False
 
-    def take(self, entry: JournalEntry, robot: int = 0) -> None:
+    def add_entry(self, entry: JournalEntry, robot: int = 0) -> None:
         """Queue an entry of a robot; from any thread, without blocking."""
         self._news.append(lambda: _apply_entry(self._states[robot], entry))
 
@@ -130,9 +130,9 @@ class LiveFeed:
         """Queue the cause of a robot's failed run, as JSON values; from any thread, without blocking."""
         self._news.append(lambda: self._states[robot].set_why(why))
 
-    def know(self, process: RunProcess, robot: int = 0) -> None:
+    def set_process(self, process: RunProcess, robot: int = 0) -> None:
         """Queue the state of a robot's process; from any thread, without blocking."""
-        self._news.append(lambda: self._states[robot].know(process))
+        self._news.append(lambda: self._states[robot].set_process(process))
 
     def offer(self, verbs: Sequence[Mapping[str, Any]], robot: int = 0) -> None:
         """Queue the available commands of a robot, as JSON values; from any thread, without blocking."""
@@ -148,7 +148,7 @@ class LiveFeed:
         listener = _Browser()
         # No other task runs between these lines: the state, and the changes after it, are complete.
         self._listeners.add(listener)
-        state = message("changes", [state.whole() for state in self._states])
+        state = message("changes", [state.full_state() for state in self._states])
         try:
             yield message("hello", {**self._hello, "verbs": self._verbs})
             yield state
@@ -170,7 +170,7 @@ class LiveFeed:
         self._send(message("bye", {}))
         self._has_told_all = True
 
-    def end(self) -> None:
+    def finish(self) -> None:
         """Let `run` send the rest and end; from any thread."""
         self._ended = True
 
@@ -183,7 +183,7 @@ class LiveFeed:
             self._send(message("changes", changes))
 
     def _send(self, text: str) -> None:
-        self._listeners = {listener for listener in self._listeners if listener.put(text)}
+        self._listeners = {listener for listener in self._listeners if listener.enqueue(text)}
 
 
 def _apply_entry(state: PageState, entry: JournalEntry) -> None:
@@ -192,7 +192,7 @@ def _apply_entry(state: PageState, entry: JournalEntry) -> None:
         data = json_value(json_text(entry.data))
     except Exception as error:  # noqa: BLE001 - one entry must not be the end of the page
         entry, data = entry._replace(kind="unreadable"), {"kind": entry.kind, "reason": str(error)}
-    state.take(entry._replace(data=data))
+    state.apply(entry._replace(data=data))
 
 
 Feed = ReplayFeed | LiveFeed

@@ -127,10 +127,10 @@ def page_app(
     static |= {"signs.css": style.style().encode(), "signs.js": style.script().encode()}
 
     def page(name: str) -> Callable[[Request], Awaitable[Response]]:
-        async def answer(_: Request) -> Response:
+        async def respond(_: Request) -> Response:
             return static_response(name, static[name])
 
-        return answer
+        return respond
 
     async def file(request: Request) -> Response:
         name = request.path_params["name"]
@@ -149,7 +149,7 @@ def page_app(
         Route("/moment", partial(_moment, feed)),
         Route("/orders/{verb}", partial(_order, orders, token), methods=["POST"]),
         Route("/report", partial(_report, tools or {})),
-        Route("/tools/{tool}", partial(_ask, tools or {}, token), methods=["POST"]),
+        Route("/tools/{tool}", partial(_query_response, tools or {}, token), methods=["POST"]),
     ]
     return guard(Starlette(routes=routes, exception_handlers={HTTPException: refuse}))
 
@@ -169,7 +169,7 @@ async def _order(orders: CommandHandler | None, token: str, request: Request) ->
     if orders is None:
         raise HTTPException(404)
     if not has_token(token, request):
-        return _answer(403, _ONLY_LOOKS)
+        return _text_response(403, _ONLY_LOOKS)
     values = await json_values(request)
     robot = _robot(request)
     by, reason = (
@@ -179,14 +179,14 @@ async def _order(orders: CommandHandler | None, token: str, request: Request) ->
     try:
         seen = parse_seen(unquote(request.headers.get("x-seen", "")[:_LONGEST_SEEN]))
     except ValueError as error:
-        return _answer(
+        return _text_response(
             400, f"the header X-Seen is {error}. Write the objects of the command that the sender saw"
         )
     giver = CommandSender(by, robot, request.client.host if request.client else "", reason, seen)
     return await _give_order(orders, request.path_params["verb"], values, giver)
 
 
-async def _ask(tools: Tools, token: str, request: Request) -> Response:
+async def _query_response(tools: Tools, token: str, request: Request) -> Response:
     """Return the response to a query.
 
     Raises:
@@ -259,7 +259,7 @@ async def refuse(_: Request, error: Exception) -> Response:
     return PlainTextResponse("page not found\n" if status == 404 else "not like this\n", status)  # noqa: PLR2004
 
 
-def _answer(status: int, text: str) -> Response:
+def _text_response(status: int, text: str) -> Response:
     return JSONResponse({"accepted": False, "message": text}, status)
 
 
@@ -292,11 +292,11 @@ async def _give_order(
         given = orders.send(verb, values, giver)
         accepted, said = await asyncio.wait_for(asyncio.wrap_future(given), _ANSWER_SEC)
     except SarError as error:
-        return _answer(400, str(error))
+        return _text_response(400, str(error))
     except (TimeoutError, asyncio.TimeoutError):
         if given.cancel():
-            return _answer(503, "the mission is busy. The command was not sent")
-        return _answer(504, "the command was sent, but has no response yet. Check the log")
+            return _text_response(503, "the mission is busy. The command was not sent")
+        return _text_response(504, "the command was sent, but has no response yet. Check the log")
     return JSONResponse({"accepted": accepted, "message": said})
 
 
@@ -307,7 +307,7 @@ def guard(app: ASGIApp) -> ASGIApp:
         app: The protected application.
     """
 
-    async def answer(scope: Scope, receive: Receive, send: Send) -> None:
+    async def guarded_app(scope: Scope, receive: Receive, send: Send) -> None:
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
@@ -320,7 +320,7 @@ def guard(app: ASGIApp) -> ASGIApp:
             answering = app if _is_own(Headers(scope=scope)) else refusal
             await answering(scope, receive, send_with_headers)
 
-    return answer
+    return guarded_app
 
 
 def _is_own(headers: Headers) -> bool:
@@ -369,17 +369,17 @@ class _Protocol(H11Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget the time limit of a connection that has ended."""
         super().connection_lost(exc)
-        self._forget()
+        self._disconnect()
 
     def _watch(self) -> None:
         """Start the time limit of a request's head at its first byte."""
         if self.cycle is not self._answered:  # the head is complete, and is being answered
             self._answered = self.cycle
-            self._forget()
+            self._disconnect()
         elif self._deadline is None and (self.cycle is None or self.cycle.response_complete):
             self._deadline = self.loop.call_later(_REQUEST_SEC, self.transport.abort)
 
-    def _forget(self) -> None:
+    def _disconnect(self) -> None:
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None
@@ -474,7 +474,7 @@ class PageServer(AppServer):
 
     def close(self) -> None:
         """Send the rest to the browsers, and end the server."""
-        self._feed.end()
+        self._feed.finish()
         if self._thread.is_alive():
             self._told.wait(_LAST_WORDS_SEC)
         super().close()

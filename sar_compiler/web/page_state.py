@@ -107,7 +107,7 @@ class GrowingList:
         self.values.insert(place, value)
         self._told = min(self._told, place)
 
-    def put(self, place: int, value: Any) -> None:
+    def replace(self, place: int, value: Any) -> None:
         """Replace a value."""
         self.values[place] = value
         self._told = min(self._told, place)
@@ -116,7 +116,7 @@ class GrowingList:
         """Replace the whole content."""
         self.values, self._told = values, 0
 
-    def news(self) -> dict[str, Any] | None:
+    def pop_changes(self) -> dict[str, Any] | None:
         """Return the changes since the last call."""
         at, self._told = self._told, len(self.values)
         return {"at": at, "values": self.values[at:]} if at < len(self.values) else None
@@ -163,7 +163,7 @@ class PageState:
         self._gone: set[tuple[str, str]] = set()
         self._rasters: set[str] = set()
 
-    def take(self, entry: JournalEntry) -> None:
+    def apply(self, entry: JournalEntry) -> None:
         """Apply an entry to the state.
 
         Raises:
@@ -197,7 +197,7 @@ class PageState:
         self._why = why
         self._touched.add("why")
 
-    def know(self, process: RunProcess) -> None:
+    def set_process(self, process: RunProcess) -> None:
         """Update the state of the process that runs the mission."""
         before = condition(self._mission)
         self._mission.process = process
@@ -207,8 +207,8 @@ class PageState:
     def change(self) -> PageChange | None:
         """Return the changes since the last call; None without changes."""
         if self._is_new:
-            change = self.whole()
-            self._log.news(), self._trail.news()
+            change = self.full_state()
+            self._log.pop_changes(), self._trail.pop_changes()
         elif self._touched:
             change = {"robot": self.robot, **{part: self._READ[part](self) for part in self._touched}}
             if self._nodes:
@@ -217,14 +217,14 @@ class PageState:
                 change["landmarks"] = {"/".join(key): self._landmark(key) for key in self._landmarks}
             if self._rasters:
                 change["rasters"] = {name: self._raster(name) for name in self._rasters}
-            change.update({name: news for name, each in self._lists() if (news := each.news())})
+            change.update({name: news for name, each in self._lists() if (news := each.pop_changes())})
         else:
             return None
         self.resend()
         self._is_new = False
         return change
 
-    def whole(self) -> PageChange:
+    def full_state(self) -> PageChange:
         """Return the full state as a diff against the empty state."""
         return {
             "begin": True,
@@ -291,7 +291,7 @@ class PageState:
             self._is_new = True
         if self._fact is not None and (said := data.get("said")):
             *when, _ = self._log.values[self._fact]
-            self._log.put(self._fact, [*when, with_author(str(said), CommandAuthor.from_data(data))])
+            self._log.replace(self._fact, [*when, with_author(str(said), CommandAuthor.from_data(data))])
 
     def _add_line(self, level: str, text: str, stamp: float | None = None) -> int:
         """Add a line to the log, a stamped one before later lines; return its index."""

@@ -21,7 +21,7 @@ from sar_compiler.runtime.blackboard import Entry, MissingEntryError
 from sar_compiler.runtime.breakpoints import Breakpoints
 from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.walking import pre_order
-from sar_compiler.tree.display_text import escape_to_one_line, shortened
+from sar_compiler.tree.display_text import escape_to_one_line, shorten
 from sar_compiler.views.numbered_tree import NumberedTree, TooManyNodesError
 from sar_compiler.web.page_server import PageQuery, Tools
 
@@ -63,7 +63,7 @@ class LiveTools:
             "entries": PageQuery(self._blackboard),
             "breakpoints": PageQuery(self._change_breakpoints, is_free=False),
             # It takes processor time from the mission for a moment.
-            "otherwise": PageQuery(self._what_if.ask, is_free=False),
+            "otherwise": PageQuery(self._what_if.query, is_free=False),
         }
 
     def begin(self, tree: CompiledTree, engine: "Engine") -> None:
@@ -77,16 +77,16 @@ class LiveTools:
         self._use_breakpoints = getattr(engine, "use_breakpoints", None)
         self._breakpoints.wake = getattr(engine, "wake", self._breakpoints.wake)
 
-    def take(self, entry: JournalEntry) -> None:
+    def add_entry(self, entry: JournalEntry) -> None:
         """Process an entry of the run."""
         if len(self._entries) < _MOST_ENTRIES and entry.kind in (RUN_BEGAN, STATUS):
             self._entries.append(entry)
 
-    def look(self) -> None:
+    def release_abandoned(self) -> None:
         """Continue a paused tree if no browser queries it any more; called regularly."""
         self._breakpoints.release_if_abandoned()
 
-    def end(self) -> None:
+    def stop_pausing(self) -> None:
         """Stop pausing the tree."""
         self._breakpoints.clear()
 
@@ -103,7 +103,7 @@ class LiveTools:
         if self._tree is None:
             raise ToolError(_NO_TREE)
         return [
-            {"scope": path, "entries": [_shown(key, entry) for key, entry in [*scope.entries()]]}
+            {"scope": path, "entries": [_entry_data(key, entry) for key, entry in [*scope.entries()]]}
             for path, scope in self._tree.scopes.items()
         ]
 
@@ -135,7 +135,7 @@ class LiveTools:
         self._breakpoints.add(self._behaviours[number])
 
 
-def _shown(key: str, entry: Entry) -> dict[str, object]:
+def _entry_data(key: str, entry: Entry) -> dict[str, object]:
     try:
         value = entry.read()
     except MissingEntryError:  # never written, or removed by the tick meanwhile
@@ -144,7 +144,7 @@ def _shown(key: str, entry: Entry) -> dict[str, object]:
         text = escape_to_one_line(repr(value))
     except Exception as error:  # noqa: BLE001 - a foreign value; it may change meanwhile
         text = f"({error})"
-    return {"key": key, "value": shortened(text), "type": type(value).__name__, "writes": entry.stamp}
+    return {"key": key, "value": shorten(text), "type": type(value).__name__, "writes": entry.stamp}
 
 
 class WhatIf:
@@ -159,7 +159,7 @@ class WhatIf:
         self._known: dict[tuple[object, ...], list[WhatIfSearch]] = {}
         self._lock = Lock()
 
-    def ask(self, values: Mapping[str, Any]) -> object:
+    def query(self, values: Mapping[str, Any]) -> object:
         """Return the effect of each other outcome of a leaf (`node`) in a tick (`tick`) of a run (`run`) of a robot.
 
         Raises:
@@ -208,7 +208,7 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
             raise ToolError("there is no such robot")
         return paths[robot]
 
-    def report(values: Mapping[str, Any]) -> str:
+    def report_values(values: Mapping[str, Any]) -> str:
         with alone:
             return report_page(journal_of(values["robot"]))
 
@@ -217,7 +217,7 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
         with alone, JournalFile.open_snapshot(journal_of(robot)) as file:
             return [each for each in file.stream() if each.run == run and each.kind in (RUN_BEGAN, STATUS)]
 
-    return {"otherwise": PageQuery(WhatIf(entries).ask), "report": PageQuery(report)}
+    return {"otherwise": PageQuery(WhatIf(entries).query), "report": PageQuery(report_values)}
 
 
 def _consequence_data(found: "WhatIfResult", names: Sequence[str], looks: Sequence[Any]) -> dict[str, object]:
@@ -229,6 +229,6 @@ def _consequence_data(found: "WhatIfResult", names: Sequence[str], looks: Sequen
 
     return {
         "instead": {"status": found.instead.status, "label": found.instead.label},
-        "then": [f"{names[each.number]} {each.answer}" for each in filter(is_reported, found.then)],
+        "then": [f"{names[each.number]} {each.outcome}" for each in filter(is_reported, found.then)],
         "root": found.root,
     }

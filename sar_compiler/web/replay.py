@@ -40,7 +40,7 @@ class TrackPosition(NamedTuple):
     began: float = 0.0
     before: float = 0.0
 
-    def behind(self, entry: JournalEntry) -> "TrackPosition":
+    def next_position(self, entry: JournalEntry) -> "TrackPosition":
         """Return the position after the next entry."""
         began, before = (entry.time, self.end) if entry.kind == RUN_BEGAN else (self.began, self.before)
         end = max(self.end, before + entry.time - began)
@@ -97,11 +97,11 @@ class ReplayTrack:
                 if number and number % every == 0:
                     state.resend()
                     self._checkpoints.append(Checkpoint(place, _pack(state)))
-                place = place.behind(entry)
-                state.take(entry)
+                place = place.next_position(entry)
+                state.apply(entry)
         self.last = place
 
-    def at(self, time: float, robot: int) -> PageState:
+    def state_at(self, time: float, robot: int) -> PageState:
         """Return the state at a time, in seconds since the replay's start; the next call changes it.
 
         The last state is advanced if it is near enough. Otherwise a checkpoint is restored.
@@ -113,12 +113,12 @@ class ReplayTrack:
         if self._place.entry < nearest.entry or self._place.end > until:
             self._state, self._place = self._state_at(before)
         if until >= 0.0:
-            self._go_on(until)
+            self._advance(until)
             self._state.let_pass(until - self._place.end)
         self._state.robot = robot
         is_last = self._place.entry >= self.last.entry
         # The journal itself contains the end of a run that has ended.
-        self._state.know(RunProcess(is_gone=is_last and not self._is_written))
+        self._state.set_process(RunProcess(is_gone=is_last and not self._is_written))
         if self.why is not None and is_last:
             self._state.set_why(self.why)
         return self._state
@@ -130,14 +130,14 @@ class ReplayTrack:
         place, packed = self._checkpoints[count - 1]
         return _unpack(packed), place
 
-    def _go_on(self, until: float) -> None:
+    def _advance(self, until: float) -> None:
         with JournalFile.open_snapshot(self._path) as file:
             for entry in file.stream_after(self._place.entry):
-                place = self._place.behind(entry)
+                place = self._place.next_position(entry)
                 # A mission may have continued in this journal since.
                 if place.end > until or place.entry > self.last.entry:
                     break
-                self._state.take(entry)
+                self._state.apply(entry)
                 self._place = place
 
 
@@ -176,7 +176,7 @@ class Replay:
         Raises:
             JournalError: If a journal has become unreadable.
         """
-        states = [track.at(time, robot) for robot, track in enumerate(self._tracks)]
+        states = [track.state_at(time, robot) for robot, track in enumerate(self._tracks)]
         if since != self._number:
             for state in states:
                 state.resend()

@@ -28,7 +28,7 @@ from sar_compiler.web.feed import LiveFeed, ReplayFeed
 from sar_compiler.web.page_server import CommandHandler, CommandSender, PageQuery, PageServer, Tools
 from sar_compiler.web.page_tools import LiveTools, ToolError, journal_tools
 from sar_compiler.web.replay import Replay
-from sar_compiler.web.team_commands import TeamCommands, ordering
+from sar_compiler.web.team_commands import TeamCommands, open_team_commands
 
 if TYPE_CHECKING:
     from sar_compiler.execution.command_client import CommandClient
@@ -63,16 +63,16 @@ class RunPage(RunExtension):
         # A copy for the server's thread. The mission's object reports its changes.
         clock = NodeTime(node)
 
-        def tell(text: str, held: str) -> None:
+        def send_command(text: str, held: str) -> None:
             node.get_logger().warning(text)
             journal.record_observation(BREAKPOINT, text=held)
 
-        self._tools = LiveTools(tell)
+        self._tools = LiveTools(send_command)
 
-        def beat() -> dict[str, object]:
+        def heartbeat() -> dict[str, object]:
             if self._has_ended:
                 return {}
-            self._tools.look()
+            self._tools.release_abandoned()
             try:
                 return {"time": clock.now(), "verbs": [calls.available()]}
             except Exception:  # noqa: BLE001 - ROS may be shut down meanwhile, in another thread
@@ -83,12 +83,12 @@ class RunPage(RunExtension):
             **self._tools.tools,
             **({"report": PageQuery(self._report)} if journal.is_kept else {}),
         }
-        feed = LiveFeed({"robots": robots, "verbs": forms, "tools": [*tools]}, beat)
+        feed = LiveFeed({"robots": robots, "verbs": forms, "tools": [*tools]}, heartbeat)
         for entry in journal.earlier():
-            feed.take(entry)
+            feed.add_entry(entry)
         # Separately: the page continues without an explanation.
-        for listener in (feed.take, _FailureExplainer(feed).take, self._tools.take):
-            journal.listen(listener)
+        for listener in (feed.add_entry, _FailureExplainer(feed).add_entry, self._tools.add_entry):
+            journal.add_listener(listener)
         self._orders = _LocalCommands(calls)
         self._server = PageServer(feed, port, self._orders, tools)
         self._server.start()
@@ -103,7 +103,7 @@ class RunPage(RunExtension):
     def on_end(self, *, has_begun: bool) -> None:
         """Stop serving, on a terminal after Ctrl-C."""
         self._has_ended = self._orders.has_ended = True
-        self._tools.end()
+        self._tools.stop_pausing()
         if has_begun and self._has_viewers and not self._run.signals.came:
             self._run.staying.append(self._wait_for_viewers)
         else:
@@ -187,11 +187,11 @@ def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fal
     team = _TeamPage(paths)
     tools = journal_tools(paths, team.reading)
     hello: dict[str, object] = {"robots": _names(paths), "tools": [*tools]}
-    team.feed = feed = LiveFeed(hello, team.beat, len(paths))
-    with ordering(print_error) as orders, _serve(feed, port, tools, orders, opens=opens) as server:
+    team.feed = feed = LiveFeed(hello, team.heartbeat, len(paths))
+    with open_team_commands(print_error) as orders, _serve(feed, port, tools, orders, opens=opens) as server:
         team.orders = orders
         while not server.wait(_LOOK_SEC):
-            team.look()
+            team.poll()
 
 
 def watch_entries(
@@ -214,8 +214,8 @@ def watch_entries(
         while not server.wait(_NEWS_SEC):
             entries = [*news()]
             for entry in entries:
-                feed.take(entry)
-                explainer.take(entry)
+                feed.add_entry(entry)
+                explainer.add_entry(entry)
             if any(
                 entry.kind == STATUS and entry.data.get("node") == 0 and entry.data.get("status") == FAILURE
                 for entry in entries
@@ -245,32 +245,32 @@ class _TeamPage:
         self._followers = [JournalFollower(path) for path in paths]
         self._heard = [time.monotonic() for _ in paths]
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Send new entries.
 
         Raises:
             JournalError: If a file is no journal, or cannot be read.
         """
         with self.reading:
-            self._look()
+            self._send_new()
 
-    def _look(self) -> None:
+    def _send_new(self) -> None:
 
         for robot, follower in enumerate(self._followers):
             is_gone = not is_locked(follower.path)
             for entry in follower.read_new():
                 self._heard[robot] = time.monotonic()
-                self.feed.take(entry, robot)
+                self.feed.add_entry(entry, robot)
                 self._process_entry(robot, entry, follower.path)
-            self.feed.know(RunProcess(is_gone, time.monotonic() - self._heard[robot]), robot)
+            self.feed.set_process(RunProcess(is_gone, time.monotonic() - self._heard[robot]), robot)
 
     def _process_entry(self, robot: int, entry: JournalEntry, path: Path) -> None:
         if entry.kind == RUN_BEGAN and self.orders is not None:
-            self.feed.offer([_form(verb) for verb in self.orders.know(robot, entry)], robot)
+            self.feed.offer([_form(verb) for verb in self.orders.add_run(robot, entry)], robot)
         if entry.kind == RUN_ENDED and (why := _why_of(_explain(path))) is not None:
             self.feed.set_why(why, robot)
 
-    def beat(self) -> dict[str, object]:
+    def heartbeat(self) -> dict[str, object]:
         """Return the heartbeat of every second."""
         if self.orders is None:
             return {}
@@ -298,15 +298,15 @@ class _FailureExplainer:
         self._feed = feed
         self._inquiry = FailureAnalysis()
 
-    def take(self, entry: JournalEntry) -> None:
+    def add_entry(self, entry: JournalEntry) -> None:
         """Process an entry of the run."""
-        self._inquiry.take(entry)
+        self._inquiry.add_entry(entry)
         if entry.kind == RUN_ENDED:
             self.explain()
 
     def explain(self) -> None:
         """Send the cause, if the mission has failed."""
-        why = _why_of(Explanation(self._inquiry.why(), self._inquiry.state.nodes))
+        why = _why_of(Explanation(self._inquiry.find_cause(), self._inquiry.state.nodes))
         if why is not None:
             self._feed.set_why(why)
 

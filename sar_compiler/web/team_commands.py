@@ -31,7 +31,7 @@ class TeamCommands:
         self._node, self._page = node, f"team page of {_user()}@{socket.gethostname()}"
         self._calls: dict[int, tuple[str, CommandClient]] = {}
 
-    def know(self, robot: int, began: JournalEntry) -> list[OperatorCommand]:
+    def add_run(self, robot: int, began: JournalEntry) -> list[OperatorCommand]:
         """Process the start of a robot's run; return its mission's commands, empty if that is not installed."""
         from sar_compiler.execution.command_authors import RemoteCommandAuthor
         from sar_compiler.execution.command_client import CommandClient
@@ -60,7 +60,7 @@ class TeamCommands:
 
 
 @contextmanager
-def ordering(complain: Callable[[str], object]) -> Iterator[TeamCommands | None]:
+def open_team_commands(complain: Callable[[str], object]) -> Iterator[TeamCommands | None]:
     """Yield the object that carries out commands; None without ROS, with a warning if ROS is broken."""
     from sar_compiler.ros.middleware import MiddlewareError, require_middleware
     from sar_compiler.ros.serving import spinning_node

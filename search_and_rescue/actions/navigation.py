@@ -123,7 +123,7 @@ class NavigateTo(ActionLeaf):
     def on_send(self) -> None:
         """Log the target."""
         self.feedback_message = f"navigating to {self._target}"
-        self.say(f"Navigating to {self._target}...")
+        self.log(f"Navigating to {self._target}...")
 
     def on_feedback(self, feedback: Any) -> Status | None:
         """Store the remaining distance and record it in the journal."""
@@ -133,7 +133,7 @@ class NavigateTo(ActionLeaf):
             return None
         distance, seconds = left
         self.feedback_message = f"navigating to {self._target}, {distance:.2f} m left"
-        if self._next_progress is None or self._next_progress.passed:
+        if self._next_progress is None or self._next_progress.has_passed:
             self._next_progress = Deadline(_PROGRESS_SEC, self._clock)
             figures = {"distance": round(distance, 3), "time_left": round(seconds, 1)}
             self.record.journal.record_observation(PROGRESS, target=self._target, **figures)
@@ -148,7 +148,7 @@ class NavigateTo(ActionLeaf):
                 self._hopeless[self._target] = reason, Deadline(seconds, self._clock)
             return self.on_failure(reason)
         self.feedback_message = f"reached {self._target}"
-        self.say(f"Reached {self._target}.")
+        self.log(f"Reached {self._target}.")
         self._on_arrival()
         return Status.SUCCESS
 
@@ -162,7 +162,7 @@ class NavigateTo(ActionLeaf):
 
     def on_failure(self, reason: str) -> Status:
         """Log the target that was not reached and return FAILURE."""
-        self.complain(f"Navigation to {self._target} failed: {reason}")
+        self.warn(f"Navigation to {self._target} failed: {reason}")
         return self.answer(Status.FAILURE, "aborted")
 
     def on_hold(self, obstacle: str) -> None:
@@ -176,7 +176,7 @@ class NavigateTo(ActionLeaf):
     def on_unavailable(self, reason: str) -> Status:
         """Return FAILURE for a reason other than the target; `NavigationAvailable` distinguishes this case."""
         self.record.navigation_lost = reason
-        self.complain(f"Navigation to {self._target} is unavailable: {reason}")
+        self.warn(f"Navigation to {self._target} is unavailable: {reason}")
         return self.answer(Status.FAILURE, "unavailable")
 
     def _on_arrival(self) -> None:
@@ -186,11 +186,11 @@ class NavigateTo(ActionLeaf):
         """Return the goal for poses in the frame `map`; the last pose is the target."""
         self._target = target
         reason, until = self._hopeless.get(target, ("", None))
-        if until is not None and not until.passed:
+        if until is not None and not until.has_passed:
             return self.on_failure(reason)
         if headline not in ("", self._headline):
             self._headline = headline
-            self.say(headline)
+            self.log(headline)
         return self._message_to([self._stamped(pose) for pose in poses])
 
     def _message_to(self, poses: Sequence[Any]) -> Any:
@@ -243,7 +243,7 @@ class NavigateToZone(NavigateTo):
     def goal(self) -> Any:
         """Return the goal for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched in an earlier run."""
         if not self.zone_manager.has_remaining():
-            self.complain(f"'{self.name}' has no target: every zone is visited.")
+            self.warn(f"'{self.name}' has no target: every zone is visited.")
             return self.answer(Status.FAILURE, "no zone")
         zone = self.zone_manager.current_zone()
         if self.record.before.has_searched(zone["id"]):
@@ -295,7 +295,7 @@ class NavigateToBase(NavigateTo):
             told = " ".join(["Back at base with the mission incomplete:", *shortfalls])
         if told != self._told:
             self._told = told
-            self.say(told)
+            self.log(told)
 
 
 def describe_end(status: int, result: Any, said: str = "") -> str:

@@ -88,7 +88,7 @@ class KeepReport(RosLeaf):
         survivor_id = report.survivor_id
         self._record.report_kept(report)
         self.feedback_message = f"the report of {survivor_id} is stored"
-        self.say(f"The report of {survivor_id} is stored until base acknowledges it.")
+        self.log(f"The report of {survivor_id} is stored until base acknowledges it.")
         return Status.SUCCESS
 
 

@@ -62,7 +62,7 @@ class BatteryMeter:
 
     def look(self) -> None:
         """Update the robot's position."""
-        place = self._robot.place()
+        place = self._robot.last_pose()
         if place is not None:
             self._homing.place = MapPose(x=place[0], y=place[1], yaw=place[2])
 
@@ -168,7 +168,7 @@ class ReturnInReach(_HomingLeaf):
     def _refuse(self, reason: str) -> Status:
         stop, pose = self.homing.charging_stop()
         near, home = self.homing.trip_to(pose).metres, self.homing.home().metres
-        self.complain(
+        self.warn(
             f"{reason}: {f'{stop} first, {near:.0f} m; home is {home:.0f} m' if stop else 'home first'}."
         )
         self.homing.await_charge()
@@ -237,10 +237,10 @@ class FullBatterySuffices(RosLeaf):
         if self._ways is not None and self._ways.are_awaited():
             return self.answer(Status.RUNNING, "requesting paths")
         if self._ways is not None and (news := self._ways.news()):
-            self.complain(f"'{self.name}': {news}.")
+            self.warn(f"'{self.name}': {news}.")
         reason = self.homing.excess()
         if reason:
-            self.complain(f"{reason}.")
+            self.warn(f"{reason}.")
         return self.answer(Status.FAILURE if reason else Status.SUCCESS, "too far" if reason else "suffices")
 
     def terminate(self, new_status: Status) -> None:
@@ -340,11 +340,11 @@ class AwaitCharge(_HomingLeaf):
         place = self.record.charging_at or ("home" if self.record.home else "")
         if not (self.homing.has_next and place):
             nowhere = "the robot is neither at home nor at a charging place, or no zone is left"
-            self.complain(f"'{self.name}' cannot wait for a charge: {nowhere}.")
+            self.warn(f"'{self.name}' cannot wait for a charge: {nowhere}.")
             return self.answer(Status.FAILURE, "not charged")
         lacking = self.homing.shortage(now)
         if self.homing.is_charged and not lacking:
-            self.say(f"The battery is at {share:.0%}: the robot continues to {self.homing.next_leg}.")
+            self.log(f"The battery is at {share:.0%}: the robot continues to {self.homing.next_leg}.")
             self.record.charged(share)
             return self.answer(Status.SUCCESS, "charged")
         if self.homing.late(now):
@@ -355,6 +355,6 @@ class AwaitCharge(_HomingLeaf):
         return self.answer(Status.RUNNING, "waiting")
 
     def _give_up(self, reason: str) -> Status:
-        self.complain(f"{reason[:1].upper()}{reason[1:]}.")
+        self.warn(f"{reason[:1].upper()}{reason[1:]}.")
         self.record.alarmed(reason)
         return self.answer(Status.FAILURE, "not charged")

@@ -193,17 +193,17 @@ class DetectSurvivor(ServiceLeaf):
         """Return the request for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched in an earlier run."""
         self.take(None)
         if not self.zone_manager.has_remaining():
-            self.complain(f"'{self.name}' has no zone to search: every zone is visited.")
+            self.warn(f"'{self.name}' has no zone to search: every zone is visited.")
             return self.answer(Status.FAILURE, "no zone")
         self._zone_id = self.zone_manager.current_zone()["id"]
         if self.record.before.has_searched(self._zone_id):
-            self.say(f"{self._zone_id} was searched in an earlier run.")
+            self.log(f"{self._zone_id} was searched in an earlier run.")
             return self._answered(self.record.before.pop_search(self._zone_id))
         return self.interface.Request(zone_id=self._zone_id)
 
     def on_send(self) -> None:
         """Log the zone that is searched."""
-        self.say(f"Calling {self.service_name} for {self._zone_id}...")
+        self.log(f"Calling {self.service_name} for {self._zone_id}...")
 
     def on_response(self, response: Any) -> Status:
         """Store the response; a survivor at an impossible position makes the search fail."""
@@ -214,7 +214,7 @@ class DetectSurvivor(ServiceLeaf):
             return self.on_failure(f"{self.service_name} found a survivor, but {error}")
         self.record.zone_searched(self._zone_id, survivor)
         if survivor is not None:
-            self.say(f"Survivor detected at {self._zone_id}!")
+            self.log(f"Survivor detected at {self._zone_id}!")
         return self._answered(survivor)
 
     def _answered(self, survivor: tuple[float, float] | None) -> Status:
@@ -331,7 +331,7 @@ class AwaitSurvivor(TopicLeaf):
     def _found(self, zone: str, place: tuple[float, float] | None) -> Status:
         self.detect_node.take(place)
         self.feedback_message = f"survivor in {zone}"
-        self.say(f"Survivor seen on the way, in {zone}!")
+        self.log(f"Survivor seen on the way, in {zone}!")
         return self.answer(Status.SUCCESS, "found")
 
     def check_message(self, message: Any) -> None:
@@ -433,7 +433,7 @@ class BroadcastSurvivorTF(RosLeaf):
     def _broadcast(self) -> Status:
         pose = self.detect_node.survivor_pose()
         if pose is None:
-            self.complain(f"'{self.name}' has no frame to broadcast: no survivor was found.")
+            self.warn(f"'{self.name}' has no frame to broadcast: no survivor was found.")
             return Status.FAILURE
         survivor_id = self.record.before.pop_name(*pose)
         if survivor_id is None:
@@ -442,10 +442,10 @@ class BroadcastSurvivorTF(RosLeaf):
         self._publish(survivor_id, *pose)
         self.detect_node.set_survivor_id(survivor_id)
         self.feedback_message = f"{survivor_id} at ({pose[0]:.2f}, {pose[1]:.2f})"
-        self.say(f"Broadcasting TF frame: {self.feedback_message} in {MAP_FRAME} frame.")
+        self.log(f"Broadcasting TF frame: {self.feedback_message} in {MAP_FRAME} frame.")
         named = self.record.survivor(survivor_id)
         if named is not None and named.possibly is not None:
-            self.say(f"{survivor_id} may be a duplicate of {named.possibly}: the operator decides.")
+            self.log(f"{survivor_id} may be a duplicate of {named.possibly}: the operator decides.")
         return Status.SUCCESS
 
     def _publish(self, survivor_id: str, x: float, y: float) -> None:
@@ -476,7 +476,7 @@ def survivor_report(
     survivor_id, pose = detect_node.survivor_id(), detect_node.survivor_pose()
     if survivor_id is None or pose is None:
         missing = "no survivor was found" if pose is None else "the survivor has no name yet"
-        leaf.complain(f"'{leaf.name}' has {lacks}: {missing}.")
+        leaf.warn(f"'{leaf.name}' has {lacks}: {missing}.")
         return Status.FAILURE
     if record.was_reported(survivor_id):
         leaf.feedback_message = f"{survivor_id}, named in an earlier run, is already acknowledged"
@@ -514,16 +514,16 @@ class ReportLeaf(ServiceLeaf):
     def on_send(self) -> None:
         """Record that the report is sent, and log the name."""
         self.record.report_sent(self._survivor_id)
-        self.say(f"Reporting {self._survivor_id} to base...")
+        self.log(f"Reporting {self._survivor_id} to base...")
 
     def on_response(self, response: Any) -> Status:
         """Return SUCCESS if the base station acknowledged the report, otherwise FAILURE."""
         if not response.acknowledged:
-            self.complain(f"Base did not acknowledge {self._survivor_id}.")
+            self.warn(f"Base did not acknowledge {self._survivor_id}.")
             return self.answer(Status.FAILURE, "refused")
         self.record.record_acknowledgement(self._survivor_id)
         self.feedback_message = f"{self._survivor_id} acknowledged"
-        self.say(f"Base acknowledged {self._survivor_id}.")
+        self.log(f"Base acknowledged {self._survivor_id}.")
         return Status.SUCCESS
 
     def on_failure(self, reason: str) -> Status:
@@ -601,10 +601,8 @@ class LogNoDetection(RosLeaf):
         zone = self._zones.current_zone()["id"] if self._zones is not None and named else ""
         place = f" at {zone}" if zone else ""
         self.feedback_message = f"nobody found{place}"
-        self.say(f"No survivor found{place}.")
+        self.log(f"No survivor found{place}.")
         for survivor in self._record.survivors:
             if survivor.zone_id == zone and survivor.counts and not survivor.acknowledged:
-                self.complain(
-                    f"Note for the operator: {survivor} was found, and base has not acknowledged it."
-                )
+                self.warn(f"Note for the operator: {survivor} was found, and base has not acknowledged it.")
         return Status.SUCCESS

@@ -154,7 +154,7 @@ class _PlanLeaf(_SweepLeaf):
         spacing = self.sweeps.grounds[zone].sweep_width / coverage
         obstacles, datum = map_extent_of(self.node).obstacles(), self.zone_manager.current_zone()
         if obstacles is None:
-            self.complain(f"No map has arrived: {zone} is swept as if it had no obstacles.")
+            self.warn(f"No map has arrived: {zone} is swept as if it had no obstacles.")
         future = run_in_background(
             self._wake, sweep, polygons, pattern, spacing, datum, obstacles, self.clearance
         )
@@ -162,7 +162,7 @@ class _PlanLeaf(_SweepLeaf):
         return self.answer(Status.RUNNING, "planning")
 
     def _refused(self, why: str) -> Status:
-        self.complain(why)
+        self.warn(why)
         return self.answer(Status.FAILURE, "nothing to sweep")
 
     def _planned(self, zone: str, told: str, spacing: float, future: "Future[list[MapPose]]") -> Status:
@@ -174,7 +174,7 @@ class _PlanLeaf(_SweepLeaf):
         self.sweeps.plan(zone, told, spacing, pieces)
         coverage = self.sweeps.grounds[zone].sweep_width / spacing
         least, most = random_search_pod(coverage), parallel_sweep_pod(coverage)
-        self.say(
+        self.log(
             f"{zone} is swept in {len(pieces)} pieces ({told}, {spacing:.2f} m apart): "
             f"POD {least:.0%} at random, {most:.0%} if legs are kept."
         )
@@ -233,9 +233,9 @@ class PlanSweep(_PlanLeaf):
             response.success, response.message = True, drawn.take(request)
         except DrawingError as error:
             response.success, response.message = False, str(error)
-            self.complain(self.orders.line("add_area", f"refused, {error}"))
+            self.warn(self.orders.line("add_area", f"refused, {error}"))
         else:
-            self.say(self.orders.line("add_area", response.message))
+            self.log(self.orders.line("add_area", response.message))
         return response
 
     def _begin(self, zone: str) -> Status:
@@ -332,7 +332,7 @@ class NavigateToPiece(NavigateTo):
         zone = self.zone_manager.current_zone()["id"] if self.zone_manager.has_remaining() else ""
         sweep = self.sweeps.of(zone)
         if not sweep.left:
-            self.complain(f"'{self.name}' has no target: no piece is open.")
+            self.warn(f"'{self.name}' has no target: no piece is open.")
             return self.answer(Status.FAILURE, "no piece")
         self._zone_id, self._place, self._track = zone, None, []
         # A piece of another pass is elsewhere, so that failures of this pass say nothing about it.
@@ -358,7 +358,7 @@ class NavigateToPiece(NavigateTo):
         return status
 
     def _here(self) -> tuple[float, float, float] | None:
-        return self._robot.place() if self._robot is not None else None
+        return self._robot.last_pose() if self._robot is not None else None
 
     def _look(self) -> None:
         # With fast simulated time, much time may pass between two updates; an update without a known position also counts as one.
@@ -457,7 +457,7 @@ class NavigateThroughPieces(NavigateToPiece):
                 self._refused = _plan_of(self._zone_id, self.sweeps.of(self._zone_id))
             return super().on_result(status, result)
         self._pass(0)
-        self.say(self.sweeps.of(self._zone_id).result(self._zone_id))
+        self.log(self.sweeps.of(self._zone_id).result(self._zone_id))
         super().on_result(status, result)
         return self.answer(Status.SUCCESS, "all done")
 
@@ -534,7 +534,7 @@ class AdvancePiece(_SweepLeaf):
         self.sweeps.advance(zone, map_extent_of(self.node).obstacles(), self.until_pod)
         sweep = self.sweeps.of(zone)
         if not sweep.left:
-            self.say(sweep.result(zone))
+            self.log(sweep.result(zone))
         self._wake()
         return self.answer(Status.SUCCESS, "advanced" if sweep.left else "all done")
 
@@ -559,7 +559,7 @@ class SkipPiece(_SweepLeaf):
         sweep = self.sweeps.of(zone)
         if not sweep.left:
             return self.answer(Status.SUCCESS, "no piece")
-        self.complain(f"Skipping {sweep.told(zone)}.")
+        self.warn(f"Skipping {sweep.told(zone)}.")
         self.sweeps.skip(zone, "too far for a battery, not reached, or not searched")
         return self.answer(Status.SUCCESS, "skipped" if self.sweeps.of(zone).left else "skipped the last")
 

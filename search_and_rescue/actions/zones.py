@@ -144,7 +144,7 @@ class ChooseZone(RosLeaf):
             self._ways.ask(self._zones.ways(planned, between=self._order != "nearest"))
         if self._choice is None and not self._ways.are_awaited():
             if news := self._ways.news():
-                self.complain(f"'{self.name}': {news}.")
+                self.warn(f"'{self.name}': {news}.")
             self._choice = self._begin(zones)
         elif self._choice is not None and self._choice.done():
             return self._choose(zones[self._choice.result()[0]]["id"])
@@ -182,16 +182,16 @@ class ChooseZone(RosLeaf):
             refusal = f"there is no zone '{zone}' with a probability"
         response.success, response.message = not refusal, refusal or f"the hint applies to {zone}"
         if refusal:
-            self.complain(self._orders.line("add_hint", f"refused, {refusal}"))
+            self.warn(self._orders.line("add_hint", f"refused, {refusal}"))
         else:
             self._zones.hint(zone, ratio)
-            self.say(self._orders.line("add_hint", f"{zone}, times {ratio:g}"))
+            self.log(self._orders.line("add_hint", f"{zone}, times {ratio:g}"))
         return response
 
     def _choose(self, zone_id: str) -> Status:
         self._forget()
         self._zones.choose(zone_id)
-        self.say(f"Next zone by {self._order}: {zone_id}.")
+        self.log(f"Next zone by {self._order}: {zone_id}.")
         return self.answer(Status.SUCCESS, "chosen")
 
     def _forget(self) -> None:
@@ -205,7 +205,7 @@ class ChooseZone(RosLeaf):
 
         how = approximation(len(zones)) if self._order == "expected_find" else ""
         if how and how != self._approximation:
-            self.say(f"'{self.name}': {len(zones)} zones are ordered by {how}, close to the best order.")
+            self.log(f"'{self.name}': {len(zones)} zones are ordered by {how}, close to the best order.")
         self._approximation = how
         return run_in_background(self._wake, ordered, self._order, self._zones.tour(zones))
 
@@ -238,14 +238,14 @@ class PostponeZone(RosLeaf):
     def update(self) -> Status:
         """Postpone the zone if attempts are left."""
         if not self._zones.has_remaining():
-            self.complain(f"'{self.name}' cannot postpone a zone: none is left.")
+            self.warn(f"'{self.name}' cannot postpone a zone: none is left.")
             return Status.FAILURE
         zone_id, attempt = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
         if attempt >= self._attempts:
             self.feedback_message = f"attempt {attempt} on {zone_id} was the last one"
             return Status.FAILURE
         self._zones.postpone()
-        self.complain(f"{zone_id} is postponed after attempt {attempt} of {self._attempts}.")
+        self.warn(f"{zone_id} is postponed after attempt {attempt} of {self._attempts}.")
         return Status.SUCCESS
 
 
@@ -276,7 +276,7 @@ class AbandonZone(RosLeaf):
             return self.answer(Status.SUCCESS, "no zone")
         zone_id, attempts = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
         self._zones.abandon()
-        self.complain(f"{zone_id} is abandoned after attempt {attempts}.")
+        self.warn(f"{zone_id} is abandoned after attempt {attempts}.")
         return self.answer(Status.SUCCESS, "abandoned")
 
 
@@ -305,5 +305,5 @@ class AbandonZones(RosLeaf):
         reason = self._record.alarm or "the tree has ended the mission early"
         for zone in self._zones.remaining_zones():
             self._zones.abandon(reason)
-            self.complain(f"{zone['id']} is abandoned: {reason}.")
+            self.warn(f"{zone['id']} is abandoned: {reason}.")
         return Status.SUCCESS

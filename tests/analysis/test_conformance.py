@@ -91,7 +91,7 @@ def test_the_event_that_breaks_a_property_is_told_with_its_place_and_what_led_th
     assert (broken.fate, broken.tick, broken.time_sec, broken.event) == (BROKEN, 3, 1.5, "two SUCCESS")
     assert broken.place.rpartition(":")[0].endswith(":3")
     # One that goes on running is told once.
-    assert [each.deed for each in broken.run] == ["RUNNING", "SUCCESS", "SUCCESS"]
+    assert [each.action for each in broken.run] == ["RUNNING", "SUCCESS", "SUCCESS"]
     assert not found.is_fine
 
 

@@ -51,7 +51,7 @@ class Flown:
         self.names = [each.name for each in pre_order(robot.root)]
         tree, journal = LiveTree(robot.root), Journal()
         stream: list[JournalEntry] = []
-        journal.listen(stream.append)
+        journal.add_listener(stream.append)
         journal.begin({"tree": outline(robot.compiled)}, {})
         answers = {leaf.id: leaf.answers for leaf in robot.leaves}
         recorder = StatusWatch(robot.root, journal, answers)

@@ -14,7 +14,7 @@ from sar_compiler.analysis.verify.properties import parse_property_file
 from sar_compiler.runtime.events import ANSWERED
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
-from sar_compiler.runtime.leaf_listener import hear
+from sar_compiler.runtime.leaf_listener import listen_to_leaf
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.verify.random_branches import random_branches, random_properties
 from tests.analysis.verify.random_trees import random_tree
@@ -49,16 +49,16 @@ class Told:
 
     def __init__(self, watch, leaves):
         self._watch, self._leaves = watch, leaves
-        self.looks, self.starts, self.halts = watch.looks, watch.starts, watch.halts
+        self.looks, self.starts, self.halts = watch.on_before_event, watch.on_start, watch.on_halt
 
     def answers(self, number, status):
-        self._watch.answers(number, status, self._leaves[number].answer_label)
+        self._watch.on_status(number, status, self._leaves[number].answer_label)
 
 
 def watch_robot(watch, robot):
     leaves = {leaf.number: leaf for leaf in robot.leaves}
     for number, leaf in leaves.items():
-        hear(leaf, number, Told(watch, leaves))
+        listen_to_leaf(leaf, number, Told(watch, leaves))
 
 
 class Case:
@@ -190,8 +190,8 @@ def test_runs_by_chance_of_a_tree_whose_properties_are_proved_raise_no_alarm():
 def taken(watch, *events):
     """Have a watch take answers, each as the leaf's number with a status and perhaps a label; return its alarms in words."""
     for number, status, *label in events:
-        watch.looks(number)
-        watch.answers(number, status, *label)
+        watch.on_before_event(number)
+        watch.on_status(number, status, *label)
     return [each.text for each in watch.alarms]
 
 
@@ -247,7 +247,7 @@ def test_the_run_that_led_to_an_alarm_leaves_out_what_came_in_the_tick_before_as
         watch.end_tick("RUNNING")
     taken(watch, (1, "SUCCESS"), (2, "SUCCESS"))
     (alarm,) = watch.alarms
-    assert [(each.tick, each.number, each.deed) for each in alarm.run] == [
+    assert [(each.tick, each.number, each.action) for each in alarm.run] == [
         (1, 1, "RUNNING"),
         (4, 1, "SUCCESS"),
         (4, 2, "SUCCESS"),
@@ -258,12 +258,12 @@ def test_the_run_that_led_to_an_alarm_leaves_out_what_came_in_the_tick_before_as
 def test_the_first_answer_of_a_leaf_can_be_one_that_assumptions_exclude():
     case = Case('<Y name="y"/>', "properties: {p: {never: y FAILURE}}")
     watch = case.watch()
-    watch.starts(0)
-    watch.answers(0, "SUCCESS", "counted")
+    watch.on_start(0)
+    watch.on_status(0, "SUCCESS", "counted")
     (alarm,) = watch.alarms
     assert (alarm.cause, alarm.event) == (AlarmCause.ASSUMPTION, "y counted")
     assert alarm.about == "'y' returns 'counted' only when f > 0; f is 0"
-    assert [each.deed for each in alarm.run] == ["counted"]
+    assert [each.action for each in alarm.run] == ["counted"]
 
 
 def test_a_condition_that_goes_on_finding_the_same_takes_from_a_limit_once():

@@ -113,7 +113,7 @@ def test_an_outcome_policy_decides_for_every_leaf():
     simulated.policy = Last()
     assert isinstance(simulated.policy, Last)
     simulated.root.tick_once()
-    assert simulated.events[-1].answer == "not arrived"
+    assert simulated.events[-1].outcome == "not arrived"
     assert simulated_tree("<Success/>").policy is None
 
 

@@ -55,7 +55,7 @@ def made(facts, keys):
 
 
 def deeds(leaf):
-    return [(event.what, event.answer or None) for event in leaf.events]
+    return [(event.what, event.outcome or None) for event in leaf.events]
 
 
 def test_only_the_answers_whose_condition_is_true_can_be_chosen(made):
@@ -131,7 +131,7 @@ def test_an_answer_whose_script_cannot_be_run_is_noted_with_what_it_has_changed(
     leaf = made(Answer("SUCCESS", "yes", then="at = 'zone'; left = 'x'"))
     with pytest.raises(StubLeafError):
         leaf.tick_once()
-    assert [(event.deed, event.facts) for event in leaf.events] == [
+    assert [(event.action, event.facts) for event in leaf.events] == [
         (STARTED, ()),
         ("yes", (("at", "zone"),)),
     ]

@@ -123,14 +123,14 @@ def test_what_a_script_between_two_answers_writes_is_seen_by_the_second():
         '<Sequence><Script code="n := 0"/><X/><Script code="n := 2"/><X/><Y/></Sequence>',
         "answers: {X: [{status: SUCCESS, then: f = n + 1}]}\nproperties: {none: {never: Y counted}}",
     )
-    answers = [event for event in verdict(found, "none").trace.events if event.answer]
+    answers = [event for event in verdict(found, "none").trace.events if event.outcome]
     assert [event.facts for event in answers] == [(("f", 1),), (("f", 3),), (("f", 2),)]
     assert [event.tick for event in answers] == [1, 1, 1]
 
 
 def test_a_leaf_that_goes_on_does_not_start_again():
     run = played("ticks: 2\nleaves: {NavigateToZone: RUNNING}")
-    assert [event.deed for event in run.events if event.leaf == "NavigateToZone"] == [
+    assert [event.action for event in run.events if event.leaf == "NavigateToZone"] == [
         STARTED,
         "driving",
         "driving",

@@ -347,7 +347,7 @@ def test_what_a_killed_copy_had_is_left_to_the_process():
     try:
         found = dict(workers.results(lambda: False))
     finally:
-        workers.end()
+        workers.terminate_workers()
     assert found.keys() == {*range(10)}
     assert found[3] is None
     assert {each for number, each in found.items() if each is not None and each != str(number)} == set()
@@ -359,7 +359,7 @@ def test_all_is_left_to_the_process_where_every_copy_is_killed():
     try:
         assert dict(workers.results(lambda: False)) == dict.fromkeys(range(10))
     finally:
-        workers.end()
+        workers.terminate_workers()
 
 
 def test_each_file_is_compiled_once_to_try_its_runs(tmp_path):

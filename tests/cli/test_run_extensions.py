@@ -125,7 +125,7 @@ def screen(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> Any:
 
     monkeypatch.setattr(RunScreen, "_draw", fail)
     made = RunScreen(stage.run, lambda *_: [])
-    stage.journal.listen(made.on_entry)
+    stage.journal.add_listener(made.on_entry)
     stage.journal.begin({"tree": []}, {})
     return made
 
@@ -153,7 +153,7 @@ def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     from sar_compiler.ros.forced_end import ForcedEnd
     from sar_compiler.ros.leaves.goals import active_goals_of
 
-    active_goals_of(stage.node).sending("01" * 16, "/drive")
+    active_goals_of(stage.node).before_sending("01" * 16, "/drive")
     leaf: Any = Running("drive")
     leaf.status = Status.RUNNING
     leaf.terminate = lambda _: stage.done.append("cancelled")

@@ -10,7 +10,7 @@ import pytest
 
 from sar_compiler.cli.compile import main
 from sar_compiler.compiler.outline import add_tags, unicode_tree
-from sar_compiler.testing import compiled
+from sar_compiler.testing import compile_for_test
 from sar_compiler.views.findings import plain_text
 from tests.cli.running import run
 from tests.trees import document
@@ -347,7 +347,7 @@ def test_a_drawing_says_the_tag_of_a_leaf_or_a_decorator_that_is_called_otherwis
 
 
 def test_a_drawing_with_a_name_of_several_lines_is_left_as_it_is():
-    tree = compiled("search_and_rescue")
+    tree = compile_for_test("search_and_rescue")
     tree.root.name = "two\nlines"
     assert add_tags(unicode_tree(tree.root), tree) == unicode_tree(tree.root)
 

@@ -131,7 +131,7 @@ def _halts_at_rest() -> Iterator[None]:
         ours(root)
         for node in root.iterate():
             if isinstance(node, EngineBehaviour):
-                tree, index = node._place()
+                tree, index = node._tree_and_index()
                 assert isinstance(tree, LiveTree)
                 tree.nodes[index].forget(tree.ticker)
 

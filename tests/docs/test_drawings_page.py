@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.compiler.outline import add_tags, unicode_tree
-from sar_compiler.testing import compiled
+from sar_compiler.testing import compile_for_test
 from sar_compiler.views.drawing import mermaid
 from tests.docs.markdown import PAGES, blocks
 
@@ -39,7 +39,7 @@ def test_every_picture_of_a_page_is_there():
 
 
 def test_the_page_shows_one_tree_in_every_language():
-    tree = compiled("examples/decorators/retry.xml", nodes=["examples.decorators.leaves"])
+    tree = compile_for_test("examples/decorators/retry.xml", nodes=["examples.decorators.leaves"])
     shown = [(block.language, block.text) for block in blocks(PAGE)][1:]
     assert shown == [
         ("", add_tags(unicode_tree(tree.root), tree)),

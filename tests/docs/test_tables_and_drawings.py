@@ -16,7 +16,7 @@ from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.missions.parameter_reader import RunParameters
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.spec import Kind
-from sar_compiler.testing import compiled
+from sar_compiler.testing import compile_for_test
 from sar_compiler.tree.discovery import read_tree_file
 from search_and_rescue.plugin import MISSION as SEARCH_AND_RESCUE
 from tests.docs.markdown import blocks, codes, tables
@@ -41,7 +41,7 @@ def test_the_leaf_of_the_readme_answers_in_a_tree(tmp_path, monkeypatch):
     tree.write_text(
         f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>', encoding="utf-8"
     )
-    root = compiled(tree, nodes=["readme_leaf"]).root
+    root = compile_for_test(tree, nodes=["readme_leaf"]).root
     root.tick_once()
     assert root.status == Status.SUCCESS
 
@@ -50,7 +50,7 @@ def test_the_mission_is_drawn_as_it_compiles():
     drawn = block_with(MISSION, "[o] MissionOrReturnToBase")
     # Behind each composite stands what it is.
     bare = [re.sub(r"(?<=\S) {2,}\S.*$", "", line) for line in drawn.splitlines()]
-    assert bare == [line.rstrip() for line in unicode_tree(compiled(TREE).root).splitlines()]
+    assert bare == [line.rstrip() for line in unicode_tree(compile_for_test(TREE).root).splitlines()]
 
 
 def test_the_memory_flags_are_explained_as_they_are():

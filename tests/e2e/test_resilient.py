@@ -135,7 +135,7 @@ def test_each_fact_of_a_flight_belongs_to_an_answer_of_the_leaf_that_has_noted_i
         noted = [fact.kind for fact in file.events()]
         events = [event for event in recorded_events(file.last_run()) if event.facts]
     assert [kind for event in events for kind, _ in event.facts] == noted
-    told = {f"{event.leaf} {event.answer}: {kind}" for event in events for kind, _ in event.facts}
+    told = {f"{event.leaf} {event.outcome}: {kind}" for event in events for kind, _ in event.facts}
     assert told >= {
         "NavigateToZone driving: goal_sent",
         "DetectSurvivor found: zone_searched",

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from sar_compiler.nodes.registry import load_registry
-from sar_compiler.testing import assert_matches_golden, compiled
+from sar_compiler.testing import assert_matches_golden, compile_for_test
 
 FOLDER = Path("examples/drive_to_goal")
 TREE = FOLDER / "drive_to_goal.xml"
@@ -42,7 +42,7 @@ def test_the_parameter_file_has_every_value_that_the_tree_takes_from_parameters(
 
 
 def test_the_timeout_runs_on_the_mission_s_clock():
-    tree = compiled(TREE, registry=load_registry([LEAVES]))
+    tree = compile_for_test(TREE, registry=load_registry([LEAVES]))
     timeouts = [node for node in tree.root.iterate() if node.name == "DriveForwardTimeout"]
     assert type(timeouts[0]).__name__ == "Timeout"
 

@@ -105,7 +105,7 @@ class Mortal:
     def begin(self):
         """Begin a life, and wait for the end of the goals that earlier ones have left; return the runner of the tree."""
         self.wake_up()
-        self.stage.until(lambda: self.left.missing() is None, "the end of the goals that were left")
+        self.stage.until(lambda: self.left.poll() is None, "the end of the goals that were left")
         return self.start()
 
     def live(self, dies_at=None, *, written=False):

@@ -201,7 +201,7 @@ def test_a_drive_ends_or_can_be_ended_whatever_its_server_says(stage, rounds, mo
             leaf.acceptance_timeout_sec = leaf.feedback_timeout_sec = SILENCE_SEC
             assert stage.run(leaf) is Status.SUCCESS, (stage.lines, stage.warnings)
             leaf.stop(Status.INVALID)
-            stage.until(leaf.settled, "the end of all its goals")
+            stage.until(leaf.is_settled, "the end of all its goals")
             require_clean([*stage.lines, *stage.warnings])
         finally:
             leaf.stop(Status.INVALID)

@@ -65,7 +65,7 @@ class Flight(Mortal):
         """Let a moment pass; whoever dies in it begins another life."""
         try:
             if self.runner is None:
-                if self.left.missing() is None:
+                if self.left.poll() is None:
                     self.runner = self.start()
             elif not self.is_over:
                 self.runner.tick()
@@ -214,8 +214,8 @@ class AnyFaults(RuleBasedStateMachine):
         zones_left = has_way and len(flight.record.zones_visited) < len(NAMES) and not flight.record.home
         flight.recover()
         flight.stage.until(lambda: flight.turn() or flight.is_over, "the end of the mission", END_SEC)
-        left = [leaf for leaf in flight.runner.root.iterate() if hasattr(leaf, "settled")]
-        flight.stage.until(lambda: all(leaf.settled() for leaf in left), "the end of all goals", END_SEC)
+        left = [leaf for leaf in flight.runner.root.iterate() if hasattr(leaf, "is_settled")]
+        flight.stage.until(lambda: all(leaf.is_settled() for leaf in left), "the end of all goals", END_SEC)
         self._hold(flight, zones_left)
         flight.runner.shutdown()
 

@@ -92,7 +92,7 @@ class Flight:
         raise AssertionError(message)
 
     def answered(self) -> list[str]:
-        return [f"{event.leaf} {event.answer}" for event in self.tree.events if event.answer]
+        return [f"{event.leaf} {event.outcome}" for event in self.tree.events if event.outcome]
 
 
 def test_while_all_is_well_the_mission_is_flown() -> None:
@@ -307,7 +307,7 @@ class TestConditions:
         self, listening: Listening, record: MissionRecord
     ) -> None:
         told: list[JournalEntry] = []
-        record.journal.listen(told.append)
+        record.journal.add_listener(told.append)
         leaf = listening.to(BatterySuffices("Battery?", record=record, at_least=0.3))
         for share in (0.9, 0.8):
             leaf.on_message(SimpleNamespace(percentage=share))
@@ -581,7 +581,7 @@ class TestStandstill:
         robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
         assert (ticked(leaf), leaf.feedback_message) == (Status.RUNNING, "waiting for the robot to stop")
         robot.speed = 0.0
-        robot.ros.spin_until(lambda: robot.estimate.stands, "its stop")
+        robot.ros.spin_until(lambda: robot.estimate.is_standing, "its stop")
         assert (ticked(leaf), leaf.feedback_message) == (Status.SUCCESS, "")
 
     def test_it_waits_no_longer_than_the_settle_timeout_and_says_that_the_robot_moves(
@@ -616,7 +616,7 @@ class TestStandstill:
         robot.speed = 0.5
         robot.ros.spin_until(lambda: robot.estimate.speed[0] == 0.5, "another speed")
         assert not rest.is_awaited()
-        leaf.complain("the end")
+        leaf.warn("the end")
         robot.ros.spin_until(lambda: said.has("the end"), "the last line")
         assert len([line for line in said.lines() if "still moves" in line]) == 1
 
@@ -639,7 +639,7 @@ class TestStandstill:
         self, robot: Robot, leaf: AwaitStandstill
     ) -> None:
         goal = robot.drive()
-        assert robot.estimate.stands
+        assert robot.estimate.is_standing
         assert ticked(leaf) is Status.RUNNING
         robot.end(goal)
         assert ticked(leaf) is Status.SUCCESS

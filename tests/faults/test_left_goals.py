@@ -62,7 +62,7 @@ def test_an_answer_that_comes_after_the_next_request_is_not_given_up(ros, left):
         return response
 
     _, goal, ends = left(slow)
-    ros.spin_until(lambda: goal.missing() is None, "the end of the goal", 20.0)
+    ros.spin_until(lambda: goal.poll() is None, "the end of the goal", 20.0)
     ros.spin_until(lambda: len(answered) == len(asked), "the last answer")
     assert ends == [0]
 
@@ -81,7 +81,7 @@ def test_the_result_tells_of_the_end_where_neither_cancel_nor_status_does(ros, l
         return response
 
     _, goal, ends = left(ignore, result)
-    ros.spin_until(lambda: goal.missing() is None, "the end of the goal", 20.0)
+    ros.spin_until(lambda: goal.poll() is None, "the end of the goal", 20.0)
     assert ends == [CANCELED]
 
 
@@ -104,7 +104,7 @@ def test_a_server_that_answers_only_new_clients_is_asked_by_new_ones(ros, left):
 
     host, goal, ends = left(deaf)
     began = time.monotonic()
-    ros.spin_until(lambda: goal.missing() is None, "the end of the goal", 30.0)
+    ros.spin_until(lambda: goal.poll() is None, "the end of the goal", 30.0)
     assert ends == [0]
     assert time.monotonic() - began >= orphaned_goals._RENEWAL_SEC
 

@@ -55,7 +55,7 @@ def tick(mission: SimulatedTree, count: int = 1) -> list[str]:
     for _ in range(count):
         mission.clock.advance(1.0)
         mission.root.tick_once()
-    return [f"{event.leaf} {event.answer}" for event in mission.events if event.answer]
+    return [f"{event.leaf} {event.outcome}" for event in mission.events if event.outcome]
 
 
 def test_a_find_is_kept_before_anybody_is_told(mission: SimulatedTree) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.compiler.outline import outline
-from sar_compiler.testing import compiled
+from sar_compiler.testing import compile_for_test
 
 # What a node is, its name, and its memory or policy; indented by its depth.
 CONTRACT = """\
@@ -36,7 +36,7 @@ def lines(node, depth=0):
 
 @pytest.mark.parametrize("form", [".xml", ".yaml"])
 def test_the_shipped_mission_is_the_tree_of_the_contract(form):
-    drawn = lines(outline(compiled(Path("trees/search_and_rescue").with_suffix(form))))
+    drawn = lines(outline(compile_for_test(Path("trees/search_and_rescue").with_suffix(form))))
     assert "".join(f"{line}\n" for line in drawn) == CONTRACT
 
 

@@ -223,7 +223,7 @@ def test_after_a_full_disk_what_is_told_is_of_the_same_run_still(place):
     leave(place, Ending.STOPPED)
     journal = open_journal(place, resume=True)
     told: list[JournalEntry] = []
-    journal.listen(told.append)
+    journal.add_listener(told.append)
     journal.begin({}, {})
     assert journal._file is not None
     journal._file._connection.execute("PRAGMA query_only = 1")

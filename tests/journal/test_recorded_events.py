@@ -41,7 +41,7 @@ class Flight:
     def __init__(self, root, answers=None):
         self.journal = Journal()
         self.stream: list[JournalEntry] = []
-        self.journal.listen(self.stream.append)
+        self.journal.add_listener(self.stream.append)
         self.journal.begin({"tree": plain(root)}, {})
         self._watch = StatusWatch(root, self.journal, answers)
         self._tree = LiveTree(root)
@@ -53,7 +53,7 @@ class Flight:
     def deeds(self):
         """Return what leaves did, and what was noted, with the tick of each, without the ends of ticks."""
         return [
-            (event.tick, event.leaf, event.deed, *(kind for kind, _ in event.facts))
+            (event.tick, event.leaf, event.action, *(kind for kind, _ in event.facts))
             for event in recorded_events(self.stream)
             if event.what != TICKED
         ]
@@ -95,9 +95,9 @@ def test_what_is_read_has_happened_and_nothing_is_left_out_but_answers_as_in_the
     for number, events in in_ticks(happened).items():
         told = [event for event in read.get(number, []) if event.what != RESET]
         assert Counter(told) <= Counter(events)
-        last = {event.number: (event.status, event.label) for event in events if event.answer}
+        last = {event.number: (event.status, event.label) for event in events if event.outcome}
         as_before = {leaf for leaf, answer in last.items() if known.get(leaf) == answer}
-        assert {event.number for event in told if event.answer} >= last.keys() - as_before
+        assert {event.number for event in told if event.outcome} >= last.keys() - as_before
         last_deeds = {event.number: event.what for event in events if event.what != TICKED}
         halted = {leaf for leaf, what in last_deeds.items() if what == HALTED}
         assert {event.number for event in told if event.what == HALTED} >= halted
@@ -178,7 +178,7 @@ def test_a_fact_belongs_to_the_answer_of_the_leaf_that_has_noted_it():
     one, two = Noting("one", R, S), Noting("two", S)
     flight = noting(Sequence("root", memory=True, children=[one, two]), 2)
     assert [
-        (each.leaf, each.answer, each.facts) for each in recorded_events(flight.stream) if each.facts
+        (each.leaf, each.outcome, each.facts) for each in recorded_events(flight.stream) if each.facts
     ] == [
         ("one", "RUNNING", (("seen", {"tick": 2}),)),
         ("one", "SUCCESS", (("seen", {"tick": 1}),)),
@@ -231,14 +231,14 @@ def test_facts_of_journals_that_do_not_say_whose_they_are_are_left_out():
 )
 def test_entries_of_somebody_else_are_no_events(odd):
     stream = entries(("base_reached", {}), odd, status(1, "SUCCESS", label="found"))
-    assert [event.deed for event in recorded_events(stream)] == [STARTED, "found", TICKED]
+    assert [event.action for event in recorded_events(stream)] == [STARTED, "found", TICKED]
 
 
 def test_a_leaf_that_is_skipped_while_it_runs_goes_on():
     stream = entries(
         *(status(tick, words) for tick, words in enumerate(("RUNNING", "SKIPPED", "RUNNING"), 1))
     )
-    deeds = [event.deed for event in recorded_events(stream) if event.what != TICKED]
+    deeds = [event.action for event in recorded_events(stream) if event.what != TICKED]
     assert deeds == [STARTED, "RUNNING", "SKIPPED", "RUNNING"]
 
 
@@ -250,7 +250,7 @@ def test_what_becomes_of_the_root_afterwards_is_not_what_it_has_come_to():
 def test_with_each_run_ticks_and_times_begin_anew():
     first = entries(status(1, "RUNNING"))
     second = [each._replace(run=2, time=each.time + 100.0) for each in entries(status(1, "RUNNING"))]
-    read = [(event.deed, event.tick, event.time_sec) for event in recorded_events([*first, *second])]
+    read = [(event.action, event.tick, event.time_sec) for event in recorded_events([*first, *second])]
     assert read == [(STARTED, 1, 2.0), ("RUNNING", 1, 2.0), (TICKED, 1, 2.0)] * 2
 
 

@@ -204,7 +204,7 @@ class Count:
 
 def test_a_fact_changes_the_state_and_what_that_has_changed_comes_behind_it() -> None:
     journal, state, heard = Journal(), Count(), []
-    journal.listen(lambda entry: heard.append((entry.kind, entry.data)))
+    journal.add_listener(lambda entry: heard.append((entry.kind, entry.data)))
     journal.attach(state)
     journal.record_event("counted")
     assert state.count == 1
@@ -237,7 +237,7 @@ def test_a_run_that_goes_on_begins_with_all_that_is_shown(tmp_path: Path) -> Non
     journal.end_run(Ending.STOPPED, 130)
     journal.close()
     journal, state, situation = open_journal(place, resume=True), Count(), DisplayState()
-    journal.listen(lambda entry: situation.apply(**entry.data) if entry.kind == CHANGED else None)
+    journal.add_listener(lambda entry: situation.apply(**entry.data) if entry.kind == CHANGED else None)
     journal.attach(state)
     journal.begin({}, {})
     assert (state.count, situation.figures["facts"].value) == (1, 1)
@@ -293,7 +293,7 @@ def test_who_gave_an_order_stands_in_the_place_of_the_operator(text, by, told):
 
 def test_an_alarm_that_is_no_mission_s_own_is_shown_beside_those_of_the_mission():
     journal, entries = Journal(), list[JournalEntry]()
-    journal.listen(entries.append)
+    journal.add_listener(entries.append)
 
     class Mission(MissionRun):
         def display(self):
@@ -315,7 +315,7 @@ def test_an_alarm_that_is_no_mission_s_own_is_shown_beside_those_of_the_mission(
 
 def test_an_alarm_of_a_tree_that_belongs_to_no_mission_is_shown_as_well():
     journal, entries = Journal(), list[JournalEntry]()
-    journal.listen(entries.append)
+    journal.add_listener(entries.append)
     journal.begin({}, {})
     journal.raise_alarm("Property violated: p", "property_broken", property="p")
     assert entries[-1].data["alarms"] == [{"text": "Property violated: p"}]

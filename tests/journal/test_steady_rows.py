@@ -124,7 +124,7 @@ def computed(path, **options):
             state.nodes,
             state.now,
             state.tick,
-            inquiry.why(),
+            inquiry.find_cause(),
             inquiry.failed_tick,
             statistics_as_json(found, 0.95),
         )
@@ -144,7 +144,7 @@ def test_one_reading_for_state_and_cause_gives_the_same_as_two(seed, tmp_path):
     with JournalFile.open_snapshot(written(tmp_path / "j", rows)) as file:
         inquiry, state = FailureAnalysis.with_state(file.every_run())
         alone = MissionState.from_stream(file.every_run())
-        assert inquiry.why() == FailureAnalysis.from_stream(file.last_run()).why()
+        assert inquiry.find_cause() == FailureAnalysis.from_stream(file.last_run()).find_cause()
     assert vars(state) == {**vars(alone), "situation": state.situation}
 
 

@@ -21,7 +21,7 @@ from sar_compiler.reports.journals import journal_json, journal_lines
 def live(journal):
     """Begin, do something and end; return what a listener was told."""
     told: list[JournalEntry] = []
-    journal.listen(told.append)
+    journal.add_listener(told.append)
     journal.begin({"mission": "patrol"}, {"node": "/patrol"})
     journal.record_observation("pose", x=1.0)
     journal.record_event("zone_visited", zone="zone_a")
@@ -59,8 +59,8 @@ def test_a_listener_that_raises_is_left_out_and_told_of_and_the_others_go_on():
     def fail(entry):
         raise OSError
 
-    journal.listen(fail)
-    journal.listen(told.append)
+    journal.add_listener(fail)
+    journal.add_listener(told.append)
     journal.record_event("zone_visited", zone="zone_a")
     journal.record_event("zone_visited", zone="zone_b")
     assert [entry.data["zone"] for entry in told] == ["zone_a", "zone_b"]
@@ -105,7 +105,7 @@ def test_what_has_happened_keeps_its_order_though_the_system_s_clock_is_set_back
 def test_a_value_that_is_no_json_is_the_callers_mistake_without_a_file_too():
     journal = Journal()
     entries: list[JournalEntry] = []
-    journal.listen(entries.append)
+    journal.add_listener(entries.append)
     journal.begin({}, {})
     for tell in (journal.record_event, journal.record_observation):
         with pytest.raises(TypeError, match="not JSON serializable"):

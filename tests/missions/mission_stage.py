@@ -50,7 +50,7 @@ def _checked(leaf: Behaviour) -> Callable[[], None]:
         tick_once()
         status, declared = leaf.status.value, _DECLARED[tag]
         said = getattr(leaf, "answer_label", "")
-        assert declared.objection(status, said) == ""
+        assert declared.why_invalid(status, said) == ""
         assert declared.label(status, said) or (tag, status) in _MAY_LEAVE_OPEN, (leaf.name, status)
 
     return checked

@@ -202,7 +202,11 @@ def test_pieces_are_passed_where_the_robot_was_by_its_localisation(stage: "Stage
     stage.tick_until(leaf, lambda: server.goals, "the goal")
     server.order("1 left")
     heard = stage.tick_until
-    heard(leaf, lambda: "2.5 m" not in leaf.feedback_message and leaf._next_feedback.left, "the feedback")
+    heard(
+        leaf,
+        lambda: "2.5 m" not in leaf.feedback_message and leaf._next_feedback.remaining_sec,
+        "the feedback",
+    )
     assert leaf.sweeps.of("a").done == 0
     localisation.tell(1.0, 1.5)
     server.order("1 left")

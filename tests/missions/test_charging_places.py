@@ -136,7 +136,7 @@ def test_what_is_asked_of_the_planner_has_the_ways_to_the_places() -> None:
 def test_a_robot_at_a_place_is_known_to_be_there_until_it_goes_on() -> None:
     search = searching(0.4, 10.0, dock=12.0)
     told: list[str] = []
-    search.record.journal.listen(lambda fact: told.append(search.sentence(fact)))
+    search.record.journal.add_listener(lambda fact: told.append(search.sentence(fact)))
     search.record.home_first("zone_a", "zone_a is far", "dock")
     search.record.charging_reached("dock")
     assert told == ["zone_a is far: dock first", "reached charging place dock"]

@@ -698,7 +698,7 @@ class TestAskingThePlanner:
         assert leaf._ways
         server.gate.clear()
         stage.tick_until(leaf, lambda: server.asked, "the first question")
-        assert 0.0 < leaf._ways._due.left <= 7.0
+        assert 0.0 < leaf._ways._due.remaining_sec <= 7.0
         assert leaf._choice is None
         leaf._ways._due = Deadline(0.0)
         assert status(leaf) is Status.RUNNING

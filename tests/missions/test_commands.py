@@ -67,7 +67,7 @@ class CommandedMission:
         manager = ZoneManager(zones, {"x": 0.0, "y": 0.0, "yaw": 0.0}, areas=areas)
         self.search = search = Search(manager)
         self.state, self.journal = MissionState(), Journal()
-        self.journal.listen(self.state.apply)
+        self.journal.add_listener(self.state.apply)
         search.keep_in(self.journal)
         self.journal.begin({}, {})
         self.node = ros.node("mission", allow_undeclared_parameters=True)
@@ -84,7 +84,7 @@ class CommandedMission:
         }
         self.lines: list[str] = []
         for leaf in self.leaves.values():
-            leaf.say = leaf.complain = self.lines.append
+            leaf.log = leaf.complain = self.lines.append
         simulated = stage_of(load(TREE)).play().simulated
         self.numbers = {
             type_: leaf.number

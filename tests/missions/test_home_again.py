@@ -328,7 +328,7 @@ def test_a_battery_that_was_swapped_while_no_run_was_there_ends_the_alarm(robot:
 def test_a_charge_is_told_in_a_sentence() -> None:
     search = searching()
     told: list[str] = []
-    search.record.journal.listen(lambda fact: told.append(search.sentence(fact)))
+    search.record.journal.add_listener(lambda fact: told.append(search.sentence(fact)))
     search.record.charged(0.954321)
     assert told == ["the battery, at 95%, suffices"]
 

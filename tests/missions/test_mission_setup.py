@@ -87,7 +87,7 @@ class TestWithoutANode:
 
 def test_the_drives_can_be_waited_for() -> None:
     assert isinstance(NavigateToZone("NavigateToZone", one_zone()), SettlingLeaf)
-    assert NavigateToBase("NavigateToBase", one_zone()).settled()
+    assert NavigateToBase("NavigateToBase", one_zone()).is_settled()
 
 
 class TestAdvanceZone:
@@ -162,7 +162,7 @@ class TestShuttingDown:
         for leaf in (drive, search):
             leaf.stop(Status.INVALID)
             leaf.shutdown()
-        assert not drive.settled(), "nobody has seen the goal's end"
+        assert not drive.is_settled(), "nobody has seen the goal's end"
 
     def test_a_drive_that_was_not_accepted_survives_it_too(self, mortal_stage: "Stage") -> None:
         stage = mortal_stage
@@ -172,7 +172,7 @@ class TestShuttingDown:
         stage.tick_until(drive, lambda: server.requests, "the goal")
         stage.context.shutdown()
         drive.stop(Status.INVALID)
-        assert not drive.settled()
+        assert not drive.is_settled()
         drive.shutdown()
 
     def test_leaves_survive_a_node_that_is_destroyed_before_them(self, stage: "Stage") -> None:

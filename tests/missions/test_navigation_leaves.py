@@ -114,12 +114,12 @@ class TestTheGoal:
         visit_every_zone(stage)
         assert stage.run(leaf) is Status.FAILURE
         assert "has no target" in stage.warnings[0]
-        assert leaf.settled()
+        assert leaf.is_settled()
 
 
 def test_what_is_left_of_a_drive_is_told_to_the_journal(stage: "Stage") -> None:
     entries: list[Any] = []
-    stage.record.journal.listen(entries.append)
+    stage.record.journal.add_listener(entries.append)
     server = stage.nav_server()
     server.script = ["feedback"]
     leaf = drive(stage)
@@ -280,7 +280,7 @@ class TestFailure:
         assert stage.run(leaf) is Status.FAILURE
         assert "zone_a" in stage.warnings[0]
         assert "rejected" in stage.warnings[0]
-        assert leaf.settled()
+        assert leaf.is_settled()
 
     def test_an_aborted_goal_is_explained(self, stage: "Stage") -> None:
         server = stage.nav_server()
@@ -371,13 +371,13 @@ class TestFailure:
         leaf = drive(stage, acceptance_timeout_sec=0.05, hold_timeout_sec=0.0)
         assert stage.run(leaf) is Status.FAILURE
         assert "no response to the goal within 0.05 s" in stage.warnings[0]
-        assert not leaf.settled()
+        assert not leaf.is_settled()
         acceptance.set()
         stage.until(
             lambda: server.goals and server.goals[0].final, "the end of the goal that was accepted later"
         )
         assert server.goals[0].final == "canceled"
-        stage.until(leaf.settled, "calm")
+        stage.until(leaf.is_settled, "calm")
 
     def test_a_server_that_falls_silent_is_given_up_and_its_goal_canceled(self, stage: "Stage") -> None:
         server = stage.nav_server()
@@ -402,7 +402,7 @@ class TestFailure:
         host.close()
         assert stage.run(leaf) is Status.FAILURE
         assert "missing for 0.5 s. The robot may still be moving" in stage.warnings[0]
-        assert leaf.settled(), "nobody is there to answer the cancel"
+        assert leaf.is_settled(), "nobody is there to answer the cancel"
 
     def test_a_server_that_was_replaced_before_its_first_feedback_is_found_out(self, stage: "Stage") -> None:
         host = stage.host()
@@ -563,7 +563,7 @@ class TestGoalsWithoutAnErrorCode:
         while len(pauses) < 6:
             stage.tick_until(leaf, lambda: leaf._lost_count > len(pauses), f"end {len(pauses) + 1}")
             assert leaf._pause is not None
-            pauses.append(math.ceil(leaf._pause.left))
+            pauses.append(math.ceil(leaf._pause.remaining_sec))
             leaf._pause = None  # not waited for here
         assert pauses == [1, 2, 4, 8, 8, 8]
         assert leaf.answer_label == "waiting for Nav2"
@@ -690,8 +690,8 @@ class TestHalting:
         leaf = drive(stage)
         under_way(stage, leaf, server)
         leaf.stop(Status.INVALID)
-        assert not leaf.settled()
-        stage.until(leaf.settled, "the answer to the cancel")
+        assert not leaf.is_settled()
+        stage.until(leaf.is_settled, "the answer to the cancel")
         stage.until(lambda: server.goals[0].final == "canceled", "the end of the goal")
         assert stage.warnings == []
         assert server.cancels == 1
@@ -705,8 +705,8 @@ class TestHalting:
         leaf = drive(stage)
         stage.tick_until(leaf, lambda: "Navigating to zone_a..." in stage.lines, "sending")
         leaf.stop(Status.INVALID)
-        assert not leaf.settled()
-        stage.until(leaf.settled, "calm")
+        assert not leaf.is_settled()
+        stage.until(leaf.is_settled, "calm")
         stage.until(lambda: server.goals and server.goals[0].final, "the end of the goal")
         assert server.goals[0].final == "canceled"
         assert stage.wakes == 0
@@ -719,7 +719,7 @@ class TestHalting:
         for times in range(1, 6):
             stage.tick_until(leaf, lambda: server.requests == times, f"goal {times}")  # noqa: B023 - used at once
             leaf.stop(Status.INVALID)
-            stage.until(leaf.settled, "calm")
+            stage.until(leaf.is_settled, "calm")
         stage.until(lambda: all(goal.final for goal in server.goals), "the end of every goal")
         assert [goal.final for goal in server.goals] == ["canceled"] * 5
 
@@ -731,7 +731,7 @@ class TestHalting:
         leaf.stop(Status.INVALID)
         server.wait_for_end()  # the mission's node does not spin meanwhile
         assert server.goals[0].final == "canceled"
-        stage.until(leaf.settled, "calm")
+        stage.until(leaf.is_settled, "calm")
         assert stage.warnings == []
 
     def test_a_goal_that_is_rejected_after_the_halt_is_settled(self, stage: "Stage") -> None:
@@ -741,23 +741,23 @@ class TestHalting:
         leaf = drive(stage)
         stage.tick_until(leaf, lambda: "Navigating to zone_a..." in stage.lines, "sending")
         leaf.stop(Status.INVALID)
-        stage.until(leaf.settled, "calm")
+        stage.until(leaf.is_settled, "calm")
         assert stage.warnings == []
 
     def test_a_halt_before_the_server_is_there_sends_nothing_ever(self, stage: "Stage") -> None:
         leaf = drive(stage)
         leaf.tick_once()
         leaf.stop(Status.INVALID)
-        assert leaf.settled()
+        assert leaf.is_settled()
         server = stage.nav_server()
         stage.until(lambda: leaf._port is not None and leaf._port.server_is_ready, "the server")
-        assert leaf.settled()
+        assert leaf.is_settled()
         assert server.requests == 0
 
     def test_a_leaf_without_a_goal_can_be_halted(self, stage: "Stage") -> None:
         leaf = drive(stage)
         leaf.stop(Status.INVALID)
-        assert leaf.settled()
+        assert leaf.is_settled()
         assert leaf.update() is Status.INVALID
 
     def test_a_halted_leaf_is_not_running(self, stage: "Stage") -> None:
@@ -774,9 +774,9 @@ class TestHalting:
         leaf.stop(Status.INVALID)
         stage.until(lambda: stage.warnings, "the answer to the cancel")
         assert "did not cancel the goal" in stage.warnings[0]
-        assert not leaf.settled()
+        assert not leaf.is_settled()
         server.order("succeed")
-        stage.until(leaf.settled, "the end of the goal")
+        stage.until(leaf.is_settled, "the end of the goal")
 
     def test_a_goal_that_ended_meanwhile_needs_no_cancel(self, stage: "Stage") -> None:
         server = stage.nav_server()
@@ -785,7 +785,7 @@ class TestHalting:
         server.order("succeed")
         server.wait_for_end()
         leaf.stop(Status.INVALID)
-        stage.until(leaf.settled, "the answer to the cancel")
+        stage.until(leaf.is_settled, "the answer to the cancel")
         assert stage.warnings == []
 
     def test_success_and_failure_cancel_nothing(self, stage: "Stage") -> None:
@@ -795,7 +795,7 @@ class TestHalting:
         stage.run(leaf)
         leaf.terminate(Status.SUCCESS)
         leaf.terminate(Status.FAILURE)
-        assert leaf.settled()
+        assert leaf.is_settled()
         assert server.cancels == 0
 
 
@@ -808,7 +808,9 @@ class TestOldGoals:
         under_way(stage, leaf, server)
         leaf.stop(Status.INVALID)
         under_way(stage, leaf, server, goals=2)
-        stage.tick_until(leaf, lambda: leaf.settled() and results_awaited(leaf) == 1, "the old goal's result")
+        stage.tick_until(
+            leaf, lambda: leaf.is_settled() and results_awaited(leaf) == 1, "the old goal's result"
+        )
         assert leaf.status is Status.RUNNING
         server.order("succeed")
         assert stage.run(leaf) is Status.SUCCESS
@@ -823,7 +825,9 @@ class TestOldGoals:
         under_way(stage, leaf, server)
         server.order("feedback")
         acceptance.set()
-        stage.tick_until(leaf, lambda: len(server.goals) == 2 and leaf.settled(), "the old goal's acceptance")
+        stage.tick_until(
+            leaf, lambda: len(server.goals) == 2 and leaf.is_settled(), "the old goal's acceptance"
+        )
         finals = {goal.pose[1]: goal for goal in server.goals}
         stage.until(lambda: finals[-3.0].final == "canceled", "the old goal's end")
         assert leaf.status is Status.RUNNING
@@ -849,7 +853,7 @@ class TestOldGoals:
         wakes = stage.wakes
         server.order("succeed")
         server.wait_for_end()
-        stage.until(lambda: leaf.settled() and results_awaited(leaf) == 0, "the result")
+        stage.until(lambda: leaf.is_settled() and results_awaited(leaf) == 0, "the result")
         assert leaf.update() is Status.FAILURE
         assert stage.wakes == wakes
 
@@ -862,7 +866,7 @@ class TestOldGoals:
         assert leaf._exchange is not None
         old = weakref.ref(leaf._exchange)
         leaf.stop(Status.INVALID)
-        stage.until(lambda: leaf.settled() and results_awaited(leaf) == 0, "calm")
+        stage.until(lambda: leaf.is_settled() and results_awaited(leaf) == 0, "calm")
         gc.collect()
         assert old() is None
 
@@ -903,7 +907,7 @@ class TestShuttingDown:
         leaf.shutdown()
         leaf.shutdown()
         stage.until(lambda: server.goals[0].final == "canceled", "the end of the goal")
-        stage.until(leaf.settled, "the end's being known")
+        stage.until(leaf.is_settled, "the end's being known")
 
     def test_a_goal_that_is_accepted_after_the_shutdown_is_still_canceled(self, stage: "Stage") -> None:
         server = stage.nav_server()

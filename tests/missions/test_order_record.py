@@ -29,8 +29,8 @@ class Robot:
         self.search = Search(ZoneManager([zone], {"x": 0.0, "y": 0.0, "yaw": 0.0}))
         self.state, journal = MissionState(), Journal()
         self.entries: list[JournalEntry] = []
-        journal.listen(self.state.apply)
-        journal.listen(self.entries.append)
+        journal.add_listener(self.state.apply)
+        journal.add_listener(self.entries.append)
         self.search.keep_in(journal)
         journal.begin({}, {})
         self.ros, self.journal = ros, journal

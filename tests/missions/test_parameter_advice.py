@@ -176,7 +176,8 @@ def test_a_place_in_a_json_file_is_that_of_the_value_or_of_the_last_one_on_the_w
     )
     assert file.data["a"] == [{"c": None, "d": [[], 3]}], "of equal keys, the last one counts"
     assert [
-        file.place(*path) for path in [(), ("a",), ("a", 0, "d", 1), ("a", 0, "c", "x"), ("a", 7), ("a ", 0)]
+        file.location_of(*path)
+        for path in [(), ("a",), ("a", 0, "d", 1), ("a", 0, "c", "x"), ("a", 7), ("a ", 0)]
     ] == [
         "f:1:1",
         "f:3:16",

@@ -49,7 +49,7 @@ class Life:
     def __init__(self, place: Path, *, resume: bool) -> None:
         self.journal = open_journal(place, resume=resume)
         self.situation = DisplayState()
-        self.journal.listen(self.take)
+        self.journal.add_listener(self.take)
         self.run: Search = MISSION.begin(ParameterReader(PARAMETERS))
         self.run.keep_in(self.journal)
         self.journal.begin({"mission": MISSION.name}, {})

@@ -46,7 +46,7 @@ def flown(**answers: str) -> SimulatedTree:
 
 
 def answered(simulated: SimulatedTree) -> list[str]:
-    return [f"{event.leaf} {event.answer}" for event in simulated.events if event.answer]
+    return [f"{event.leaf} {event.outcome}" for event in simulated.events if event.outcome]
 
 
 # Which leaf fails whenever it can, and how the mission ends.

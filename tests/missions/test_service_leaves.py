@@ -266,7 +266,7 @@ class TestTheCall:
         call = leaf._exchange
         assert call is not None
         leaf.stop(Status.INVALID)
-        call.advance()
+        call.poll()
         assert not call.sent
         assert call.trouble == ""
 

@@ -179,7 +179,7 @@ def test_an_outline_that_was_not_swept_has_no_size_yet_and_no_pieces() -> None:
 def test_what_becomes_of_a_sweep_is_told_in_sentences() -> None:
     search = searching()
     told: list[str] = []
-    search.sweeps.journal.listen(lambda entry: told.append(search.sentence(entry)))
+    search.sweeps.journal.add_listener(lambda entry: told.append(search.sentence(entry)))
     planned(search)
     search.sweeps.advance("a", None, 0.5)
     search.sweeps.skip("a", "not reached, or not searched")
@@ -382,7 +382,7 @@ class TestLeaves:
         server = stage.nav_server()
         leaf = self.take(stage, search, "NavigateToPiece", record=search.record)
         leaf._clock = clock = ManualClock()
-        leaf._robot.place = lambda: (0.0, 1.0, 0.0)
+        leaf._robot.last_pose = lambda: (0.0, 1.0, 0.0)
         stage.tick_until(leaf, lambda: server.goals, "the goal")
         return leaf, clock
 
@@ -393,7 +393,7 @@ class TestLeaves:
         search = planned(searching())
         leaf, clock = self.driving(stage, search)
         clock.advance(seconds)
-        leaf._robot.place = lambda: (3.0, 1.0, 0.0)
+        leaf._robot.last_pose = lambda: (3.0, 1.0, 0.0)
         leaf.tick_once()
         assert self.take(stage, search, "AdvancePiece").tick_once() is None
         assert search.sweeps.of("a").metres == pytest.approx(metres)
@@ -405,7 +405,7 @@ class TestLeaves:
         leaf, clock = self.driving(stage, search)
         for place in (None, (3.0, 1.0, 0.0)):
             clock.advance(5.0 if place is None else 0.1)
-            leaf._robot.place = lambda place=place: place
+            leaf._robot.last_pose = lambda place=place: place
             leaf.tick_once()
         assert self.take(stage, search, "AdvancePiece").tick_once() is None
         assert search.sweeps.of("a").metres == 0.0
@@ -434,7 +434,7 @@ class TestLeaves:
         search = planned(searching())
         leaf = self.through(stage, search)
         robot = [(0.0, 1.0, 0.0)]
-        leaf._robot.place = lambda: robot[0]
+        leaf._robot.last_pose = lambda: robot[0]
         stage.until(leaf._port.statuses.servers, "the server")
         stage.tick_until(leaf, lambda: server.goals, "the goal")
         # A server that has not looked yet tells of no pose, which is no end.
@@ -463,7 +463,7 @@ class TestLeaves:
         server = stage.through_server()
         search = planned(searching())
         leaf = self.through(stage, search)
-        leaf._robot.place = lambda: (1.0, 1.0, 0.0)
+        leaf._robot.last_pose = lambda: (1.0, 1.0, 0.0)
         homing = search.context[HomingEstimator]
         homing.is_asked = True
         homing.energy.read(0.0, share)
@@ -548,7 +548,7 @@ class TestLeaves:
         search = planned(searching())
         leaf = self.take(stage, search, "NavigateToPiece", record=search.record)
         robot = [(0.0, 1.0, 0.0)]
-        leaf._robot.place = lambda: robot[0]
+        leaf._robot.last_pose = lambda: robot[0]
         leaf.tick_once()
         stage.tick_until(leaf, lambda: server.goals, "the goal")
         for step in range(11):

@@ -15,7 +15,7 @@ from sar_compiler.cli.compile import main
 from sar_compiler.leaves import Clock, Kind, register
 from sar_compiler.project import CommandLineSettings, Workspace
 from sar_compiler.runtime.clock import ManualClock, WallClock
-from sar_compiler.testing import assert_scenario_holds, compiled, simulate
+from sar_compiler.testing import assert_scenario_holds, compile_for_test, simulate
 from sar_compiler.tree.xml import parse_xml
 from tests.nodes import leaves
 from tests.trees import document
@@ -175,7 +175,7 @@ class TestSettings:
         assert "error[needless-node]" in said.out + said.err
 
     def test_count_for_tests(self, strict):
-        for use in (compiled, simulate):
+        for use in (compile_for_test, simulate):
             with pytest.raises(TreeError, match="needless-node"):
                 use(strict)
 
@@ -264,13 +264,13 @@ class TestRuns:
         assert not verification.is_proved
 
     def test_shipped_trees_go_by_their_names_in_tests_too(self, folder):
-        assert compiled("search_and_rescue").root.name == "MissionOrReturnToBase"
+        assert compile_for_test("search_and_rescue").root.name == "MissionOrReturnToBase"
         scenario = write(folder, "leaves: {DetectSurvivor: found}\nexpect: {root: SUCCESS}\n", "s.yaml")
         assert_scenario_holds("search_and_rescue", scenario)
 
     def test_leaves_of_one_s_own_are_named_in_tests_too(self, folder):
         path = write(folder, document("<Timed/>"))
-        assert compiled(path, nodes=[Timed]).root.name == "Timed"
+        assert compile_for_test(path, nodes=[Timed]).root.name == "Timed"
         assert simulate(path, nodes=[Timed]).tick().root == "SUCCESS"
 
 

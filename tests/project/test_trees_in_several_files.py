@@ -6,7 +6,7 @@ import pytest
 
 from sar_compiler import TreeError, UnreadableFileError, load
 from sar_compiler.cli.compile import main
-from sar_compiler.testing import compiled, simulate
+from sar_compiler.testing import compile_for_test, simulate
 from tests.trees import document
 
 MAIN = document('<Sequence><SubTree ID="Out"/><SubTree ID="Home"/></Sequence>')
@@ -47,7 +47,7 @@ def write(folder, name, text):
 )
 def test_the_tree_is_compiled_with_the_subtrees_of_the_other_files(folder, name, text):
     write(folder, name, text)
-    names = [behaviour.name for behaviour in compiled("main.xml").root.iterate()]
+    names = [behaviour.name for behaviour in compile_for_test("main.xml").root.iterate()]
     assert names.count("NavigateToBase") == 2
     assert names.count("NavigateToZone") == 1
 
@@ -90,7 +90,7 @@ def test_a_link_out_of_the_repository_is_not_followed(folder, tmp_path_factory):
     (folder / "trees" / "out.xml").symlink_to(elsewhere / "out.xml")
     write(folder, "sar.toml", TREES)
     with pytest.raises(TreeError, match="there is no tree 'Out'"):
-        compiled("main.xml")
+        compile_for_test("main.xml")
 
 
 def test_a_file_that_is_not_there_is_told_when_a_tree_is_missing(folder):
@@ -126,7 +126,7 @@ def codes(tree):
 def test_a_tree_that_a_palette_describes_is_known(folder, palette):
     write(folder, "grip.xml", document('<SubTree ID="OpenGripper" force="3" _autoremap="true"/>'))
     assert codes("grip.xml") == []
-    assert "OpenGripper" in [behaviour.name for behaviour in compiled("grip.xml").root.iterate()]
+    assert "OpenGripper" in [behaviour.name for behaviour in compile_for_test("grip.xml").root.iterate()]
 
 
 def test_its_ports_are_checked(folder, palette):

@@ -24,7 +24,7 @@ S, F, R = Status.SUCCESS, Status.FAILURE, Status.RUNNING
 
 
 def why(stream):
-    return FailureAnalysis.from_stream(stream).why()
+    return FailureAnalysis.from_stream(stream).find_cause()
 
 
 def leaf(name, *statuses):
@@ -48,7 +48,7 @@ def flown(root, ticks=1, journal=None, told=(), ending=Ending.OVER, **about):
     """Tick a tree; return the stream of its journal. Facts come after the ticks."""
     journal = journal or Journal()
     stream: list[JournalEntry] = []
-    journal.listen(stream.append)
+    journal.add_listener(stream.append)
     looks = [["condition" if node.name.endswith("?") else "action", ""] for node in pre_order(root)]
     constant = [number for number, node in enumerate(pre_order(root)) if node.name.startswith("always")]
     limits = {
@@ -120,8 +120,8 @@ def test_a_time_limit_is_an_answer_of_its_own():
     root = Timeout("limit", leaf("one", R), duration=-1.0)
     reasons = why(flown(root, 1))
     assert names(reasons.answers) == ["limit"]
-    assert reasons.first is not None
-    assert reasons.first.message == "its time limit of -1 s expired while one ran"
+    assert reasons.likeliest is not None
+    assert reasons.likeliest.message == "its time limit of -1 s expired while one ran"
 
 
 def test_what_failed_in_an_earlier_tick_of_the_same_activation_counts():
@@ -150,7 +150,7 @@ def test_of_a_parallel_those_are_told_that_failed():
 
 def test_a_root_that_succeeds_has_no_chain():
     reasons = why(flown(leaf("one", S)))
-    assert (reasons.chain, reasons.first, reasons.outcome) == ((), None, "complete")
+    assert (reasons.chain, reasons.likeliest, reasons.outcome) == ((), None, "complete")
     assert why_text(reasons) == "complete: The root has failed."
 
 
@@ -202,7 +202,7 @@ def test_what_had_failed_before_is_told_with_how_often():
         "root", memory=True, children=[Retry("again", leaf("one", F, R, F, S), 5), leaf("two", F)]
     )
     (before,) = why(flown(root, 4)).before
-    assert (before.first.name, before.times, before.has_recovered) == ("one", 2, True)
+    assert (before.likeliest.name, before.times, before.has_recovered) == ("one", 2, True)
 
 
 def test_a_failure_that_the_root_has_got_over_is_no_cause():
@@ -214,7 +214,7 @@ def test_a_failure_that_the_root_has_got_over_is_no_cause():
 
 def test_the_last_tick_in_which_the_root_had_failed_is_known_though_it_went_on():
     inquiry = FailureAnalysis.from_stream(flown(leaf("one", F, R, F, S), 4))
-    inquiry.why()
+    inquiry.find_cause()
     assert inquiry.failed_tick == 3
 
 
@@ -266,9 +266,9 @@ def given_up(*ways):
 def test_a_time_limit_that_was_got_over_is_named_before_what_came_after_it():
     reasons = given_up(Timeout("limit", leaf("drive", R), duration=0.0), leaf("postpone", F))
     assert names(reasons.answers) == ["limit", "postpone", "complete?"]
-    assert reasons.first is not None
-    assert reasons.first.message == "its time limit of 0 s expired while drive ran"
-    assert [each.first.name for each in reasons.before] == ["limit", "postpone"]
+    assert reasons.likeliest is not None
+    assert reasons.likeliest.message == "its time limit of 0 s expired while drive ran"
+    assert [each.likeliest.name for each in reasons.before] == ["limit", "postpone"]
 
 
 def test_a_condition_because_of_which_a_zone_was_given_up_is_named_before_what_came_after_it():
@@ -311,7 +311,7 @@ def test_what_a_leaf_has_run_in_place_of_is_named_before_it():
 def test_of_a_run_that_was_stopped_the_signal_is_named():
     began, *rest = flown(leaf("drive", R), 2, ending=Ending.STOPPED)
     stopped = rest[-1]._replace(data={**rest[-1].data, "status": 130})
-    first = why([began, *rest[:-1], stopped]).first
+    first = why([began, *rest[:-1], stopped]).likeliest
     assert first is not None
     assert (first.name, first.status, first.message) == ("run", "STOPPED", "by SIGINT (Ctrl-C)")
 
@@ -319,7 +319,7 @@ def test_of_a_run_that_was_stopped_the_signal_is_named():
 def test_a_leaf_that_has_raised_is_named_with_what_it_has_raised():
     stream = flown(leaf("drive", R), 2, ending=Ending.FAILED)
     raised = stream[-1]._replace(kind="leaf_raised", data={"node": 0, "text": "no lens"})
-    first = why([*stream[:-1], raised, stream[-1]]).first
+    first = why([*stream[:-1], raised, stream[-1]]).likeliest
     assert first is not None
     assert (first.name, first.status, first.message) == ("drive", "RAISED", "no lens")
 

@@ -37,7 +37,7 @@ class Asked:
     def ask(self, x: float) -> None:
         goal = self.questions.interface.Goal()
         goal.pose.pose.position.x = x
-        self.questions.ask(goal, lambda *answer: self.answers.append(answer))
+        self.questions.send_goal(goal, lambda *answer: self.answers.append(answer))
 
 
 def asked(stage: "Stage", *script: str) -> "tuple[Asked, NavServer]":
@@ -103,7 +103,7 @@ def test_the_next_question_gives_up_the_one_before(stage: "Stage") -> None:
 def test_a_question_is_no_goal_under_way(stage: "Stage") -> None:
     who, server = asked(stage)
     goals, news = active_goals_of(stage.node), list[Any]()
-    goals.listen(news.append)
+    goals.add_listener(news.append)
     who.ask(1.5)
     stage.until(lambda: server.goals, "the goal")
     assert (len(goals), goals.may_be_active, news) == (0, False, [])

@@ -29,7 +29,7 @@ def machine(monkeypatch):
 
 
 def test_time_counts_as_it_passes_while_the_process_runs(machine):
-    with machine.awake.turning(machine.said.append):
+    with machine.awake.mark_polling(machine.said.append):
         assert machine.passes(60.0, 0.5) == pytest.approx(60.0)
     assert machine.said == []
 
@@ -37,7 +37,7 @@ def test_time_counts_as_it_passes_while_the_process_runs(machine):
 def test_a_standstill_and_the_seconds_to_hear_others_again_count_nothing_and_it_is_said_with_its_length(
     machine,
 ):
-    with machine.awake.turning(machine.said.append):
+    with machine.awake.mark_polling(machine.said.append):
         assert machine.passes(12.0, 12.0) == pytest.approx(0.0)
         assert machine.passes(5.0, 0.5) == pytest.approx(0.0)
         assert machine.passes(10.0, 0.5) == pytest.approx(10.0)
@@ -46,7 +46,7 @@ def test_a_standstill_and_the_seconds_to_hear_others_again_count_nothing_and_it_
 
 
 def test_who_stands_still_again_and_again_is_named_and_spared_once_in_a_while(machine):
-    with machine.awake.turning(machine.said.append):
+    with machine.awake.mark_polling(machine.said.append):
         machine.passes(3.0, 3.0)
         machine.passes(10.0, 0.5)
         assert machine.passes(3.0, 3.0) == pytest.approx(0.0)

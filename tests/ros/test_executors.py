@@ -29,9 +29,9 @@ class Served:
 
     def suit(self) -> str:
         """Have what suits the node take the executor's place; return its class."""
-        from sar_compiler.ros.executors import suited
+        from sar_compiler.ros.executors import suitable_executor
 
-        self.executor = suited(self.executor, self.node)
+        self.executor = suitable_executor(self.executor, self.node)
         return type(self.executor).__name__
 
     def spin_until(self, condition: Callable[[], object], what: str) -> None:

@@ -27,15 +27,15 @@ def same(one: Transform, other: Transform) -> bool:
 
 @given(transforms())
 def test_a_transform_and_its_inverse_lead_back(transform: Transform) -> None:
-    assert same(transform.inverse.of(transform), Transform())
-    assert same(transform.of(transform.inverse), Transform())
+    assert same(transform.inverse.compose(transform), Transform())
+    assert same(transform.compose(transform.inverse), Transform())
 
 
 @given(transforms(), transforms(), transforms())
 def test_transforms_in_a_row_may_be_put_together_from_either_end(
     a: Transform, b: Transform, c: Transform
 ) -> None:
-    assert same(a.of(b).of(c), a.of(b.of(c)))
+    assert same(a.compose(b).compose(c), a.compose(b.compose(c)))
 
 
 @pytest.mark.parametrize(
@@ -46,5 +46,5 @@ def test_a_quarter_turn_is_by_the_right_hand(axis: tuple[int, ...], turned: tupl
     qx, qy, qz = (half * each for each in axis)
     quarter = Transform(10, 20, 30, qx, qy, qz, half)
     x, y, z = turned
-    assert quarter.of(Transform(1, 2, 3))[:3] == pytest.approx((10 + x, 20 + y, 30 + z))
+    assert quarter.compose(Transform(1, 2, 3))[:3] == pytest.approx((10 + x, 20 + y, 30 + z))
     assert quarter.yaw == pytest.approx(math.pi / 2 if axis[2] else 0.0)

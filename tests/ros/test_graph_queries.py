@@ -100,7 +100,7 @@ class Robots:
         last: list[str] = []
 
         def same() -> bool:
-            last[:] = ready.missing()
+            last[:] = ready.poll_all()
             return last == list(expected)
 
         try:
@@ -225,8 +225,8 @@ def test_a_name_that_is_not_there_is_explained_by_the_nearest_one(robots: Robots
     else:
         robots.serve(node, case.there)
     graph = robots.graph(case.mission)
-    robots.until(lambda: graph.ask(case.wanted).explanation == case.said, f"{case.said!r}")
-    assert not graph.ask(case.wanted).is_there
+    robots.until(lambda: graph.query(case.wanted).explanation == case.said, f"{case.said!r}")
+    assert not graph.query(case.wanted).is_there
 
 
 @pytest.mark.parametrize(
@@ -242,8 +242,8 @@ def test_what_is_of_another_type_or_has_nothing_in_common_is_not_offered(
 ) -> None:
     robots.serve(robots.node("/other"), there, "/last")
     graph = robots.graph()
-    robots.until(lambda: graph.ask(Endpoint("node", "last")).is_there, "the services")
-    assert graph.ask(wanted).explanation == ""
+    robots.until(lambda: graph.query(Endpoint("node", "last")).is_there, "the services")
+    assert graph.query(wanted).explanation == ""
 
 
 def test_what_the_mission_itself_has_is_not_offered_to_it(robots: Robots) -> None:
@@ -252,7 +252,7 @@ def test_what_the_mission_itself_has_is_not_offered_to_it(robots: Robots) -> Non
     robots.publish(mission, "/tb1/battery_state", BATTERY)
     graph = ros_graph(mission)
     robots.until(lambda: mission.count_services("/tb1/detect_survivor"), "its own service")
-    assert [graph.ask(each).elsewhere for each in (DETECTOR, BATTERIES)] == [(), ()]
+    assert [graph.query(each).elsewhere for each in (DETECTOR, BATTERIES)] == [(), ()]
 
 
 SHARED = (
@@ -452,9 +452,9 @@ class TestNamespaces:
             robots.lines(ready, NO_POSE, advice)
             assert told == []
         else:
-            robots.until(lambda: ready.missing() and told, "the pose")
+            robots.until(lambda: ready.poll_all() and told, "the pose")
             ready.close()
-        assert "2D Pose Estimate" not in str(ready.missing())
+        assert "2D Pose Estimate" not in str(ready.poll_all())
 
     def test_transforms_of_another_robot_do_not_stand_for_those_of_this_one(self, robots: Robots) -> None:
         from sar_compiler.ros.robot_estimate import robot_estimate
@@ -519,24 +519,24 @@ class TestQualityOfService:
         graph = robots.graph()
         endpoint = Endpoint("topic", "battery_state", BATTERY, (qos_profile("", wanted),))
         line = f"topic battery_state: no message of /tb1/driver arrives ({said}"
-        robots.until(lambda: graph.ask(endpoint).line == line, line)
+        robots.until(lambda: graph.query(endpoint).line == line, line)
 
     def test_a_deadline_that_the_publisher_does_not_promise_is_named(self, robots: Robots) -> None:
         robots.publish(robots.node("/driver"), "/battery_state", BATTERY, deadline_sec=3.0)
         graph = robots.graph()
         strict, loose = (qos_of(deadline_sec=seconds) for seconds in (1.0, 5.0))
         endpoint = Endpoint("topic", "battery_state", BATTERY, (loose, strict))
-        robots.until(lambda: graph.ask(endpoint).problem, "the publisher")
-        assert "subscription deadline is less than publisher deadline" in graph.ask(endpoint).problem
-        assert graph.ask(Endpoint("topic", "battery_state", BATTERY, (loose,))).problem == ""
+        robots.until(lambda: graph.query(endpoint).problem, "the publisher")
+        assert "subscription deadline is less than publisher deadline" in graph.query(endpoint).problem
+        assert graph.query(Endpoint("topic", "battery_state", BATTERY, (loose,))).problem == ""
 
     def test_one_publisher_that_is_heard_is_enough(self, robots: Robots) -> None:
         robots.publish(robots.node("/one"), "/battery_state", BATTERY, reliability="best_effort")
         robots.publish(robots.node("/two"), "/battery_state", BATTERY)
         graph = robots.graph()
         endpoint = Endpoint("topic", "battery_state", BATTERY, (qos_of(),))
-        robots.until(lambda: len(graph.ask(endpoint).nodes) == 2, "both publishers")
-        assert graph.ask(endpoint).line is None
+        robots.until(lambda: len(graph.query(endpoint).nodes) == 2, "both publishers")
+        assert graph.query(endpoint).line is None
 
     @pytest.mark.parametrize(
         ("qos", "said"),
@@ -567,14 +567,17 @@ class TestQualityOfService:
             if said
             else None
         )
-        robots.until(lambda: graph.ask(DETECTOR).nodes == ("/detector",), "the service")
-        robots.until(lambda: graph.ask(DETECTOR).line == line, str(line))
+        robots.until(lambda: graph.query(DETECTOR).nodes == ("/detector",), "the service")
+        robots.until(lambda: graph.query(DETECTOR).line == line, str(line))
 
     def test_all_nodes_in_sight_are_counted_by_their_names(self, robots: Robots) -> None:
         graph = robots.graph()
         for name in ("/tb1/amcl", "/tb1/amcl", "/tb2/amcl"):
             robots.node(name)
-        robots.until(lambda: (graph.nodes()["/tb1/amcl"], graph.nodes()["/tb2/amcl"]) == (2, 1), "the nodes")
+        robots.until(
+            lambda: (graph.node_counts()["/tb1/amcl"], graph.node_counts()["/tb2/amcl"]) == (2, 1),
+            "the nodes",
+        )
 
     def test_a_check_of_a_tree_does_not_pass_over_it(self, robots: Robots) -> None:
         from sar_compiler.ros.graph_queries import declared_endpoints
@@ -638,11 +641,11 @@ class TestSources:
         robots.publish(robots.node("/one"), "battery_state", BATTERY)
         watch = DependencyMonitor(mission, [Use.topic("battery_state")])
         robots.until(lambda: ros_graph(mission).publishers("battery_state") == ("/one",), "the first source")
-        watch.look()
+        watch.poll()
         robots.publish(robots.node("/two"), "battery_state", BATTERY)
         line = "topic battery_state: published by /one and /two. Stop all but one."
         robots.until(lambda: said.has(line), line)
-        watch.look()
+        watch.poll()
         assert sum(line in each for each in said.lines()) == 1
 
 
@@ -694,8 +697,8 @@ class TestClock:
         mission = robots.node("/mission", **self.simulated())
         robots.until(lambda: mission.get_clock().now().nanoseconds, "the time")
         ready = Readiness(mission, [], initial_pose=None)
-        robots.until(lambda: ready.contested, "both clocks")
-        assert ready.missing() == [
+        robots.until(lambda: ready.has_rival_servers, "both clocks")
+        assert ready.poll_all() == [
             "topic /clock: 2 publishers, of /bag and /gazebo: the time jumps between them. Stop all but one"
         ]
 
@@ -756,13 +759,13 @@ class TestFrames:
         from sar_compiler.ros.readiness import Readiness
 
         ready = Readiness(robots.node("/mission"), [Use.transforms()], initial_pose=None)
-        assert ready.missing() == ["transforms: no publisher on /tf or /tf_static"]
+        assert ready.poll_all() == ["transforms: no publisher on /tf or /tf_static"]
         one = robots.node("/one")
         robots.send_transforms(one, ("map", "dock"), topic="/tf_static", static=True)
-        robots.until(lambda: ready.missing() == [], "the static transform")
+        robots.until(lambda: ready.poll_all() == [], "the static transform")
         for node in (one, robots.node("/two")):
             robots.send_transforms(node, ("map", "odom"))
-        robots.until(lambda: "frame 'odom' has two sources" in str(ready.missing()), "the conflict")
+        robots.until(lambda: "frame 'odom' has two sources" in str(ready.poll_all()), "the conflict")
 
     def test_where_none_comes_it_is_told_where_they_are(self, robots: Robots) -> None:
         robots.send_transforms(robots.node("/tb1/ekf"), ("map", "odom"), topic="/tb1/tf")
@@ -799,7 +802,7 @@ class TestFrames:
         robots.until(lambda: not isinstance(look(), str), "the transforms")
         heard = frame_tree(robots.nodes[-1])
         messages: list[bool] = []
-        heard.listen(lambda: messages.append(isinstance(look(), str)))
+        heard.add_listener(lambda: messages.append(isinstance(look(), str)))
         robots.until(lambda: len(messages) > 20, "more of them")
         assert not any(messages)
 
@@ -821,7 +824,7 @@ class TestFrames:
         turns = PublisherAlternation()
         for at, number in enumerate(numbers):
             turns.add(["odom", f"wheel_{at}"], number, at / 2)
-        assert turns.contested(now) == contested
+        assert turns.contested_frames(now) == contested
 
     def test_a_static_frame_that_moves_is_nowhere_and_both_nodes_are_named(self, robots: Robots) -> None:
         robots.send_transforms(robots.node("/urdf"), ("odom", "base_link"), topic="/tf_static", static=True)
@@ -897,7 +900,7 @@ class TestWatch:
         watch = self.watch(robots.node("/mission"))
         robots.send_transforms(robots.node("/amcl"), ("map", "odom"))
         robots.until(lambda: ros_graph(robots.nodes[0]).publishers("/tf"), "the transforms")
-        watch.look()
+        watch.poll()
         assert not said.has("two sources")
         robots.send_transforms(robots.node("/tb2/amcl"), ("map", "odom"), x=9.0)
         robots.until(
@@ -909,7 +912,7 @@ class TestWatch:
         for name in ("/bag", "/gazebo"):
             robots.publish(robots.node(name), "/clock", "rosgraph_msgs/msg/Clock")
         robots.until(lambda: said.has("topic /clock: 2 publishers, of /bag and /gazebo"), "the report")
-        watch.look()
+        watch.poll()
 
     def test_a_localisation_of_another_robot_is_not_given_the_pose_of_this_one(
         self, robots: Robots, said: Said, monkeypatch: pytest.MonkeyPatch
@@ -928,7 +931,7 @@ class TestWatch:
         poses.publish(pose)
         watch, robot = self.watch(mission), robot_estimate(mission)
         robots.until(lambda: robot.pose and robot.lifecycle("amcl").state == "active", "the localisation")
-        watch.look()
+        watch.poll()
         other, told = robots.node("/tb2/amcl"), list[Any]()
         other.create_subscription(PoseWithCovarianceStamped, "/initialpose", told.append, 1)
         robots.publish(other, "/amcl_pose", POSES)
@@ -1008,7 +1011,7 @@ class TestLeaves:
         mission = robots.node("/mission")
         robots.serve(robots.node("/other"), "/tb1/detect_survivor")
         graph = ros_graph(mission)
-        robots.until(lambda: graph.ask(DETECTOR).elsewhere, "the service")
+        robots.until(lambda: graph.query(DETECTOR).elsewhere, "the service")
         leaf = RosService("Detect", Input("detect_survivor"), DETECT, server_timeout_sec=0.0)
         leaf.setup(node=mission)
         leaf.tick_once()

@@ -126,7 +126,7 @@ class TestActionLeaf:
         leaf.tick_once()
         assert leaf.status is status
         assert leaf.update() is status
-        assert leaf.settled()
+        assert leaf.is_settled()
         assert server.requests == 0
 
     def test_a_leaf_whose_goal_is_not_ready_is_asked_for_it_again(self, stage: "Stage") -> None:
@@ -191,7 +191,7 @@ class TestActionLeaf:
         server.script = ["feedback"]
         leaf = driver(stage, near=3.0)
         assert stage.run(leaf) is Status.SUCCESS
-        stage.until(leaf.settled, "the answer to the cancel")
+        stage.until(leaf.is_settled, "the answer to the cancel")
         stage.until(lambda: server.goals[0].final == "canceled", "the end of the goal")
         assert leaf.update() is Status.SUCCESS
 

@@ -280,17 +280,17 @@ class TestReports:
         for source in ("a", "b"):
             for problem in (ValueProblem.VALUE, ValueProblem.FRAME, ValueProblem.FUTURE):
                 for _ in range(2):
-                    reports.report(source, UnusableValueError(problem.value, problem))
+                    reports.report_problem(source, UnusableValueError(problem.value, problem))
         assert len(node.lines) == 6
 
     def test_a_stale_stamp_is_reported_when_it_stays(self, node: At, clock: At) -> None:
         reports = ValueReports(node)
         stale = UnusableValueError("old", ValueProblem.STALE)
-        reports.report("a", stale)
+        reports.report_problem("a", stale)
         clock.now_sec += 0.5
-        reports.report("a", stale)
+        reports.report_problem("a", stale)
         assert node.lines == []
         clock.now_sec += 0.6
-        reports.report("a", stale)
-        reports.report("a", stale)
+        reports.report_problem("a", stale)
+        reports.report_problem("a", stale)
         assert node.lines == ["a: old. It is treated as unknown."]

@@ -157,7 +157,7 @@ def test_a_topic_that_cannot_be_listened_to_is_told_of_and_the_others_are_record
     ros.spin_until(lambda: node.count_publishers("cmd_vel") == 2, "the other process")
     complaints: list[str] = []
     recorder = McapRecorder.create(tmp_path / "run.mcap", complaints.append)
-    recorder.listen(node)
+    recorder.record_topics(node)
     ros.spin_until(lambda: complaints and scans.get_subscription_count(), "the recorder")
     ros.spin_for(0.6)
     recorder.close()

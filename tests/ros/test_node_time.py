@@ -133,7 +133,7 @@ def test_a_robot_stands_after_half_a_second_of_its_own_time_however_fast_that_is
     for _ in range(2):
         bench.steady_sec += 0.01
         bench.ros_sec += 0.3
-        stands.append(robot.stands)
+        stands.append(robot.is_standing)
     assert stands == [False, True]
 
 

@@ -113,7 +113,7 @@ def comes_to_miss(ros: Ros, ready: Readiness, *lines: str) -> None:
 
     def just_this() -> bool:
         ready.poll()
-        last[:] = ready.missing()
+        last[:] = ready.poll_all()
         return last == list(lines)
 
     try:
@@ -234,7 +234,7 @@ class TestServers:
         detector(second)
         ros.spin_until(lambda: node.count_services("/detect_survivor") == 2, "both servers")
         ready = readiness(node, Use.service("detect_survivor"))
-        assert ready.contested
+        assert ready.has_rival_servers
         ros.remove(second)
         wait(ros, ready)
 
@@ -587,7 +587,7 @@ class TestNav2:
 
         other.create_service(GetState, "amcl/get_state", answer, callback_group=ReentrantCallbackGroup())
         state = robot_estimate(node).lifecycle("amcl")
-        ros.spin_until(lambda: state.missing() is None, "the second answer")
+        ros.spin_until(lambda: state.poll() is None, "the second answer")
         assert len(calls) >= 2
 
     def test_says_that_a_node_does_not_answer(self, ros: Ros) -> None:
@@ -601,7 +601,7 @@ class TestNav2:
 
         ros.node("other").create_service(GetState, "amcl/get_state", never)
         state = robot_estimate(ros.node()).lifecycle("amcl")
-        ros.spin_until(lambda: "has not answered" in (state.missing() or ""), "the service")
+        ros.spin_until(lambda: "has not answered" in (state.poll() or ""), "the service")
 
     def test_names_the_pose_that_was_not_answered(self, ros: Ros) -> None:
         nav2 = FakeNav2(ros.node("nav2"))
@@ -640,7 +640,7 @@ class TestNav2:
         class First(Requirement):
             line: str | None = "the first"
 
-            def missing(self) -> str | None:
+            def poll(self) -> str | None:
                 return self.line
 
         nav2, first = FakeNav2(ros.node("nav2")), First()
@@ -649,7 +649,7 @@ class TestNav2:
         assert localised is not None
 
         def is_known() -> bool:
-            assert ready.missing() == ["the first"]
+            assert ready.poll_all() == ["the first"]
             return nav2.asked == nav2.states.keys() and localised._has_been_listened_to(AWAKE.now())
 
         ros.spin_until(is_known, "the answers of Nav2")
@@ -754,14 +754,14 @@ class TestNav2:
         node = ros.node()
         robot = robot_of(node)
         ros.spin_until(lambda: robot.odometry is not None and robot.is_localised, "the place")
-        assert robot.place() == pytest.approx((1.0, 2.0, math.pi / 2))
+        assert robot.last_pose() == pytest.approx((1.0, 2.0, math.pi / 2))
         offset.transform.translation.x = math.nan
-        ros.spin_until(lambda: robot.place() is None, "a transform that is no number")
+        ros.spin_until(lambda: robot.last_pose() is None, "a transform that is no number")
         offset.transform.translation.x = 1.0
-        ros.spin_until(robot.place, "the place")
+        ros.spin_until(robot.last_pose, "the place")
         odometry.pose.pose.position.y, odometry.twist.twist.linear.x = math.nan, 0.5
         ros.spin_until(lambda: robot.moves, "odometry that is no number")
-        assert robot.place() == pytest.approx((1.0, 2.0, math.pi / 2))
+        assert robot.last_pose() == pytest.approx((1.0, 2.0, math.pi / 2))
         [line] = missing(ros, readiness(node, Use.nav2()), SILENCE_SEC)
         assert "locates the robot at (1.00, 2.00), 2.24 m from initial_pose (0.00, 0.00)" in line
         assert nav2.poses == []
@@ -803,7 +803,7 @@ class TestNav2:
         nav2, node = FakeNav2(ros.node("nav2")), ros.node()
         localised = LocalisationCheck(node, (0.0, 0.0, 0.0), restarts=True)
         ros.spin_until(lambda: node.count_subscribers("initialpose"), "the localisation")
-        localised.missing()
+        localised.poll()
         ros.spin_until(lambda: nav2.poses, "the pose")
         localised.close()
 

@@ -32,14 +32,14 @@ def told(ros):
     def tell(cells, width, height, **turn):
         entries: list[Any] = []
         journal = Journal()
-        journal.listen(entries.append)
+        journal.add_listener(entries.append)
         watch = RobotObserver(ros.node("mission"), journal)
         grid = OccupancyGrid(data=array("b", cells))
         grid.info.width, grid.info.height, grid.info.resolution = width, height, 0.5
         grid.info.origin.position.x, grid.info.origin.position.y = -1.0, -2.0
         for name, value in turn.items():
             setattr(grid.info.origin.orientation, name, value)
-        watch._take("map", grid)
+        watch._on_message("map", grid)
         return [entry.data for entry in entries if entry.kind == "map"]
 
     return tell
@@ -85,7 +85,7 @@ class Watched:
         self.journal = Journal()
         self._entries: list[JournalEntry] = []
         self.journal.clock = self.clock = ManualClock()
-        self.journal.listen(self._entries.append)
+        self.journal.add_listener(self._entries.append)
         self.watch = RobotObserver(node, self.journal)
 
     def told(self, kind):
@@ -151,7 +151,7 @@ def test_a_map_that_came_soon_after_another_one_is_told_later(watched):
         grid = OccupancyGrid(data=array("b", [cell]))
         grid.info.resolution = 0.05
         grid.info.width = grid.info.height = 1
-        watched.watch._take("map", grid)
+        watched.watch._on_message("map", grid)
     assert len(watched.told("map")) == 1
     watched.clock.advance(10.0)
     watched.wait("map", 2)
@@ -161,10 +161,10 @@ def test_a_plan_is_not_told_after_the_end_of_its_goal(watched):
     from nav_msgs.msg import Path
 
     for _ in range(2):
-        watched.watch._take("plan", Path())
+        watched.watch._on_message("plan", Path())
     watched.journal.record_observation("goal_ended", goal="a")
     watched.clock.advance(1.0)
-    watched.watch._look()
+    watched.watch._record_postponed()
     assert len(watched.told("plan")) == 1
 
 
@@ -176,7 +176,7 @@ def test_of_a_long_plan_some_200_points_are_told_and_the_goal_among_them(watched
     plan = Path(poses=[PoseStamped() for _ in range(count)])
     for number, stamped in enumerate(plan.poses):
         stamped.pose.position.x = float(number)
-    watched.watch._take("plan", plan)
+    watched.watch._on_message("plan", plan)
     (points,) = [data["points"] for data in watched.told("plan")]
     assert len(points) == told
     assert (points[0], points[-1]) == ((0.0, 0.0), (count - 1.0, 0.0))
@@ -188,7 +188,7 @@ def test_of_others_warnings_only_so_many_and_so_much_is_written(watched):
     for level in (20, 30):
         for _ in range(50):
             watched.watch._on_log(Log(name="other", level=level, msg="w" * 9_000))
-    watched.watch._look()
+    watched.watch._record_postponed()
     lines = watched.told("log")
     assert len(lines) == 21
     assert {len(line["text"]) for line in lines[:-1]} == {2006}

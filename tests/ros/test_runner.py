@@ -237,7 +237,7 @@ class TestTicking:
         runner = runner_of(probe, ros.node())
         runner.tick_tock(10.0, number_of_iterations=3)
         runner.wake()
-        ros.spin_until(lambda: not runner.running, "the end of the iterations")
+        ros.spin_until(lambda: not runner.is_running, "the end of the iterations")
         ros.spin_for(0.05)
         assert (probe.updates, runner.count, probe.ends) == (3, 3, [])
 
@@ -247,12 +247,12 @@ class TestTicking:
         runner.tick_tock(5.0, number_of_iterations=0)
         runner.wake()
         ros.spin_for(0.05)
-        assert (probe.updates, runner.running) == (0, False)
+        assert (probe.updates, runner.is_running) == (0, False)
 
     def test_can_be_started_again_after_its_iterations(self, ros: Ros) -> None:
         runner = runner_of(Probe(), ros.node())
         runner.tick_tock(5.0, number_of_iterations=2)
-        ros.spin_until(lambda: not runner.running, "the end of the iterations")
+        ros.spin_until(lambda: not runner.is_running, "the end of the iterations")
         runner.tick_tock(5.0, number_of_iterations=2)
         ros.spin_until(lambda: runner.count == 4, "two more ticks")
 
@@ -261,7 +261,7 @@ class TestTicking:
         probe = Probe(on_update=lambda probe: Status.SUCCESS if probe.updates == 3 else Status.RUNNING)
         runner = runner_of(probe, ros.node())
         runner.tick_tock(5.0, until=until)
-        ros.spin_until(lambda: not runner.running, "the end of ticking")
+        ros.spin_until(lambda: not runner.is_running, "the end of ticking")
         ros.spin_for(0.1)
         assert (probe.updates, runner.last_status) == (3, Status.SUCCESS)
 
@@ -276,7 +276,7 @@ class TestTicking:
         runner.add_pre_tick_handler(lambda _: order.append("added before"))
         runner.add_post_tick_handler(lambda _: order.append("added after"))
         runner.tick_tock(5.0, 1, lambda _: order.append("before"), lambda _: order.append("after"))
-        ros.spin_until(lambda: not runner.running, "one tick")
+        ros.spin_until(lambda: not runner.is_running, "one tick")
         assert order == ["before", "added before", "tick", "added after", "after"]
 
     def test_visitors_see_what_was_ticked(self, ros: Ros) -> None:
@@ -392,7 +392,7 @@ class TestStopping:
         runner.stop()
         ticks = probe.updates
         ros.spin_for(0.05)
-        assert (probe.ends, probe.updates, runner.running) == ([Status.INVALID], ticks, False)
+        assert (probe.ends, probe.updates, runner.is_running) == ([Status.INVALID], ticks, False)
         assert runner.last_status == Status.RUNNING
 
     def test_an_interrupt_from_another_thread_stops_in_the_executors(self, ros: Ros) -> None:
@@ -405,7 +405,7 @@ class TestStopping:
         other.start()
         ros.spin_until(lambda: probe.ends == [Status.INVALID], "the end of the tree")
         other.join()
-        assert not runner.running
+        assert not runner.is_running
 
     def test_a_handler_can_stop_on_the_status_of_the_tick(self, ros: Ros) -> None:
         probe = Probe(on_update=lambda probe: Status.SUCCESS if probe.updates == 3 else Status.RUNNING)
@@ -416,7 +416,7 @@ class TestStopping:
                 tree.stop()
 
         runner.tick_tock(5.0, post_tick_handler=stop_when_done)
-        ros.spin_until(lambda: not runner.running, "the end of the tree")
+        ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert (probe.updates, runner.count, runner.last_status) == (3, 3, Status.SUCCESS)
 
     def test_a_leaf_that_stops_the_runner_finishes_its_tick(self, ros: Ros) -> None:
@@ -427,7 +427,7 @@ class TestStopping:
         probe = Probe(on_update=stop)
         runner = runner_of(probe, ros.node())
         runner.tick_tock(5.0)
-        ros.spin_until(lambda: not runner.running, "the end of the tree")
+        ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert (probe.updates, probe.ends, runner.failure) == (1, [Status.INVALID], None)
 
     def test_settles_when_the_leaves_have(self, ros: Ros) -> None:
@@ -477,7 +477,7 @@ class TestFailing:
         probe = Probe("Grip", on_update=failing)
         runner = runner_of(sequence(probe), ros.node())
         runner.tick_tock(5.0)
-        ros.spin_until(lambda: not runner.running, "the end of the tree")
+        ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert isinstance(runner.failure, ValueError)
         assert runner.failed_behaviour is probe
         assert said.has("'Grip' (Probe)", "ValueError: the arm fell off")
@@ -486,7 +486,7 @@ class TestFailing:
         driving, broken = Probe("Driving"), Probe("Grip", on_update=failing)
         runner = runner_of(sequence(side_by_side(driving, broken)), ros.node())
         runner.tick_tock(5.0)
-        ros.spin_until(lambda: not runner.running, "the end of the tree")
+        ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert driving.ends == [Status.INVALID]
         assert all(node.status != Status.RUNNING for node in runner.root.iterate())
 
@@ -494,7 +494,7 @@ class TestFailing:
         broken = Probe("Grip", on_update=failing)
         runner = runner_of(broken, ros.node())
         runner.tick_tock(5.0)
-        ros.spin_until(lambda: not runner.running, "the end of the tree")
+        ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert (broken.starts, broken.ends) == (1, [Status.INVALID])
 
     def test_a_leaf_that_fails_while_it_is_stopped_does_not_spare_the_others(
@@ -532,7 +532,7 @@ class TestFailing:
 
         runner = runner_of(Probe(), ros.node())
         runner.tick_tock(5.0, post_tick_handler=fail)
-        ros.spin_until(lambda: not runner.running, "the end of the tree")
+        ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert isinstance(runner.failure, ValueError)
         assert runner.failed_behaviour is None
         assert said.has("a tick handler failed")
@@ -544,7 +544,7 @@ class TestFailing:
         probe = Probe("Out", on_update=lambda _: returned)
         runner = runner_of(sequence(probe), ros.node())
         runner.tick_tock(5.0)
-        ros.spin_until(lambda: not runner.running, "the end of the tree")
+        ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert (runner.failed_behaviour, probe.updates, probe.ends) == (probe, 1, [Status.INVALID])
         assert said.has(
             f"'Out' (Probe) failed: update() returned {returned!r}, which is not a status: "
@@ -561,7 +561,7 @@ class TestFailing:
         probe = Probe("Out", on_update=forget)
         runner = runner_of(Timeout("Within", probe, 30.0, ManualClock()), ros.node())
         runner.tick_tock(5.0)
-        ros.spin_until(lambda: not runner.running, "the end of the tree")
+        ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert (runner.failed_behaviour, probe.updates) == (probe, 3)
         assert set(probe.ends) == {Status.INVALID}
 
@@ -569,7 +569,7 @@ class TestFailing:
         probe = Probe(on_update=lambda _: Status.INVALID)
         runner = runner_of(probe, ros.node())
         runner.tick_tock(5.0, number_of_iterations=3)
-        ros.spin_until(lambda: not runner.running, "three ticks")
+        ros.spin_until(lambda: not runner.is_running, "three ticks")
         assert (probe.updates, runner.failure) == (3, None)
 
     def test_behaviours_keep_their_classes(self, ros: Ros) -> None:
@@ -754,7 +754,7 @@ def test_a_tree_does_the_same_under_py_trees_own_manager(ros: Ros) -> None:
     theirs: list[str] = []
     runner = runner_of(contract_shaped(ours), ros.node())
     runner.tick_tock(2.0, number_of_iterations=15)
-    ros.spin_until(lambda: not runner.running, "15 ticks")
+    ros.spin_until(lambda: not runner.is_running, "15 ticks")
     tree = py_trees.trees.BehaviourTree(contract_shaped(theirs))
     tree.setup()
     for _ in range(15):

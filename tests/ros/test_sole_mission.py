@@ -28,17 +28,17 @@ def seen(ros: Ros, one: RobotLease, number: int = 1) -> None:
 
 def test_alone_on_a_robot_it_is_clear_after_the_look_around(ros: Ros) -> None:
     alone = RobotLease(ros.node("first"), DRIVE, look_sec=0.2)
-    assert alone.missing() == "looking for another mission on this robot"
-    ros.spin_until(lambda: alone.missing() is None, "the end of the look around")
-    assert alone.trouble() == ""
+    assert alone.poll() == "looking for another mission on this robot"
+    ros.spin_until(lambda: alone.poll() is None, "the end of the look around")
+    assert alone.conflict() == ""
 
 
 def test_it_looks_around_anew_when_a_node_comes_into_sight(ros: Ros) -> None:
     alone = RobotLease(ros.node("first"), DRIVE, look_sec=0.2)
-    ros.spin_until(lambda: alone.missing() is None, "the end of the look around")
+    ros.spin_until(lambda: alone.poll() is None, "the end of the look around")
     ros.node("another")
-    ros.spin_until(alone.missing, "another look around")
-    ros.spin_until(lambda: alone.missing() is None, "its end")
+    ros.spin_until(alone.poll, "another look around")
+    ros.spin_until(lambda: alone.poll() is None, "its end")
 
 
 def test_neither_nodes_that_are_there_already_nor_its_own_ones_prolong_the_look(
@@ -47,15 +47,15 @@ def test_neither_nodes_that_are_there_already_nor_its_own_ones_prolong_the_look(
     node, now = ros.node("first"), [100.0]
     monkeypatch.setattr("sar_compiler.ros.robot_lease.time.monotonic", lambda: now[0])
     names = ["/first", "/controller"]
-    monkeypatch.setattr(RosGraph, "nodes", lambda _: Counter(names))
+    monkeypatch.setattr(RosGraph, "node_counts", lambda _: Counter(names))
     alone = RobotLease(node, DRIVE, look_sec=1.0)
     now[0] = 100.9
-    assert alone.missing()
+    assert alone.poll()
     names.append("/_first_frames")
     now[0] = 101.0
-    assert alone.missing() is None
+    assert alone.poll() is None
     names.append("/_first_frames")  # that of another mission of this name
-    assert alone.missing()
+    assert alone.poll()
 
 
 def test_it_looks_around_no_longer_than_ten_times_as_long_where_nodes_keep_coming(
@@ -64,11 +64,11 @@ def test_it_looks_around_no_longer_than_ten_times_as_long_where_nodes_keep_comin
     node, now = ros.node("first"), [100.0]
     monkeypatch.setattr("sar_compiler.ros.robot_lease.time.monotonic", lambda: now[0])
     names: list[str] = []
-    monkeypatch.setattr(RosGraph, "nodes", lambda _: Counter(names))
+    monkeypatch.setattr(RosGraph, "node_counts", lambda _: Counter(names))
     alone = RobotLease(node, DRIVE, look_sec=1.0)
     for number in range(100):
         names.append(f"/node_{number}")
-        if alone.missing() is None:
+        if alone.poll() is None:
             break
         now[0] += 0.5
     assert now[0] == 110.0
@@ -79,17 +79,17 @@ def test_one_that_runs_goes_before_one_that_begins_whoever_is_older(ros: Ros) ->
     running.run()
     ros.spin_until(lambda: any(each.runs for each in newcomer._others.values()), "the claim of what runs")
     with pytest.raises(AnotherMissionError, match=r"node /running \(process \d+ on .*'/navigate_to_pose'"):
-        newcomer.missing()
-    assert running.trouble() == ""
+        newcomer.poll()
+    assert running.conflict() == ""
 
 
 def test_of_two_that_begin_at_once_the_younger_gives_way(ros: Ros) -> None:
     older, younger = mission(ros, "older"), mission(ros, "younger")
     seen(ros, older)
     seen(ros, younger)
-    assert older.missing() is None
+    assert older.poll() is None
     with pytest.raises(AnotherMissionError):
-        younger.missing()
+        younger.poll()
 
 
 def test_of_two_that_run_and_have_not_seen_each_other_the_younger_gives_way(ros: Ros, said: Said) -> None:
@@ -98,8 +98,8 @@ def test_of_two_that_run_and_have_not_seen_each_other_the_younger_gives_way(ros:
     younger.run()
     for one in (older, younger):
         ros.spin_until(lambda one=one: any(each.runs for each in one._others.values()), "the claims")  # type: ignore[misc]
-    assert older.trouble() == ""
-    assert "node /older" in younger.trouble()
+    assert older.conflict() == ""
+    assert "node /older" in younger.conflict()
     assert said.has("Another mission claims this robot: node /younger")
 
 
@@ -107,7 +107,7 @@ def test_another_action_is_another_robot(ros: Ros) -> None:
     mission(ros, "first", ["robot1/navigate_to_pose"]).run()
     second = mission(ros, "second", ["robot2/navigate_to_pose"])
     ros.spin_for(0.3)
-    assert second.missing() is None
+    assert second.poll() is None
 
 
 def test_who_only_looks_claims_nothing_and_sees_all(ros: Ros) -> None:
@@ -116,7 +116,7 @@ def test_who_only_looks_claims_nothing_and_sees_all(ros: Ros) -> None:
     looking = mission(ros, "looking", claims=False)
     seen(ros, looking)
     with pytest.raises(AnotherMissionError):
-        looking.missing()
+        looking.poll()
     assert running._others == {}
 
 
@@ -127,7 +127,7 @@ def test_one_that_has_ended_says_nothing_to_the_next(make_ros: Callable[[], Ros]
     second = make_ros()
     next_one = mission(second)
     second.spin_for(0.3)
-    assert next_one.missing() is None
+    assert next_one.poll() is None
 
 
 @pytest.mark.parametrize(
@@ -144,8 +144,8 @@ def test_one_that_has_ended_says_nothing_to_the_next(make_ros: Callable[[], Ros]
 )
 def test_what_is_no_claim_is_not_heeded(ros: Ros, text: str) -> None:
     alone = mission(ros)
-    alone._take(String(data=text))
-    assert alone.missing() is None
+    alone._on_claim(String(data=text))
+    assert alone.poll() is None
 
 
 def test_what_another_says_of_itself_is_shown_without_what_a_terminal_would_obey() -> None:
@@ -167,9 +167,9 @@ def test_claims_without_end_are_told_eight_times_and_forgotten(ros: Ros, said: S
     running = mission(ros, "running")
     running.run()
     claims(ros, 300)
-    ros.spin_until(lambda: running.trouble() == "" and said.has("Further missions"), "the end of it")
+    ros.spin_until(lambda: running.conflict() == "" and said.has("Further missions"), "the end of it")
     ros.spin_for(0.3)
-    assert running.trouble() == ""
+    assert running.conflict() == ""
     assert len(running._others) == len(running._told) == 8
     assert len([line for line in said.lines() if "Another mission claims this robot" in line]) == 8
 
@@ -180,7 +180,7 @@ def test_one_that_goes_before_is_heeded_among_claims_without_end(ros: Ros) -> No
     claims(ros, 300)
     ros.spin_until(lambda: len(running._others) == 8, "the claims")
     claims(ros, 1, runs=True, since=1, key="older")
-    ros.spin_until(running.trouble, "the older mission's claim")
+    ros.spin_until(running.conflict, "the older mission's claim")
     assert len(running._others) == 8
 
 
@@ -189,12 +189,12 @@ def test_a_node_of_the_same_name_is_told_once_when_it_is_no_shadow(
 ) -> None:
     monkeypatch.setattr("sar_compiler.ros.robot_lease.SHADOW_SEC", 0.2)
     running = mission(ros, "search_and_rescue")
-    assert running.trouble() == ""
+    assert running.conflict() == ""
     ros.node("search_and_rescue")
     ros.spin_until(
-        lambda: running.trouble() == "" and said.has("Another node is also called /search_and_rescue:"),
+        lambda: running.conflict() == "" and said.has("Another node is also called /search_and_rescue:"),
         "the word of the other node",
     )
     ros.spin_for(0.5)
-    assert running.trouble() == ""
+    assert running.conflict() == ""
     assert len([line for line in said.lines() if "is also called" in line]) == 1

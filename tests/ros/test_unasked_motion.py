@@ -42,7 +42,7 @@ class Robot:
         self.statuses = other.create_publisher(GoalStatusArray, "navigate_to_pose/_action/status", latched)
         self.estimate, self._goals = robot_estimate(node), active_goals_of(node)
         self.motion = UnrequestedMotion(node, ["navigate_to_pose"])
-        ros.spin_until(lambda: self.estimate.stands, "the first odometry")
+        ros.spin_until(lambda: self.estimate.is_standing, "the first odometry")
         ros.spin_until(self._sees_all_servers, "the servers")
 
     def _sees_all_servers(self) -> bool:
@@ -64,11 +64,11 @@ class Robot:
     def drive(self) -> str:
         """Begin a goal of the mission, and return its id."""
         goal = uuid.uuid4().hex
-        self._goals.sending(goal, ACTION)
+        self._goals.before_sending(goal, ACTION)
         return goal
 
     def end(self, goal: str, status: int = ABORTED) -> None:
-        self._goals.ended(goal, status)
+        self._goals.mark_ended(goal, status)
 
 
 @pytest.fixture
@@ -139,7 +139,7 @@ def test_a_robot_that_does_not_stop_is_cancelled_again(robot: Robot) -> None:
 def test_what_a_silent_server_leaves_driving_is_stopped_as_well(robot: Robot) -> None:
     goal = robot.drive()
     robot.speed = 0.25
-    robot._goals.lost(goal)
+    robot._goals.mark_lost(goal)
     robot.ros.spin_until(lambda: robot.cancelled, "the cancels")
 
 
@@ -187,9 +187,9 @@ def test_a_robot_that_brakes_is_no_robot_that_drives_on(
     robot.end(goal)
     robot.ros.spin_until(lambda: robot.motion._since, "the first look at the movement")
     clock.advance(0.2)
-    robot.motion.look()
+    robot.motion.poll()
     robot.speed = 0.0
-    robot.ros.spin_until(lambda: robot.estimate.stands, "its stop")
+    robot.ros.spin_until(lambda: robot.estimate.is_standing, "its stop")
     assert robot.cancelled == []
     assert not said.has("The robot moves")
 
@@ -199,10 +199,10 @@ def test_without_odometry_the_end_of_a_goal_counts_and_that_is_told_once(robot: 
     robot.ros.spin_until(lambda: robot.estimate.moves is None, "the silence")
     robot.end(robot.drive())
     for _ in range(3):
-        robot.motion.look()
+        robot.motion.poll()
     robot.ros.spin_until(lambda: said.has("No odometry arrives on odometry/filtered"), "the note")
     assert sum("No odometry arrives" in line for line in said.lines()) == 1
-    assert robot.estimate.stands is None
+    assert robot.estimate.is_standing is None
 
 
 def test_a_speed_that_is_no_number_says_nothing(robot: Robot) -> None:

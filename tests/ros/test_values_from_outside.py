@@ -128,10 +128,12 @@ def test_a_pose_that_is_none_is_reported_and_the_last_one_stays(
 ) -> None:
     robot.until(robot.pose, lambda: robot.estimate.pose, "a pose")
     robot.until(lambda: robot.pose(change, x=9.0), lambda: robot.estimate.pose_problem, "the unusable pose")
-    assert robot.estimate.place() == (1.0, 0.0, 0.0)
+    assert robot.estimate.last_pose() == (1.0, 0.0, 0.0)
     assert said in robot.estimate.pose_problem
     assert [said in each and "'amcl_pose'" in each for each in robot.warnings] == [True]
-    robot.until(lambda: robot.pose(x=3.0), lambda: robot.estimate.place() == (3.0, 0.0, 0.0), "the next pose")
+    robot.until(
+        lambda: robot.pose(x=3.0), lambda: robot.estimate.last_pose() == (3.0, 0.0, 0.0), "the next pose"
+    )
     assert robot.estimate.pose_problem == ""
 
 
@@ -189,10 +191,10 @@ def test_a_transform_that_is_none_places_no_robot(
     def both() -> None:
         robot.odometry()
         robot.transform(change)
-        robot.estimate.place()
+        robot.estimate.last_pose()
 
     robot.until(both, lambda: robot.warnings, "the report")
-    assert robot.estimate.place() is None
+    assert robot.estimate.last_pose() is None
     assert said in robot.warnings[0]
     assert "'/tf'" in robot.warnings[0]
 

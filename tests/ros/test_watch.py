@@ -83,7 +83,7 @@ class Scene:
 
     def until(self, wanted: Any, what: str) -> None:
         def looked() -> object:
-            self.watch.look()
+            self.watch.poll()
             return wanted()
 
         self.ros.spin_until(looked, what)
@@ -191,7 +191,7 @@ def test_what_the_robot_lacks_is_in_the_journal_until_it_is_back(scene: Scene) -
     from sar_compiler.ros.robot_observer import RobotObserver
 
     journal, told = Journal(), []
-    journal.listen(lambda entry: told.append(entry.data["text"]) if entry.kind == "lacks" else None)
+    journal.add_listener(lambda entry: told.append(entry.data["text"]) if entry.kind == "lacks" else None)
     RobotObserver(scene.watch._node, journal)
     scene.begin()
     scene.nav2.navigator = "inactive"
@@ -212,10 +212,10 @@ def test_the_battery_is_in_the_journal_where_it_has_changed(scene: Scene) -> Non
 
     journal, told = Journal(), []
     journal.clock = clock = ManualClock()
-    journal.listen(lambda entry: told.append(entry.data["share"]) if entry.kind == "battery" else None)
+    journal.add_listener(lambda entry: told.append(entry.data["share"]) if entry.kind == "battery" else None)
     observer = RobotObserver(scene.watch._node, journal)
     for share in (0.904, 0.896, math.nan, 0.85):
-        observer._take("battery", BatteryState(percentage=share))
+        observer._on_message("battery", BatteryState(percentage=share))
         clock.advance(2.0)
     assert told == [0.9, 0.85]
 
@@ -227,8 +227,8 @@ def test_a_robot_whose_nav2_is_not_heard_lacks_that_and_nothing_else(
     known = scene.watch._localisation
     assert known is not None
     known._robot.lacks = "what was lacked before"
-    monkeypatch.setattr(known, "_deafness", lambda: "it receives nothing from amcl")
-    scene.watch.look()
+    monkeypatch.setattr(known, "_lost_discovery", lambda: "it receives nothing from amcl")
+    scene.watch.poll()
     assert known._robot.lacks == scene.watch.lost_discovery == "it receives nothing from amcl"
 
 
@@ -258,7 +258,7 @@ def test_whoever_asks_for_a_node_s_state_shares_what_is_known_of_it_and_how_old_
     amcl = robot_estimate(node).lifecycle("amcl")
     assert amcl.age_sec == float("inf")
     start = robot_estimate(node).lifecycle("amcl")
-    ros.spin_until(lambda: start.missing() is None, "its state")
+    ros.spin_until(lambda: start.poll() is None, "its state")
     assert (amcl.state, amcl.is_awaited()) == ("active", False)
     assert amcl.age_sec < 60.0
     drives = robot_estimate(node).driving_nodes

@@ -47,7 +47,7 @@ def asking(tag: str) -> Callable[..., Any]:
 
     def make(name: str, below: object, leaf: Behaviour) -> EngineParent:
         made: EngineParent = maker(name, below)
-        made.ask(leaf)
+        made.insert_leaf(leaf)
         return made
 
     return make

@@ -257,7 +257,7 @@ class Navigator:
         goal, before = _PassedOn(handle, self._now), self._goal
         handle.execute(goal.run)
         if before is not None:
-            before.end(end_of_replaced_goal(before))
+            before.finish(end_of_replaced_goal(before))
         self._goal = goal
         self._send_on(goal)
 
@@ -304,7 +304,7 @@ class Navigator:
 
     def _end(self, goal: _PassedOn, outcome: DriveOutcome) -> None:
         if goal is self._goal:
-            goal.end(outcome)
+            goal.finish(outcome)
             self._goal = None
 
 
@@ -379,7 +379,7 @@ def _make_part(
     if name == AMCL:
         return _Localiser(host, robot, navigation.occupancy, localised=localised)
     if name == CONTROLLER:
-        return Controller(host, robot, navigation, robot.place)
+        return Controller(host, robot, navigation, robot.poses)
     return Navigator(host, robot)
 
 
@@ -388,7 +388,7 @@ def _tell_truth(node: Node, simulation: Simulation) -> None:
     places = node.create_publisher(TFMessage, _PLACES, 10)
 
     def on_odometry(message: Odometry) -> None:
-        stamp, (pose, odometry) = message.header.stamp, simulation._robots[""].place
+        stamp, (pose, odometry) = message.header.stamp, simulation._robots[""].poses
         truth, measured = to_transform(_MAP, _BASE, pose, stamp), to_transform(_ODOM, _BASE, odometry, stamp)
         places.publish(TFMessage(transforms=[truth, measured]))
 

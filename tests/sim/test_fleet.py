@@ -148,7 +148,10 @@ class TestSolidity:
         starts = [Pose2D(0.0, 0.0), Pose2D(0.5, 0.1, 2.0), Pose2D(0.2, 0.6, -1.5)]
         for states in run(placed(*starts, world=disaster_zone), spread(drawn)):
             for number, state in enumerate(states):
-                assert disaster_zone.solid.clearance(state.pose.x, state.pose.y) >= disaster_zone.robot_radius
+                assert (
+                    disaster_zone.obstacle_arrays.clearance(state.pose.x, state.pose.y)
+                    >= disaster_zone.robot_radius
+                )
                 for other in states[number + 1 :]:
                     assert state.pose.distance_to(other.pose) >= 2 * disaster_zone.robot_radius
 

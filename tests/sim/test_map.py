@@ -37,9 +37,9 @@ def test_the_map_agrees_with_the_world(disaster_zone: World, shipped_map: Occupa
     for value, near, far in ((FREE, 0.0, np.inf), (OCCUPIED, 0.0, 0.08)):
         cells = np.argwhere(shipped_map.cells == value)
         centres = shipped_map.centre_of(cells[:, 0], cells[:, 1])
-        clearances = np.array([disaster_zone.solid.clearance(x, y) for x, y in centres])
+        clearances = np.array([disaster_zone.obstacle_arrays.clearance(x, y) for x, y in centres])
         assert ((near <= clearances) & (clearances <= far)).all()
-    inside = [cell for x, y, _ in disaster_zone.solid.discs if (cell := shipped_map.cell_at(x, y))]
+    inside = [cell for x, y, _ in disaster_zone.obstacle_arrays.discs if (cell := shipped_map.cell_at(x, y))]
     assert [shipped_map.cells[cell] for cell in inside] == [UNKNOWN]
 
 

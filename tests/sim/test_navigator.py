@@ -184,11 +184,11 @@ def test_the_distance_remaining_falls_to_nothing(disaster_zone: World, planner: 
 
 def test_a_path_that_passes_its_own_end_is_driven_all_the_way() -> None:
     robot = Robot(World("open", HOME, 0.22))
-    path = Path2D.through(np.array([(0.0, 0.0), (2.0, 0.0), (1.0, 1.0), (0.0, 0.0)]))
+    path = Path2D.through_corners(np.array([(0.0, 0.0), (2.0, 0.0), (1.0, 1.0), (0.0, 0.0)]))
     follower = Follower(path, None, robot.limits)
     farthest = 0.0
     for _ in range(800):
         robot.command(follower.command(robot.state))
         farthest = max(farthest, robot.step(STEP).pose.x)
-    assert follower.done
+    assert follower.is_done
     assert farthest > 1.5

@@ -41,7 +41,9 @@ def test_whatever_the_commands_the_body_never_enters_an_obstacle(
     robot = Robot(disaster_zone, limits=Limits(speed=speed, acceleration=50.0))
     for state in drive(robot, orders):
         assert state.pose.is_finite
-        assert disaster_zone.solid.clearance(state.pose.x, state.pose.y) >= disaster_zone.robot_radius
+        assert (
+            disaster_zone.obstacle_arrays.clearance(state.pose.x, state.pose.y) >= disaster_zone.robot_radius
+        )
 
 
 @given(commands, st.integers(0, 3))

@@ -72,14 +72,14 @@ def test_an_answer_comes_one_step_after_its_question(start: Start, ros_context: 
 def test_a_node_that_needs_a_wait_set_is_served_beside_the_world(start: Start, ros_context: Any) -> None:
     from rclpy.node import Node
 
-    from sar_compiler.ros.executors import suited
+    from sar_compiler.ros.executors import suitable_executor
 
     node = Node("guarded", context=ros_context, start_parameter_services=False)
     simulation, executor = start(extra_nodes=[node])
     heard: list[str] = []
     guard = node.create_guard_condition(lambda: heard.append("the guard"))
     for _ in range(2):
-        assert suited(executor, node) is executor
+        assert suitable_executor(executor, node) is executor
     guard.trigger()
     executor.spin_once()
     assert heard == ["the guard"]

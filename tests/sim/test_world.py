@@ -61,12 +61,13 @@ def test_a_disc_that_touches_may_leave_and_slide_along() -> None:
 def test_no_point_of_a_free_line_is_too_near(x: float, y: float, heading: float, length: float) -> None:
     world = find_world("disaster_zone")
     radius = world.robot_radius
-    if world.solid.clearance(x, y) <= radius:
+    if world.obstacle_arrays.clearance(x, y) <= radius:
         return
-    free = world.solid.free_travel((x, y), heading, length, radius)
+    free = world.obstacle_arrays.free_travel((x, y), heading, length, radius)
     for part in np.linspace(0.0, free, 50):
         assert (
-            world.solid.clearance(x + part * math.cos(heading), y + part * math.sin(heading)) >= radius - 1e-9
+            world.obstacle_arrays.clearance(x + part * math.cos(heading), y + part * math.sin(heading))
+            >= radius - 1e-9
         )
 
 
@@ -78,10 +79,12 @@ def test_a_ray_ends_at_the_first_surface() -> None:
 
 def test_a_scan_has_the_noise_of_its_seed(disaster_zone: World) -> None:
     lidar, pose = Lidar(), Pose2D(0.5, 0.5, 0.3)
-    scans = [lidar.scan(disaster_zone.solid, pose, np.random.default_rng(seed)) for seed in (1, 1, 2)]
+    scans = [
+        lidar.scan(disaster_zone.obstacle_arrays, pose, np.random.default_rng(seed)) for seed in (1, 1, 2)
+    ]
     assert np.array_equal(scans[0], scans[1])
     assert not np.array_equal(scans[0], scans[2])
-    truth = cast(disaster_zone.solid, pose.x, pose.y, lidar.angles + pose.yaw)
+    truth = cast(disaster_zone.obstacle_arrays, pose.x, pose.y, lidar.angles + pose.yaw)
     assert np.abs(scans[0] - truth).max() < 6 * lidar.noise
 
 
@@ -108,7 +111,7 @@ def test_the_shipped_world_is_the_disaster_zone(disaster_zone: World) -> None:
 def test_the_empty_world_has_no_map() -> None:
     world = find_world("empty")
     assert world.map_path is None
-    assert world.solid.clearance(0.0, 0.0) > 19.0
+    assert world.obstacle_arrays.clearance(0.0, 0.0) > 19.0
 
 
 def test_a_world_that_is_not_there_is_named_with_those_that_are() -> None:

@@ -43,7 +43,7 @@ def test_an_included_file_that_cannot_be_read_is_a_finding(path, kind):
     make, message = NO_FILES[kind]
     make(str(path.with_name("part.xml")))
     text = TREE.replace("<BehaviorTree", '<include path="part.xml"/><BehaviorTree', 1)
-    answer: Any = Studio(path).answer("look", {"text": text})
+    answer: Any = Studio(path).answer_question("look", {"text": text})
     [found] = answer["findings"]
     # A link to a device leads out of the folder, which is refused first.
     assert found["code"] == "include-outside" if kind == "a device" else message in found["message"]

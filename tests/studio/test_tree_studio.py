@@ -24,7 +24,7 @@ TEXT = SHIPPED.read_text(encoding="utf-8")
 
 
 def ask(question, text=TEXT, **values) -> Any:
-    return Studio(SHIPPED).answer(question, {"text": text, **values})
+    return Studio(SHIPPED).answer_question(question, {"text": text, **values})
 
 
 def names_in(drawing):

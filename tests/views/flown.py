@@ -95,7 +95,7 @@ def flown(simulated, policy, journal=None, **about):
     simulated.policy = policy
     journal = journal or Journal()
     stream: list[JournalEntry] = []
-    journal.listen(stream.append)
+    journal.add_listener(stream.append)
     journal.clock = simulated.clock
     looks = [
         ["condition" if each.name.startswith(CONDITION) else "action", ""]

@@ -11,7 +11,7 @@ from lxml import etree
 
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.testing import compiled
+from sar_compiler.testing import compile_for_test
 from sar_compiler.views.drawing import (
     _NARROW,
     Shape,
@@ -145,7 +145,7 @@ def test_what_attributes_put_around_a_node_is_drawn_as_a_decorator():
 
 
 def test_a_node_says_where_it_stands_in_its_file():
-    nodes = drawn_nodes(compiled("trees/search_and_rescue.xml"))
+    nodes = drawn_nodes(compile_for_test("trees/search_and_rescue.xml"))
     assert nodes[1].title == "trees/search_and_rescue.xml:13 <Sequence> Patrol"
 
 
@@ -223,7 +223,7 @@ def test_a_deep_tree_is_drawn():
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_every_format_has_every_node_of_a_shipped_tree(name):
-    drawn = compiled(name)
+    drawn = compile_for_test(name)
     nodes = drawn_nodes(drawn)
     assert labels(svg(drawn)) == [[text for text in (each.label, each.details) if text] for each in nodes]
     edges = {(each.parent, number) for number, each in enumerate(nodes) if each.parent >= 0}
@@ -303,7 +303,7 @@ def test_a_box_is_as_wide_as_its_text_wherever_that_is_from():
 
 
 def test_a_flowchart_that_github_does_not_draw_is_known():
-    assert not too_large(mermaid(compiled("search_and_rescue_guarded")))
+    assert not too_large(mermaid(compile_for_test("search_and_rescue_guarded")))
     assert not too_large(mermaid(tree_of(f"<Sequence>{'<AlwaysSuccess/>' * 499}</Sequence>")))
     assert too_large(mermaid(tree_of(f"<Sequence>{'<AlwaysSuccess/>' * 500}</Sequence>")))
 

@@ -69,7 +69,9 @@ def test_without_a_home_nothing_is_told_from_there(monkeypatch):
 def test_files_of_the_tree_are_told_from_the_folder_that_they_share(files, told):
     first, other = ({"name": "n", "children": [], "file": file, "line": 1} for file in files)
     began = {"tree": {**first, "children": [other]}, "run": {"parameters": {"map": files[0]}}}
-    (entry,) = PathShortener(Path("/var/journals")).of([JournalEntry(1, 1, 0.0, 0.0, "run_began", began)])
+    (entry,) = PathShortener(Path("/var/journals")).shorten_stream(
+        [JournalEntry(1, 1, 0.0, 0.0, "run_began", began)]
+    )
     tree = entry.data["tree"]
     assert [tree["file"], tree["children"][0]["file"]] == told
     assert entry.data["run"]["parameters"]["map"] == told[0]

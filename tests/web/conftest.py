@@ -141,7 +141,7 @@ class Live:
         self.verbs = list(verbs)
         hello: dict[str, object] = {"verbs": [self.verbs], "tools": [*(tools or ())]}
         self.feed = LiveFeed(hello, lambda: {"verbs": [[verb["name"] for verb in self.verbs]]})
-        self.journal.listen(self.feed.take)
+        self.journal.add_listener(self.feed.add_entry)
         self.server = PageServer(self.feed, port, orders, tools)
         self.server.start()
 
@@ -233,7 +233,7 @@ def patrol_report(tell):
     entries: list[JournalEntry] = []
     journal = Journal()
     journal.clock = ManualClock(100.0)
-    journal.listen(entries.append)
+    journal.add_listener(entries.append)
     journal.attach(Patrol(), KINDS)
     journal.begin(ABOUT, {"node": "/patrol"})
     tell(journal)

@@ -99,10 +99,10 @@ def main(scene: str, place: str) -> None:
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
     journal = open_journal(Path(place))
     state = MissionState()
-    journal.listen(state.apply)
+    journal.add_listener(state.apply)
     verbs = [[verb["name"] for verb in VERBS]]
     feed = LiveFeed({"robots": ["/patrol"], "verbs": [VERBS]}, lambda: {"verbs": verbs})
-    journal.listen(feed.take)
+    journal.add_listener(feed.add_entry)
     fly(journal, scene)
     server = PageServer(feed, 0, Deaf())
     server.start()

@@ -103,7 +103,7 @@ def history(seed, count):
     for run in (1, 2):
         journal = Journal()
         told: list[JournalEntry] = []
-        journal.listen(told.append)
+        journal.add_listener(told.append)
         fly(journal, seed + run, count)
         number = 1 if seed % 3 == 0 else run
         entries += [entry._replace(run=number) for entry in told]

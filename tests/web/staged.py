@@ -70,7 +70,7 @@ class Robot:
         )
         self.feed, self.number, self.node, self.journal = feed, number, node, Journal()
         self.journal.clock = self.clock = ManualClock(100.0)
-        self.journal.listen(lambda entry: feed.take(entry, number))
+        self.journal.add_listener(lambda entry: feed.add_entry(entry, number))
         self.search.keep_in(self.journal)
 
     def begin(self) -> None:
@@ -175,18 +175,18 @@ CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {
     "complete": (complete, "good", "Nothing to do"),
     "complete with less": (Robot.finish, "warning", "Decide whether to search again"),
     "crashed": (
-        lambda robot: robot.feed.know(RunProcess(is_gone=True), robot.number),
+        lambda robot: robot.feed.set_process(RunProcess(is_gone=True), robot.number),
         "error",
         "Press the stop button",
     ),
     "lost": (
-        lambda robot: robot.feed.know(RunProcess(silent_sec=30.0), robot.number),
+        lambda robot: robot.feed.set_process(RunProcess(silent_sec=30.0), robot.number),
         "error",
         "Press the stop button",
     ),
     "not begun": (lambda _: None, "quiet", ""),
     "team": (
-        lambda robot: robot.feed.know(RunProcess(is_gone=True), robot.number),
+        lambda robot: robot.feed.set_process(RunProcess(is_gone=True), robot.number),
         "error",
         "robot3: Press the stop button",
     ),

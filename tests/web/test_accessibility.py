@@ -44,7 +44,7 @@ def told(live):
     def begin(scene):
         run = live(orders=Operator(), verbs=[_form(verb) for verb in VERBS], tools=Asked().tools)
         run.journal.clock = ManualClock(100.0)
-        run.journal.listen(_FailureExplainer(run.feed).take)
+        run.journal.add_listener(_FailureExplainer(run.feed).add_entry)
         run.begin()
         tell(run.journal, scene)
         return run

@@ -346,7 +346,7 @@ class Team:
     def _journal(self, robot):
         journal = Journal()
         journal.attach(Patrol(), KINDS)
-        journal.listen(lambda entry: self.feed.take(entry, robot))
+        journal.add_listener(lambda entry: self.feed.add_entry(entry, robot))
         journal.clock = ManualClock(100.0)
         journal.begin(ABOUT, {"node": f"/robot{robot + 1}/patrol"})
         return journal
@@ -416,7 +416,7 @@ def test_a_crashed_robot_has_no_commands_and_looks_so_in_its_card_and_on_the_map
         drive(journal)
     open_team(browser, team)
     browser.wait_for("#robots button", "east, 2.5 m")
-    team.feed.know(RunProcess(is_gone=True), 0)
+    team.feed.set_process(RunProcess(is_gone=True), 0)
     browser.wait_for("#robots button", "crashed")
     assert "2.5 m" not in browser.text("#robots button")
     assert browser.text("#drive") == ""
@@ -430,7 +430,7 @@ def test_a_crashed_robot_has_no_commands_and_looks_so_in_its_card_and_on_the_map
 def test_a_lost_robot_can_only_be_stopped(team, browser):
     drive(team.journals[0])
     open_team(browser, team)
-    team.feed.know(RunProcess(silent_sec=30.0), 0)
+    team.feed.set_process(RunProcess(silent_sec=30.0), 0)
     browser.wait_for("#condition strong", "lost")
     assert browser.js(ENABLED) == ["STOP ALL", "STOP robot1", "Pause"]
 

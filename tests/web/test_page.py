@@ -106,7 +106,7 @@ def test_the_end_of_a_run_stays_on_the_page(live, browser):
 
 def test_why_a_mission_has_failed_stays_on_the_page(live, browser):
     run = live()
-    run.journal.listen(_FailureExplainer(run.feed).take)
+    run.journal.add_listener(_FailureExplainer(run.feed).add_entry)
     run.begin()
     browser.open(tree_of(run.server))
     assert not browser.driver.find_element("id", "why").is_displayed()
@@ -122,7 +122,7 @@ def test_why_a_mission_has_failed_stays_on_the_page(live, browser):
 
 def test_nobody_asks_why_a_mission_has_succeeded(live, browser):
     run = live()
-    run.journal.listen(_FailureExplainer(run.feed).take)
+    run.journal.add_listener(_FailureExplainer(run.feed).add_entry)
     run.begin()
     run.status(0, "SUCCESS")
     run.journal.end_run(Ending.OVER, 0)
@@ -865,11 +865,11 @@ def test_a_late_browser_knows_what_the_others_know(live, browser):
         chance, state = random.Random(seed), PageState()  # noqa: S311
         changes: list[str] = []
         for entry in history(seed, 120):
-            state.take(entry)
+            state.apply(entry)
             if chance.random() < 0.2:
                 changes.append(as_json(state.change()))
                 early.append(changes[:])
-                late.append([as_json(state.whole())])
+                late.append([as_json(state.full_state())])
     for known, whole in zip(told(browser, early), told(browser, late), strict=True):
         assert known == whole
 

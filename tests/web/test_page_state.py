@@ -24,7 +24,7 @@ def run_of(*told):
     state = PageState()
     begun = ("run_began", {**ABOUT, "run": {"node": "/patrol"}})
     for number, (kind, data) in enumerate((begun, *told), 1):
-        state.take(JournalEntry(number, 1, 0.0, float(number), kind, data))
+        state.apply(JournalEntry(number, 1, 0.0, float(number), kind, data))
     return state
 
 
@@ -34,21 +34,21 @@ def test_who_was_told_all_changes_knows_what_one_knows_who_comes_late(seed):
     chance, state = random.Random(seed), PageState()  # noqa: S311
     known: dict[str, Any] = {}
     for entry in history(seed, 120):
-        state.take(entry)
+        state.apply(entry)
         if chance.random() < 0.2:
             known = folded(known, state.change() or {})
-            assert known == folded({}, state.whole())
+            assert known == folded({}, state.full_state())
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_who_comes_between_two_changes_knows_the_same_after_the_next(seed):
     state, late = PageState(), {}
     for number, entry in enumerate(history(seed, 60)):
-        state.take(entry)
+        state.apply(entry)
         if number % 10 == 5:
-            late = folded({}, state.whole())
+            late = folded({}, state.full_state())
         if number % 10 == 9:
-            assert folded(late, state.change()) == folded({}, state.whole())
+            assert folded(late, state.change()) == folded({}, state.full_state())
 
 
 @pytest.mark.unmeasured
@@ -58,12 +58,12 @@ def test_at_every_moment_page_and_report_show_what_the_mission_itself_says(part)
         mission, page, state = Patrol(), PageState(), MissionState()
         chance, journal = random.Random(seed), Journal()  # noqa: S311
         journal.attach(mission, KINDS)
-        journal.listen(page.take)
-        journal.listen(state.apply)
+        journal.add_listener(page.apply)
+        journal.add_listener(state.apply)
         journal.begin(ABOUT, {})
         for number in range(12):
             happen(journal, chance, f"event {number}")
-            so, shown, reported = mission.display(), plain(page.whole()), plain(report_data(state))
+            so, shown, reported = mission.display(), plain(page.full_state()), plain(report_data(state))
             marks = {
                 (each.kind, each.name): (each.x, each.y, each.state, each.level.name.lower())
                 for each in so.landmarks
@@ -93,11 +93,11 @@ def test_a_page_shows_what_the_mission_s_state_is(seed):
     entries = history(seed, 80)
     state = PageState()
     for entry in entries:
-        state.take(entry)
+        state.apply(entry)
     # Of a journal in which another mission has begun, the last one.
     begun = max(number for number, entry in enumerate(entries) if entry.kind == "run_began")
     mission = MissionState.from_stream(entries if entries[begun].run == 2 else entries[begun:])
-    shown = json.loads(json.dumps(state.whole()))
+    shown = json.loads(json.dumps(state.full_state()))
     assert list(shown["landmarks"]) == ["/".join(key) for key in mission.situation.landmarks]
     for key, mark in mission.situation.landmarks.items():
         told = shown["landmarks"]["/".join(key)]
@@ -173,7 +173,7 @@ def test_a_fact_is_told_as_the_sentence_that_comes_behind_it():
 def test_a_fact_that_somebody_has_ordered_is_told_with_who_has():
     said = ("changed", {"said": "the operator: pause", "by": "Ada"})
     told = {"verb": "pause", "label": "Pause", "by": "Ada", "is_told": True}
-    shown = run_of(("command_given", {"command": "pause", "by": "Ada"}), said, ("ordered", told)).whole()
+    shown = run_of(("command_given", {"command": "pause", "by": "Ada"}), said, ("ordered", told)).full_state()
     assert [line[-1] for line in shown["log"]["values"][1:]] == ["Ada: pause"]
     why = {"by": "Ada", "reason": "smoke"}
     entries = (
@@ -181,7 +181,7 @@ def test_a_fact_that_somebody_has_ordered_is_told_with_who_has():
         (said[0], {**said[1], **why}),
         ("ordered", {**told, **why}),
     )
-    assert [line[-1] for line in run_of(*entries).whole()["log"]["values"][1:]] == ["Ada: pause: smoke"]
+    assert [line[-1] for line in run_of(*entries).full_state()["log"]["values"][1:]] == ["Ada: pause: smoke"]
 
 
 def test_what_a_node_came_to_is_shown_after_it_was_reset():
@@ -194,7 +194,17 @@ def test_what_a_node_came_to_is_shown_after_it_was_reset():
             (6, "IDLE", "", {}),
         )
     ]
-    assert run_of(*told).whole()["states"]["1"][:9] == ("FAILURE", 3.0, 3, 3.0, 5, "c", 3.0, "c", "refused")
+    assert run_of(*told).full_state()["states"]["1"][:9] == (
+        "FAILURE",
+        3.0,
+        3,
+        3.0,
+        5,
+        "c",
+        3.0,
+        "c",
+        "refused",
+    )
 
 
 def test_of_a_long_run_little_is_kept():
@@ -206,7 +216,7 @@ def test_of_a_long_run_little_is_kept():
     told += [
         ("log", {"node": "", "level": 20 + number % 2 * 10, "text": str(number)}) for number in range(5_000)
     ]
-    shown = run_of(*told).whole()
+    shown = run_of(*told).full_state()
     lines = [line[-1] for line in shown["log"]["values"]]
     assert len(lines) <= 2000
     assert lines[-300:] == [str(number) for number in range(4_700, 5_000)]
@@ -217,14 +227,14 @@ def test_of_a_long_run_little_is_kept():
 
 def test_lines_of_one_time_are_shown_in_the_order_in_which_they_came():
     told = [("log", {"node": "", "level": 20, "text": text, "stamp": -1.0}) for text in ("first", "second")]
-    lines = [line[-1] for line in run_of(*told).whole()["log"]["values"]]
+    lines = [line[-1] for line in run_of(*told).full_state()["log"]["values"]]
     assert [line for line in lines if line in ("first", "second")] == ["first", "second"]
 
 
 def test_facts_outlast_the_lines_of_the_log():
     told: list[tuple[str, dict[str, Any]]] = [("found", {"name": "first"})]
     told += [("log", {"node": "", "level": 20, "text": str(number)}) for number in range(10_000)]
-    lines = [line[-1] for line in run_of(*told).whole()["log"]["values"]]
+    lines = [line[-1] for line in run_of(*told).full_state()["log"]["values"]]
     assert lines[:2] == ["The run began.", "found: name: first"]
 
 
@@ -233,7 +243,7 @@ def test_facts_are_kept_over_the_beginning_of_another_run():
         ("found", {"name": "bag"}), ("status", {"node": 0, "tick": 1, "status": "RUNNING", "message": ""})
     )
     state.apply(JournalEntry(9, 2, 0.0, 50.0, "run_began", {**ABOUT, "run": {}}))
-    shown = state.whole()
+    shown = state.full_state()
     assert [line[-1] for line in shown["log"]["values"]] == [
         "The run began.",
         "found: name: bag",
@@ -243,7 +253,7 @@ def test_facts_are_kept_over_the_beginning_of_another_run():
 
 
 def test_a_node_is_told_with_what_the_tree_says_of_it():
-    nodes = run_of().whole()["nodes"]
+    nodes = run_of().full_state()["nodes"]
     assert [(node["name"], node["parent"]) for node in nodes] == [
         ("Mission", -1),
         ("Drive", 0),
@@ -255,11 +265,11 @@ def test_a_node_is_told_with_what_the_tree_says_of_it():
 
 def test_an_entry_of_somebody_else_is_a_fact():
     journal, state = Journal(), run_of()
-    journal.listen(state.apply)
+    journal.add_listener(state.apply)
     journal.record_observation("pose", somewhere=True)
     journal.record_observation("status", node="Drive", tick=1, status="RUNNING", message="")
     journal.record_observation("changed", landmarks=[{"odd": 1}])
-    shown = state.whole()
+    shown = state.full_state()
     assert [line[-1].partition(":")[0] for line in shown["log"]["values"][1:]] == [
         "pose",
         "status",
@@ -272,7 +282,7 @@ def test_a_node_has_how_often_it_has_ended_and_how_long_that_took():
     journal = Journal()
     journal.clock = clock = ManualClock(100.0)
     state = PageState()
-    journal.listen(state.take)
+    journal.add_listener(state.apply)
     journal.begin(ABOUT, {})
     for number, (status, seconds) in enumerate(
         [
@@ -286,7 +296,7 @@ def test_a_node_has_how_often_it_has_ended_and_how_long_that_took():
     ):
         journal.record_observation("status", node=1, tick=number, status=status, message="")
         clock.advance(seconds)
-    *_, ends, ran, longest = state.whole()["states"]["1"]
+    *_, ends, ran, longest = state.full_state()["states"]["1"]
     assert (ends, ran, longest) == ((1, 1, 0), 8.0, 6.0)
 
 
@@ -294,12 +304,12 @@ def test_a_node_that_was_reset_has_its_status_anew():
     journal = Journal()
     journal.clock = clock = ManualClock(100.0)
     state = PageState()
-    journal.listen(state.take)
+    journal.add_listener(state.apply)
     journal.begin(ABOUT, {})
     for number, status in enumerate(["SUCCESS", "IDLE", "SUCCESS"]):
         journal.record_observation("status", node=1, tick=number, status=status, message="")
         clock.advance(2.0)
-    assert state.whole()["states"]["1"][1] == 4.0
+    assert state.full_state()["states"]["1"][1] == 4.0
 
 
 WATCHED = {"properties": [{"name": name, "if_broken": "tell"} for name in "ab"]}
@@ -335,6 +345,6 @@ def test_a_broken_property_is_an_event_of_the_log_as_well():
 def test_the_reason_of_a_failure_is_forgotten_when_another_run_begins():
     state = run_of(("properties_watched", WATCHED))
     state.set_why({"chain": []})
-    assert folded({}, state.whole())["why"] == {"chain": []}
+    assert folded({}, state.full_state())["why"] == {"chain": []}
     state.apply(JournalEntry(9, 2, 0.0, 0.0, "run_began", {**ABOUT, "run": {}}))
-    assert folded({}, state.whole())["why"] is None
+    assert folded({}, state.full_state())["why"] is None

@@ -12,7 +12,7 @@ from sar_compiler.loaded_tree import load
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.breakpoints import tick_with_breakpoints
 from sar_compiler.runtime.kernel.live import LiveTree
-from sar_compiler.testing import compiled
+from sar_compiler.testing import compile_for_test
 from sar_compiler.web.page_tools import LiveTools, ToolError, journal_tools
 from tests.trees import document
 from tests.views.flown import Said, flown, simulated
@@ -44,7 +44,7 @@ def run(tmp_path):
     """Return the tools of a run with what ticks its tree, and what breakpoints have said."""
     path = tmp_path / "tree.xml"
     path.write_text(document(BODY), encoding="utf-8")
-    tree = compiled(path)
+    tree = compile_for_test(path)
     said = []
     tools = LiveTools(lambda *each: said.append(each))
     engine: Any = Engine(tree.root)
@@ -83,10 +83,10 @@ def test_nobody_is_held_once_nobody_looks(run):
     ask(tools, "breakpoints", node=1, is_set=True)
     tick = engine.tick()
     next(tick)
-    tools.look()
+    tools.release_abandoned()
     assert engine.woken == 0
     tools._breakpoints._patience_sec = -1.0
-    tools.look()
+    tools.release_abandoned()
     assert engine.woken == 1
     assert [*tick] == []
 

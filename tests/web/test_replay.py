@@ -64,11 +64,11 @@ def test_every_moment_is_what_all_entries_until_then_come_to(journal):
         until = [entry for end, entry in told if end <= time]
         state = PageState()
         for entry in until:
-            state.take(entry)
+            state.apply(entry)
         state.let_pass(time - max(end for end, _ in told if end <= time))
-        state.know(RunProcess(is_gone=len(until) == len(told)))
+        state.set_process(RunProcess(is_gone=len(until) == len(told)))
         shown = whole(replay, time)
-        assert shown == folded({}, state.whole())
+        assert shown == folded({}, state.full_state())
         marks = MissionState.from_stream(until).situation.landmarks
         assert {key: each["state"] for key, each in shown["landmarks"].items()} == {
             "/".join(key): each.state for key, each in marks.items()

@@ -11,7 +11,7 @@ from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.missions.mission import CommandError
 from sar_compiler.missions.parameter_reader import ParameterReader
 from sar_compiler.web.page_server import CommandSender
-from sar_compiler.web.team_commands import TeamCommands, ordering, run_of
+from sar_compiler.web.team_commands import TeamCommands, open_team_commands, run_of
 from search_and_rescue.operator_commands import VERBS
 from search_and_rescue.plugin import SearchAndRescue
 from search_and_rescue.search import Search
@@ -39,7 +39,7 @@ def team(ros, monkeypatch):
     told: list[JournalEntry] = []
     asked: list[str] = []
     journal = Journal()
-    journal.listen(told.append)
+    journal.add_listener(told.append)
 
     def pause(_, response):
         asked.append("pause")
@@ -55,8 +55,8 @@ def team(ros, monkeypatch):
 
 def test_an_order_goes_to_the_robot_that_it_is_for_whose_journal_says_who_gave_it(ros, team):
     orders, told, asked = team
-    assert [verb.name for verb in orders.know(1, began())][:2] == ["pause", "resume"]
-    orders.know(0, began("/robot1/mission"))
+    assert [verb.name for verb in orders.add_run(1, began())][:2] == ["pause", "resume"]
+    orders.add_run(0, began("/robot1/mission"))
     ros.spin_until(lambda: orders.available(1) == ["pause"], "the service of robot2")
     assert orders.available(0) == []
     answer = orders.send("pause", {}, CommandSender("Ada", 1, reason="smoke"))
@@ -75,7 +75,7 @@ def test_a_robot_that_takes_no_parameters_takes_orders_all_the_same(ros):
     robot = ros.node("mission", namespace="/robot3", start_parameter_services=False)
     robot.create_service(Trigger, "~/pause", lambda _, response: response)
     orders = TeamCommands(ros.node("watch"))
-    orders.know(0, began("/robot3/mission"))
+    orders.add_run(0, began("/robot3/mission"))
     ros.spin_until(lambda: orders.available(0) == ["pause"], "the service of robot3")
     answer = orders.send("pause", {}, CommandSender("Ada", 0))
     ros.spin_until(answer.done, "the answer")
@@ -85,7 +85,7 @@ def test_a_robot_that_takes_no_parameters_takes_orders_all_the_same(ros):
 @pytest.mark.parametrize("beginning", [began(mission="of somebody else"), began(node="")])
 def test_of_a_mission_that_is_not_known_here_nothing_can_be_ordered(team, beginning):
     orders, _, _ = team
-    assert orders.know(0, beginning) == []
+    assert orders.add_run(0, beginning) == []
     assert orders.available(0) == []
     with pytest.raises(CommandError, match="its mission is not installed"):
         orders.send("pause", {}, CommandSender("", 0))
@@ -94,21 +94,21 @@ def test_of_a_mission_that_is_not_known_here_nothing_can_be_ordered(team, beginn
 def test_a_broken_middleware_is_no_reason_for_no_page(monkeypatch):
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_of_nobody")
     said: list[str] = []
-    with ordering(said.append) as orders:
+    with open_team_commands(said.append) as orders:
         assert orders is None
     assert "rmw_of_nobody" in said[0]
 
 
 def test_without_ros_there_are_no_orders(monkeypatch):
     monkeypatch.setattr("sar_compiler.web.team_commands.find_spec", lambda _: None)
-    with ordering(pytest.fail) as orders:
+    with open_team_commands(pytest.fail) as orders:
         assert orders is None
 
 
 def test_orders_are_carried_out_while_somebody_watches():
-    with ordering(pytest.fail) as orders:
+    with open_team_commands(pytest.fail) as orders:
         assert orders is not None
-        assert [verb.name for verb in orders.know(0, began())][:1] == ["pause"]
+        assert [verb.name for verb in orders.add_run(0, began())][:1] == ["pause"]
 
 
 def test_no_file_is_read_that_a_journal_names(tmp_path):

@@ -60,7 +60,7 @@ class DriveToPoint(ActionLeaf):
             return Status.FAILURE
         if point["id"] in self._patrol.photos:
             return Status.SUCCESS  # by a run that this one goes on with
-        self.say(f"Driving to {point['id']}...")
+        self.log(f"Driving to {point['id']}...")
         goal = self.interface.Goal()
         goal.pose.header.frame_id = "map"
         goal.pose.pose.position.x, goal.pose.pose.position.y = point["x"], point["y"]

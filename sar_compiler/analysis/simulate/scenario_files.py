@@ -170,10 +170,10 @@ def read_expectations(value: Value | None, words: LeafVocabulary) -> Expectation
 def _lines(document: Document, parts: Mapping[str, Value]) -> Iterator[tuple[str, int]]:
     """Yield the names, contents and lines of the expectations."""
     for name, value in parts.items():
-        yield name, document.source.place(value.start)[0]
+        yield name, document.source.position_of(value.start)[0]
         below = [key for key, _ in value.entries] if value.entries is not None else value.as_list
         for key in below:
-            yield f"{name} {key.text}", document.source.place(key.start)[0]
+            yield f"{name} {key.text}", document.source.position_of(key.start)[0]
 
 
 def _tick_window(value: Value) -> tuple[int | None, float | None]:

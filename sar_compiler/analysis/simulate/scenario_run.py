@@ -534,8 +534,8 @@ class OutcomeCoverage:
                 )
                 covered.outcomes = list(dict.fromkeys([*covered.outcomes, *_outcomes(behaviour, bound)]))
         for event in run.events:
-            if event.answer:
-                nodes[leaves[event.number]].seen.add(event.answer)
+            if event.outcome:
+                nodes[leaves[event.number]].seen.add(event.outcome)
         for tick in run.ticks:
             for node in tick.statuses.keys() & nodes.keys():
                 nodes[node].ticked = True

@@ -131,9 +131,9 @@ class WhatIfSearch:
         for change in _changes(moments[-1], self._runs) if moments else ():
             if change.was.number != leaf:
                 continue
-            known = found.setdefault(change.instead.answer, change)
+            known = found.setdefault(change.instead.outcome, change)
             if change.unusual_count < known.unusual_count:
-                found[change.instead.answer] = change
+                found[change.instead.outcome] = change
         return [self._after.follow(change) for change in found.values()]
 
 

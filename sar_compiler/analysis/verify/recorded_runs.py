@@ -75,7 +75,7 @@ class ObservedPrefix(NamedTuple):
     def with_tick(self, tick: Sequence[Event]) -> "ObservedPrefix":
         """Return the results up to the end of a further tick."""
         *events, end = tick
-        came = [event for event in events if event.answer]
+        came = [event for event in events if event.outcome]
         statuses = {**self.statuses, 0: end.status, **{event.number: event.status for event in came}}
         statuses.update({event.number: "" for event in events if event.what in (HALTED, RESET)})
         return ObservedPrefix(statuses, self.labels | {event.number: event.label or None for event in came})
@@ -442,7 +442,7 @@ class TreeRuns:
         """Return the last tick, which has not raised an error."""
         statuses = self._statuses()
         tick, broken = self.stepper.tick_record(), self.stepper.violated_properties()
-        answers = tuple(event for event in tick.events if event.answer)
+        answers = tuple(event for event in tick.events if event.outcome)
         last = {event.number: event.what for event in tick.events if event.what != TICKED}
         halted = frozenset(number for number, what in last.items() if what == HALTED)
         return PossibleTick(
@@ -532,7 +532,7 @@ class TreeRuns:
     def _find_ways(self, position: "_RecordPosition", tick: Sequence[Event]) -> _FoundWays:
         """Return the possible ticks that match a recorded one."""
         *events, end = tick
-        noted = [event for event in events if event.answer and event.number in self.leaves]
+        noted = [event for event in events if event.outcome and event.number in self.leaves]
         halted = self.leaves.intersection(event.number for event in events if event.what == HALTED)
         return [
             (state, way)

@@ -214,7 +214,7 @@ class TreeStepper:
         """Return the outcomes of leaves in the last tick, without their changes of facts."""
         events = self._alphabet.events
         numbers = (number for number in self._trail.numbers if number < len(events))
-        return [event for event in map(events.__getitem__, numbers) if event.answer]
+        return [event for event in map(events.__getitem__, numbers) if event.outcome]
 
     def unusual_outcomes(self) -> tuple[bool, ...]:
         """Return which outcomes of the last tick were unusual."""

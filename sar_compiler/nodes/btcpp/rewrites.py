@@ -43,7 +43,7 @@ def rewrite_running(draft: NodeDraft, _notes: FindingCollector) -> None:
     """Write `Running` as a decorator that never ends around a node that succeeds."""
     element = draft.element
     draft.tag = "KeepRunningUntilFailure"
-    draft.children = [Element("AlwaysSuccess", {}, (), element.source, *element.place)]
+    draft.children = [Element("AlwaysSuccess", {}, (), element.source, *element.position)]
 
 
 def oneshot(draft: NodeDraft, notes: FindingCollector) -> None:

@@ -218,7 +218,7 @@ class _BtcppConverter:
             message = f"{ONESHOT}: BehaviorTree.CPP has no node that retries until the first success"
             self.notes.add("no-counterpart", message, element, value=ONESHOT, hint=NO_ONESHOT)
             self._record_use(tag, attributes, 1)
-        return Element(tag, attributes, (child,), element.source, *element.place)
+        return Element(tag, attributes, (child,), element.source, *element.position)
 
     def _complain(self, draft: NodeDraft) -> None:
         """Report missing counterparts, and remove the attributes that BehaviorTree.CPP would reject."""

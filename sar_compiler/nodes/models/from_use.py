@@ -12,7 +12,7 @@ from sar_compiler.nodes.cpp_names import ANY, TEXT, normalize
 from sar_compiler.nodes.models import ENUM_TAG, FROM_USE, METADATA_TAG, NodeModels, can_be_tag, read_models
 from sar_compiler.nodes.registry import Registry, is_library_tag
 from sar_compiler.nodes.spec import Direction, Kind
-from sar_compiler.tree.display_text import shortened
+from sar_compiler.tree.display_text import shorten
 from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import (
     INCLUDE_TAG,
@@ -215,7 +215,7 @@ def _port(name: str, uses: Sequence[_PortUse]) -> Element:
         guess = next(name for name, form in _TYPES if all(map(form.fullmatch, values)))
         cpp = cpp if cpp and guess == "int" else guess
     attributes = {"name": name, **({"type": cpp} if cpp else {})}
-    example = shortened((values or [each.text for each in uses])[0])
+    example = shorten((values or [each.text for each in uses])[0])
     return synthetic_element(
         direction.value, attributes, text=f"guessed from {example}" if example else "guessed"
     )

@@ -181,12 +181,12 @@ class ActionLeaf(GoalSender):
         cancelled.
         """
         self._drop()
-        if self._port is not None and self.settled():
+        if self._port is not None and self.is_settled():
             self._port.release()
         self._port = None
         super().shutdown()
 
-    def settled(self) -> bool:
+    def is_settled(self) -> bool:
         """Return whether all earlier goals have ended; repeat cancel requests for the others.
 
         A goal that was abandoned because of its server is ignored once that server has disappeared.
@@ -208,7 +208,7 @@ class ActionLeaf(GoalSender):
         self._rivals = [goal_statuses_of(self.node, each) for each in self.rivals if each != self.action_name]
         if self._needs_nav2:
             self._robot = robot_estimate(self.node)
-            self._robot.driving_nodes.look()
+            self._robot.driving_nodes.update_presence()
             nav2_log(self.node)
         elif drives_to_pose(self.interface):
             robot_estimate(self.node)  # listens from now on
@@ -231,10 +231,10 @@ class ActionLeaf(GoalSender):
     def _begin(self) -> Status:
         self._has_asked = False
         if self._robot is not None:
-            self._robot.driving_nodes.look()
-        if self._pause is not None and not self._pause.passed:
+            self._robot.driving_nodes.update_presence()
+        if self._pause is not None and not self._pause.has_passed:
             self._exchange = None
-            self.feedback_message = f"next attempt in {self._pause.left:.1f} s, after {self._failures + self._lost_count} failures"
+            self.feedback_message = f"next attempt in {self._pause.remaining_sec:.1f} s, after {self._failures + self._lost_count} failures"
             return Status.RUNNING
         for rival in self._rivals:
             if rival.has_foreign_goal:
@@ -254,7 +254,7 @@ class ActionLeaf(GoalSender):
             return False
         if self._turn is None:
             self._turn = Deadline(self.acceptance_timeout_sec, self._clock)
-        return not self._turn.passed
+        return not self._turn.has_passed
 
     def initialise(self) -> None:
         """Start over, and abandon the last activation's goal."""
@@ -263,7 +263,7 @@ class ActionLeaf(GoalSender):
         super().initialise()
 
     def _judge(self, exchange: ActionGoal) -> Status:
-        if (exchange.over or exchange.rejected) and exchange.sent and self._awaits_standstill():
+        if (exchange.is_over or exchange.rejected) and exchange.sent and self._awaits_standstill():
             return Status.RUNNING
         if exchange.rejected or (exchange.answer is not None and exchange.answer.status != SUCCEEDED):
             return self._fail_or_hold(exchange)
@@ -281,7 +281,7 @@ class ActionLeaf(GoalSender):
         if self._arrival is not None and self._arrival.is_awaited():
             self.feedback_message = "waiting for the localisation to confirm the arrival"
             return Status.RUNNING
-        doubt = self._arrival.doubt if self._arrival is not None else ""
+        doubt = self._arrival.reason_against if self._arrival is not None else ""
         self.has_not_arrived = bool(doubt)
         if not doubt:
             return None
@@ -296,7 +296,7 @@ class ActionLeaf(GoalSender):
             nodes.ignore_answers()
         obstacle = nodes.obstacle()
         is_there = obstacle == "" and not goal.server_is_gone
-        if is_there and self._held is goal and self._hold is not None and not self._hold.passed:
+        if is_there and self._held is goal and self._hold is not None and not self._hold.has_passed:
             return self._begin()
         return self._wait_for_obstacle(goal, obstacle or goal.trouble)
 
@@ -354,10 +354,10 @@ class ActionLeaf(GoalSender):
                 else f"Nav2 has aborted {goals} without an error code ({reason or 'its nodes have logged no reason'})"
             )
         self.feedback_message = self._lost_words
-        if self._lost_until is not None and self._lost_until.passed:
+        if self._lost_until is not None and self._lost_until.has_passed:
             self._lost_until = None
             return self.on_unavailable(f"{self._lost_words}, for {self.hold_timeout_sec:g} s")
-        return self._begin() if self._pause is None or self._pause.passed else Status.RUNNING
+        return self._begin() if self._pause is None or self._pause.has_passed else Status.RUNNING
 
     def _report_lost(self, words: str) -> None:
         """Report a goal that failed for an external reason, and start the pause before the next one."""
@@ -372,7 +372,7 @@ class ActionLeaf(GoalSender):
             pauses = (
                 "it is sent again after growing pauses" if holds else f"it is sent again in {pause_sec:g} s"
             )
-            self.complain(f"'{self.name}'{' holds' if holds else ''}: {self._lost_words}; {pauses}.")
+            self.warn(f"'{self.name}'{' holds' if holds else ''}: {self._lost_words}; {pauses}.")
 
     def _end_row(self) -> None:
         """Reset the count of consecutive failures."""
@@ -381,7 +381,7 @@ class ActionLeaf(GoalSender):
 
     def _makes_progress(self) -> bool:
         """Whether the robot has made progress on the current goal."""
-        here = self._robot.place() if self._robot is not None else None
+        here = self._robot.last_pose() if self._robot is not None else None
         if here is None or self._set_out_from is None:
             self._set_out_from = here
             return False
@@ -394,13 +394,13 @@ class ActionLeaf(GoalSender):
         if self._held is not goal:
             self._held = goal
             self.on_hold(obstacle)
-        if self._hold.passed:
+        if self._hold.has_passed:
             self._hold = None
             for statuses in (cast("ActionPort", self._port).statuses, *self._rivals):
-                statuses.forget()
+                statuses.clear()
             return self.on_unavailable(f"{obstacle}, for {self.hold_timeout_sec:g} s")
         again = " again" if goal is not None else ""
-        self.complain(f"'{self.name}' waits to send its goal{again}: {obstacle}.")
+        self.warn(f"'{self.name}' waits to send its goal{again}: {obstacle}.")
         return Status.RUNNING
 
     def _obstacle(self) -> str | None:
@@ -427,13 +427,13 @@ class ActionLeaf(GoalSender):
         status = super()._progress(exchange)
         if not exchange.is_accepted or status is not Status.RUNNING:
             return status
-        if self._lost_count and not exchange.over and self._makes_progress():
+        if self._lost_count and not exchange.is_over and self._makes_progress():
             self._end_row()
         self._show_duration(exchange)
         if not exchange.has_feedback:
             return status
         self._hold = None
-        if type(self).on_feedback is ActionLeaf.on_feedback or not self._next_feedback.passed:
+        if type(self).on_feedback is ActionLeaf.on_feedback or not self._next_feedback.has_passed:
             return status
         if self.feedback_period_sec:
             self._next_feedback = Deadline(self.feedback_period_sec, self._clock)
@@ -462,7 +462,7 @@ class ActionLeaf(GoalSender):
     def _conclude(self, answer: Any) -> Status:
         return self.on_result(answer.status, answer.result)
 
-    def _hear(self) -> None:
+    def _on_server_answer(self) -> None:
         if self._lost_count < _HOLDS_AT:
             self.on_available()
         self._complaints.clear()
@@ -474,12 +474,14 @@ class ActionLeaf(GoalSender):
             return
         goal.abandon()
         if goal.was_withdrawn:
-            self.say(f"Canceling the goal of '{self.name}'.")
+            self.log(f"Canceling the goal of '{self.name}'.")
             return
         why = (
-            "its server has disappeared" if cast("ActionPort", self._port).usable else "ROS is shut down here"
+            "its server has disappeared"
+            if cast("ActionPort", self._port).is_usable
+            else "ROS is shut down here"
         )
-        self.complain(
+        self.warn(
             f"The goal of '{self.name}' could not be canceled, because {why}: the robot may still be moving."
         )
 

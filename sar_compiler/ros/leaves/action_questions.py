@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.ros.leaves.goals import uuid_message
-from sar_compiler.ros.leaves.leaf import alive, find_interface
+from sar_compiler.ros.leaves.leaf import find_interface, is_node_valid
 
 if TYPE_CHECKING:
     from rclpy.client import Client
@@ -43,14 +43,16 @@ class ActionQueries:
     @property
     def has_server(self) -> bool:
         """Whether the ROS graph shows a server; a killed one stays visible for a while."""
-        return alive(self._node) and self._node.count_publishers(self._status) > 0
+        return is_node_valid(self._node) and self._node.count_publishers(self._status) > 0
 
     @property
     def is_ready(self) -> bool:
         """Whether a request would arrive: both clients have discovered a server."""
-        return alive(self._node) and self._goals.service_is_ready() and self._results.service_is_ready()
+        return (
+            is_node_valid(self._node) and self._goals.service_is_ready() and self._results.service_is_ready()
+        )
 
-    def ask(self, goal: Any, on_answer: Callable[[int, Any], None]) -> None:
+    def send_goal(self, goal: Any, on_answer: Callable[[int, Any], None]) -> None:
         """Send a goal; the previous one is abandoned.
 
         Args:
@@ -66,14 +68,14 @@ class ActionQueries:
     def give_up(self) -> None:
         """Ignore the response to the last request."""
         pending, self._pending = self._pending, None
-        if pending is not None and alive(self._node):
+        if pending is not None and is_node_valid(self._node):
             # Without this the client would wait for the answer for good.
             pending[0].remove_pending_request(pending[1])
 
     def release(self) -> None:
         """Destroy the clients, unless their node was destroyed."""
         self.give_up()
-        if alive(self._node):
+        if is_node_valid(self._node):
             for client in (self._goals, self._results):
                 self._node.destroy_client(client)
 

@@ -77,15 +77,15 @@ class Arrival:
 
     def is_awaited(self) -> bool:
         """Return whether the localisation may still follow the robot to the goal."""
-        if not self.doubt:
+        if not self.reason_against:
             return False
         if not self._due:
             # By both clocks: a fast simulation does not make the network faster, and a paused one sends no pose.
             self._due = Deadline(_FOLLOWS_SEC, AWAKE), Deadline(_FOLLOWS_SEC, self._robot.clock)
-        return not all(each.passed for each in self._due)
+        return not all(each.has_passed for each in self._due)
 
     @property
-    def doubt(self) -> str:
+    def reason_against(self) -> str:
         """The reason why the robot has not arrived; empty if it has, or if unknown."""
         distance = self.distance_m
         if distance is None or distance <= self.tolerance_m:

@@ -30,7 +30,7 @@ from sar_compiler.ros.graph_queries import Endpoint, explain_endpoint
 from sar_compiler.ros.leaves.action_leaf import ActionLeaf
 from sar_compiler.ros.leaves.client_leaf import ServiceLeaf
 from sar_compiler.ros.leaves.goals import ABORTED, CANCELED, SUCCEEDED, ActionPort, describe_status
-from sar_compiler.ros.leaves.leaf import LeafDefinitionError, RosLeaf, alive, of_node, qos_profile
+from sar_compiler.ros.leaves.leaf import LeafDefinitionError, RosLeaf, is_node_valid, of_node, qos_profile
 from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
 from sar_compiler.ros.message_values import UnusableValueError, read_field
 from sar_compiler.runtime.blackboard import Board, Scope
@@ -76,7 +76,7 @@ class _OutgoingFields:
         """
         source = f"{{{self._port.entry.key}}}" if self._port.entry is not None else ""
         try:
-            found = self._fields if self._port.entry is None else self._held(self._port.get())
+            found = self._fields if self._port.entry is None else self._field_value(self._port.get())
             if isinstance(found, MessageReference) and isinstance(found.message, cls):
                 return found.message
             if not isinstance(found, MessageFields):
@@ -87,7 +87,7 @@ class _OutgoingFields:
             raise PortError(message, self._attribute, source.strip("{}")) from error
 
     @staticmethod
-    def _held(value: object) -> object:
+    def _field_value(value: object) -> object:
         return read_fields(value) if isinstance(value, str) else value_of(value)
 
     def _read_key(self, key: str) -> object:
@@ -172,7 +172,7 @@ class _GraphName:
         self._port, self._attribute = port, attribute
 
     @property
-    def known(self) -> str:
+    def current_name(self) -> str:
         """The name before the first tick; empty if its key is not written yet."""
         return str(self._port.get("")) if self._port.entry is not None else self._port.get()
 
@@ -182,9 +182,9 @@ class _GraphName:
         return self._port.entry is None
 
     @property
-    def shown(self) -> str:
+    def display_name(self) -> str:
         """The name, or its key."""
-        return self.known or (f"{{{self._port.entry.key}}}" if self._port.entry is not None else "")
+        return self.current_name or (f"{{{self._port.entry.key}}}" if self._port.entry is not None else "")
 
     def read_name(self) -> str:
         """Return the topic or service name, read from its key if it has one.
@@ -216,9 +216,9 @@ def _name_error(name: object) -> str:
     return ""
 
 
-def _defined(kind: str, name: _GraphName, written: str) -> Any:
+def _load_type(kind: str, name: _GraphName, written: str) -> Any:
     """Return the Python class of a leaf's type."""
-    objection = name.is_fixed and _name_error(name.known)
+    objection = name.is_fixed and _name_error(name.current_name)
     if objection:
         raise InterfaceError(objection)
     return generated_type(kind, written)
@@ -267,7 +267,7 @@ class RosService(ServiceLeaf):
         super().__init__(name)
         scope = scope or Scope(Board(name))
         self._name = _GraphName(service, "service")
-        self.service_name, self.service_type = self._name.known, full_type("srv", type_)
+        self.service_name, self.service_type = self._name.current_name, full_type("srv", type_)
         self.server_timeout_sec, self.timeout_sec = server_timeout_sec, timeout_sec
         self._success = success
         self._sent = _OutgoingFields(self, "request", request, scope)
@@ -281,7 +281,7 @@ class RosService(ServiceLeaf):
     def require_definition(self) -> None:
         """Check the request, and the fields of the response."""
         with _definition_of(self):
-            interface = _defined("srv", self._name, self.service_type)
+            interface = _load_type("srv", self._name, self.service_type)
             self._sent.check(interface.Request)
             self._received.check(interface.Response)
             if self._success:
@@ -298,7 +298,7 @@ class RosService(ServiceLeaf):
         super().initialise()
 
     def _server(self) -> tuple[str, str, Any]:
-        return "srv", self.service_name or self._name.shown, self.service_type
+        return "srv", self.service_name or self._name.display_name, self.service_type
 
     def _connect(self) -> None:
         if self.service_name:
@@ -317,7 +317,7 @@ class RosService(ServiceLeaf):
         missing = self._received.write(response)
         if self._success and not self._is_true(response, self._success):
             said = _failure_reason(response, self._success) or str(self._success)
-            self.complain(f"'{self.name}': '{self.service_name}' reports a failure: {said}")
+            self.warn(f"'{self.name}': '{self.service_name}' reports a failure: {said}")
             return self.answer(Status.FAILURE, "refused")
         if missing:
             return self.on_failure(missing)
@@ -379,7 +379,7 @@ class RosAction(ActionLeaf):
         super().__init__(name)
         scope = scope or Scope(Board(name))
         self._name = _GraphName(action, "action")
-        self.action_name, self.action_type = self._name.known, full_type("action", type_)
+        self.action_name, self.action_type = self._name.current_name, full_type("action", type_)
         self.server_timeout_sec, self.acceptance_timeout_sec = server_timeout_sec, acceptance_timeout_sec
         self._sent = _OutgoingFields(self, "goal", goal, scope)
         self._received = _IncomingFields(scope, fields, field, value)
@@ -394,7 +394,7 @@ class RosAction(ActionLeaf):
     def require_definition(self) -> None:
         """Check the goal, and the fields of result and feedback."""
         with _definition_of(self):
-            interface = _defined("action", self._name, self.action_type)
+            interface = _load_type("action", self._name, self.action_type)
             self._sent.check(interface.Goal)
             self._received.check(interface.Result)
             self._feedback.check(interface.Feedback)
@@ -416,14 +416,14 @@ class RosAction(ActionLeaf):
     def shutdown(self) -> None:
         """Cancel an active goal, and release the clients of all servers."""
         self._drop()
-        if self.settled():
+        if self.is_settled():
             for port in self._former_ports.values():
                 port.release()
         self._former_ports = {}
         super().shutdown()
 
     def _server(self) -> tuple[str, str, Any]:
-        return "action", self.action_name or self._name.shown, self.action_type
+        return "action", self.action_name or self._name.display_name, self.action_type
 
     def _connect(self) -> None:
         if self.action_name:
@@ -499,7 +499,7 @@ class RosTopic(TopicLeaf):
     ) -> None:
         super().__init__(name)
         self._name = _GraphName(topic, "topic")
-        self.topic_name, self.topic_type = self._name.known, full_type("msg", type_)
+        self.topic_name, self.topic_type = self._name.current_name, full_type("msg", type_)
         # A message for late subscribers was sent once, however long ago, and is still valid.
         is_limited = max_age_sec is None and qos != "transient_local"
         self.max_age_sec = _MAX_AGE_SEC if is_limited else max_age_sec
@@ -514,7 +514,7 @@ class RosTopic(TopicLeaf):
     def require_definition(self) -> None:
         """Check the fields."""
         with _definition_of(self):
-            self._received.check(_defined("msg", self._name, self.topic_type))
+            self._received.check(_load_type("msg", self._name, self.topic_type))
 
     def initialise(self) -> None:
         """Subscribe to the currently configured topic."""
@@ -537,7 +537,7 @@ class RosTopic(TopicLeaf):
         """Write the fields and return SUCCESS."""
         missing = self._received.write(message)
         if missing:
-            self.complain(f"'{self.name}': {missing}")
+            self.warn(f"'{self.name}': {missing}")
             return Status.FAILURE
         return Status.SUCCESS
 
@@ -584,13 +584,13 @@ class RosPublish(RosLeaf):
         self.require_definition()
         self.shutdown()
         super().setup(**kwargs)
-        if self._name.known:
-            self._publisher = self._publisher_of(self._name.known)
+        if self._name.current_name:
+            self._publisher = self._publisher_of(self._name.current_name)
 
     def require_definition(self) -> None:
         """Check the message."""
         with _definition_of(self):
-            self._sent.check(_defined("msg", self._name, self._type))
+            self._sent.check(_load_type("msg", self._name, self._type))
 
     def initialise(self) -> None:
         """Create the publisher for the currently configured topic, and start the timeout."""
@@ -602,11 +602,11 @@ class RosPublish(RosLeaf):
         topic = self._publisher.topic_name
         if self._waits and not self._publisher.get_subscription_count():
             self.feedback_message = f"waiting for a subscriber of '{topic}'"
-            if not self._deadline.passed:
+            if not self._deadline.has_passed:
                 return Status.RUNNING
             qos = qos_profile(self.name, self._qos)
             why = explain_endpoint(self.node, Endpoint("listeners", topic, self._type, (qos,), "topic"))
-            self.complain(f"'{self.name}': no subscriber of '{topic}' within {self.timeout_sec:g} s{why}")
+            self.warn(f"'{self.name}': no subscriber of '{topic}' within {self.timeout_sec:g} s{why}")
             return Status.FAILURE
         self._publisher.publish(self._sent.message(self._publisher.msg_type))
         self.feedback_message = ""
@@ -619,7 +619,7 @@ class RosPublish(RosLeaf):
         """
         from rclpy.duration import Duration
 
-        if self._publisher is not None and alive(self.node):
+        if self._publisher is not None and is_node_valid(self.node):
             self._publisher.wait_for_all_acked(Duration(seconds=_FLUSH_SEC))
         self._publisher = None
         super().shutdown()
@@ -690,7 +690,7 @@ class RosTransform(RosLeaf):
         self.shutdown()
         super().setup(**kwargs)
         self._frames = frame_tree(self.node)
-        self._frames.listen(self._on_transforms)
+        self._frames.add_listener(self._on_transforms)
 
     def initialise(self) -> None:
         """Start waiting for the frames named by the ports."""
@@ -706,16 +706,16 @@ class RosTransform(RosLeaf):
                 output.set(getattr(found, part))
             return Status.SUCCESS
         self.feedback_message = found
-        if not self._deadline.passed:
+        if not self._deadline.has_passed:
             return Status.RUNNING
         where = f"the pose of '{self._source}' in '{self._target}' is unknown"
-        self.complain(f"'{self.name}': {where} within {self.timeout_sec:g} s: {found}")
+        self.warn(f"'{self.name}': {where} within {self.timeout_sec:g} s: {found}")
         return Status.FAILURE
 
     def shutdown(self) -> None:
         """Stop listening."""
         if self._frames is not None:
-            self._frames.withdraw(self._on_transforms)
+            self._frames.remove_listener(self._on_transforms)
             self._frames = None
         super().shutdown()
 

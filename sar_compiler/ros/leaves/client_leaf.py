@@ -8,7 +8,13 @@ from py_trees.common import Status
 
 from sar_compiler.ros.clock import Deadline, deadline_clock
 from sar_compiler.ros.graph_queries import explain_absence
-from sar_compiler.ros.leaves.leaf import LeafDefinitionError, MissingNodeError, RosLeaf, alive, find_interface
+from sar_compiler.ros.leaves.leaf import (
+    LeafDefinitionError,
+    MissingNodeError,
+    RosLeaf,
+    find_interface,
+    is_node_valid,
+)
 from sar_compiler.runtime.clock import Clock, WallClock
 
 if TYPE_CHECKING:
@@ -42,13 +48,13 @@ class PendingCall(ABC):
         self._abandoned = False
 
     @property
-    def over(self) -> bool:
+    def is_over(self) -> bool:
         """Whether it has ended, with or without success."""
         return self.answer is not None or bool(self.trouble)
 
-    def advance(self) -> None:
+    def poll(self) -> None:
         """Perform the next step if possible: send the message, or check the deadlines."""
-        if self.over or self._abandoned:
+        if self.is_over or self._abandoned:
             return
         if self.sent:
             self._watch()
@@ -58,7 +64,7 @@ class PendingCall(ABC):
             self.sent = True
             self._deadline = self._limit(self._reply_sec)
             self._send()
-        elif self._deadline.passed:
+        elif self._deadline.has_passed:
             there = explain_absence(self._leaf.node, self._leaf, self._server_kind, self._server)
             self._give_up(
                 f"no server for the {self._server_kind} '{self._server}' within {self._leaf.server_timeout_sec:g} s{there}"
@@ -66,11 +72,11 @@ class PendingCall(ABC):
 
     def abandon(self) -> None:
         """Abandon the call; later responses are ignored."""
-        if self.over or self._abandoned:
+        if self.is_over or self._abandoned:
             return
         self._abandoned = True
         if self.sent:
-            self._withdraw()
+            self._cancel_sent()
 
     @abstractmethod
     def _server_is_ready(self) -> bool:
@@ -81,12 +87,12 @@ class PendingCall(ABC):
         """Send the message."""
 
     @abstractmethod
-    def _withdraw(self) -> None:
+    def _cancel_sent(self) -> None:
         """Cancel the message after it was sent."""
 
     def _watch(self) -> None:
         """Fail if the first response is late."""
-        if self._deadline.passed:
+        if self._deadline.has_passed:
             self._give_up(
                 f"{self._reply} within {self._reply_sec:g} s; "
                 f"is the server of '{self._server}' alive and not overloaded?"
@@ -170,7 +176,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
         self._interface = None
         super().shutdown()
 
-    def complain(self, text: str) -> None:
+    def warn(self, text: str) -> None:
         """Log a warning, and set it as the feedback message.
 
         A tree may retry in every tick: the same warning is logged only once until the server has answered.
@@ -178,7 +184,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
         self.feedback_message = text
         if text not in self._complaints:
             self._complaints.add(text)
-            super().complain(text)
+            super().warn(text)
 
     def on_send(self) -> None:
         """Hook called before the message is sent, for example to write to the log."""
@@ -189,7 +195,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
         Args:
             reason: The cause: no server, no answer in time, a goal that was rejected or aborted.
         """
-        self.complain(f"'{self.name}' failed: {reason}")
+        self.warn(f"'{self.name}' failed: {reason}")
         return Status.FAILURE
 
     @abstractmethod
@@ -228,14 +234,14 @@ class ClientLeaf(RosLeaf, Generic[E]):
             said = f"{type(self).__name__}.{wanted.lower()}() returned {message!r}"
             raise LeafDefinitionError(f"{said}; return an interface.{wanted}, or a Status to send none")
         self._exchange = self._open(message)
-        self._exchange.advance()
+        self._exchange.poll()
         if not self._exchange.sent and not self._exchange.trouble:
             self.feedback_message = f"waiting for a server of '{name}'"
-            self.say(f"Waiting for the {'service' if kind == 'srv' else 'action server'} {name}...")
+            self.log(f"Waiting for the {'service' if kind == 'srv' else 'action server'} {name}...")
         return Status.RUNNING
 
     def _progress(self, exchange: E) -> Status:
-        exchange.advance()
+        exchange.poll()
         return self._judge(exchange)
 
     def _judge(self, exchange: E) -> Status:
@@ -290,18 +296,18 @@ class ServiceCall(PendingCall):
 
     def _send(self) -> None:
         self._future = self._client.call_async(self._request)
-        self._future.add_done_callback(self._take)
+        self._future.add_done_callback(self._on_future_done)
 
-    def _withdraw(self) -> None:
+    def _cancel_sent(self) -> None:
         if self._future is not None:
             # Without this the client would wait for the answer, and keep the request, for good.
             self._client.remove_pending_request(self._future)
 
-    def _take(self, future: "Future") -> None:
+    def _on_future_done(self, future: "Future") -> None:
         # The answer may have been on its way to this callback when the call was abandoned.
         if not self._abandoned:
             self.answer = future.result()
-            self._leaf._hear(self.answer)
+            self._leaf._on_response(self.answer)
 
 
 class ServiceLeaf(ClientLeaf[ServiceCall]):
@@ -380,7 +386,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
         self._client = self.node.create_client(self.interface, self.service_name)
 
     def _disconnect(self) -> None:
-        if self._client is not None and alive(self.node):
+        if self._client is not None and is_node_valid(self.node):
             self.node.destroy_client(self._client)
         self._client = None
 
@@ -401,7 +407,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
     def _conclude(self, answer: Any) -> Status:
         return self.on_response(answer)
 
-    def _hear(self, answer: Any) -> None:
+    def _on_response(self, answer: Any) -> None:
         self._complaints.clear()
         if self.is_good_news(answer):
             self._wake()

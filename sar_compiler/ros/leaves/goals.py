@@ -14,7 +14,7 @@ from weakref import WeakMethod
 from sar_compiler.nodes.ros_interfaces import reported_error
 from sar_compiler.ros.clock import AWAKE, Deadline
 from sar_compiler.ros.leaves.client_leaf import ClientLeaf, PendingCall
-from sar_compiler.ros.leaves.leaf import alive, of_node, qos_profile
+from sar_compiler.ros.leaves.leaf import is_node_valid, of_node, qos_profile
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.tree.display_text import escape_to_one_line
 
@@ -102,7 +102,7 @@ class GoalStatuses:
         self._latest: dict[str, int] = {}
         self._node = node
         self._topic = node.resolve_topic_name(f"{action}/_action/status")
-        node.create_subscription(GoalStatusArray, f"{action}/_action/status", self._take, latched)
+        node.create_subscription(GoalStatusArray, f"{action}/_action/status", self._on_statuses, latched)
 
     @property
     def has_foreign_goal(self) -> bool:
@@ -119,7 +119,7 @@ class GoalStatuses:
         there = self._node.get_publishers_info_by_topic(self._topic)
         return frozenset(bytes(each.endpoint_gid) for each in there)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Discard the latest statuses, because the server may have been replaced."""
         self._latest = {}
 
@@ -128,7 +128,7 @@ class GoalStatuses:
         self._ours.add(goal)
         self._listeners[goal] = WeakMethod(on_end)
 
-    def _take(self, message: Any) -> None:
+    def _on_statuses(self, message: Any) -> None:
         self._latest = {bytes(each.goal_info.goal_id.uuid).hex(): each.status for each in message.status_list}
         for goal, status in self._latest.items():
             if status in FINAL and (listener := self._listeners.pop(goal, lambda: None)()) is not None:
@@ -160,7 +160,7 @@ class GoalFeedback:
         self._type = action_type.Impl.FeedbackMessage
         self._listeners: dict[str, WeakMethod[FeedbackListener]] = {}
         name, qos = f"{action}/_action/feedback", QoSProfile(depth=10)
-        node.create_subscription(self._type, name, self._take, qos, raw=True)
+        node.create_subscription(self._type, name, self._on_feedback, qos, raw=True)
 
     def follow(self, goal: str, on_feedback: FeedbackListener) -> None:
         """Register a callback, held weakly, for each message about a goal."""
@@ -173,7 +173,7 @@ class GoalFeedback:
 
         return deserialize_message(message, self._type).feedback
 
-    def _take(self, message: bytes) -> None:
+    def _on_feedback(self, message: bytes) -> None:
         listener = self._listeners.get(message[_GOAL_ID].hex(), lambda: None)()
         if listener is not None:
             listener(message)
@@ -229,20 +229,20 @@ class ActiveGoals:
         """Return the goals that were sent and have no observed end; thread-safe."""
         return [GoalEvent(goal_id, action) for goal_id, action in [*self._active.items()]]
 
-    def lost(self, goal_id: str) -> None:
+    def mark_lost(self, goal_id: str) -> None:
         """Record that the server of a goal has stopped responding."""
         self._lost.add(goal_id)
 
-    def listen(self, listener: Callable[[GoalEvent], None]) -> None:
+    def add_listener(self, listener: Callable[[GoalEvent], None]) -> None:
         """Register a callback for each goal before it is sent and after its end."""
         self._listeners.append(listener)
 
-    def sending(self, goal_id: str, action: str) -> None:
+    def before_sending(self, goal_id: str, action: str) -> None:
         """Record a goal just before it is sent; *action* is the full name of its action."""
         self._active[goal_id] = action
-        self._tell(GoalEvent(goal_id, action))
+        self._notify(GoalEvent(goal_id, action))
 
-    def ended(self, goal_id: str, status: int) -> None:
+    def mark_ended(self, goal_id: str, status: int) -> None:
         """Record that a goal was rejected or has ended.
 
         Args:
@@ -252,9 +252,9 @@ class ActiveGoals:
         self._lost.discard(goal_id)
         action = self._active.pop(goal_id, None)
         if action is not None:
-            self._tell(GoalEvent(goal_id, action, status))
+            self._notify(GoalEvent(goal_id, action, status))
 
-    def _tell(self, news: GoalEvent) -> None:
+    def _notify(self, news: GoalEvent) -> None:
         for listener in self._listeners:
             listener(news)
 
@@ -324,16 +324,16 @@ class ActionPort:
     @property
     def server_is_ready(self) -> bool:
         """Whether a server is available; False while ROS is shut down."""
-        return self.usable and all(client.service_is_ready() for client in self._clients)
+        return self.is_usable and all(client.service_is_ready() for client in self._clients)
 
     @property
     def _clients(self) -> "tuple[Client, ...]":
         return self.sender, self.canceller, self.prober
 
     @property
-    def usable(self) -> bool:
+    def is_usable(self) -> bool:
         """Whether messages can be sent at all: the node is alive and ROS is not shut down."""
-        return alive(self._node)
+        return is_node_valid(self._node)
 
     def warn(self, text: str) -> None:
         """Write a warning to the node's log."""
@@ -342,7 +342,7 @@ class ActionPort:
     def count_unanswered(self) -> None:
         """Count a goal without a response in time; replace the clients after the second in a row."""
         self.unanswered += 1
-        if self.unanswered < _UNANSWERED or not self.usable:
+        if self.unanswered < _UNANSWERED or not self.is_usable:
             return
         # A server that has not discovered a client's reader drops every answer to it. It may discover another client's.
         self.unanswered = 0
@@ -355,7 +355,7 @@ class ActionPort:
 
     def release(self) -> None:
         """Destroy the clients, unless their node was destroyed."""
-        if alive(self._node):
+        if is_node_valid(self._node):
             for client in self._clients:
                 self._node.destroy_client(client)
 
@@ -381,22 +381,22 @@ class ServerProbe:
     def has_server_stopped(self) -> bool:
         """Send the request if due; return whether a previously responsive server has become silent."""
         if self._question is None:
-            if self._due.passed:
-                self._ask()
+            if self._due.has_passed:
+                self._send_request()
         elif self._question.done():
             self._has_answered = True
-            self.rest()
-        elif self._limit.passed:
+            self.postpone()
+        elif self._limit.has_passed:
             self._drop()
             return self._has_answered
         return False
 
-    def rest(self) -> None:
+    def postpone(self) -> None:
         """Postpone the next request: the server has sent a message."""
         self._drop()
         self._due = Deadline(_PULSE_SEC, self._clock)
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         request: Any = self._prober.srv_type.Request()
         request.goal_id.uuid = list(uuid.uuid4().bytes)
         self._limit = Deadline(self._limit_sec, self._clock)
@@ -416,7 +416,7 @@ class GoalSender(ClientLeaf["ActionGoal"]):
     feedback_timeout_sec: float | None = None
     absence_timeout_sec: float = 0.5
 
-    def _hear(self) -> None:
+    def _on_server_answer(self) -> None:
         """Handle the acceptance or the success of the goal."""
 
 
@@ -472,7 +472,7 @@ class ActionGoal(PendingCall):
     @property
     def may_be_active(self) -> bool:
         """Whether the server has or may have the goal, and it has not been abandoned."""
-        return self.sent and not self.over and not self._abandoned
+        return self.sent and not self.is_over and not self._abandoned
 
     @property
     def was_withdrawn(self) -> bool:
@@ -511,7 +511,7 @@ class ActionGoal(PendingCall):
     @property
     def server_is_gone(self) -> bool:
         """Whether the goal's server has disappeared, which ends the goal."""
-        return not (self._port.usable and self._port.sender.service_is_ready())
+        return not (self._port.is_usable and self._port.sender.service_is_ready())
 
     def abandon_if_silent(self, navigator: str) -> None:
         """Abandon the goal if its server has stopped sending feedback.
@@ -520,7 +520,7 @@ class ActionGoal(PendingCall):
             navigator: The lifecycle node of the server, which does not answer.
         """
         if self.may_be_active and self._final is None and AWAKE.now() - self._heard_at > _QUIET_SEC:
-            self._lose(
+            self._mark_lost(
                 f"the server has sent no feedback for {_QUIET_SEC:g} s, and node {navigator} does not answer"
             )
 
@@ -541,30 +541,30 @@ class ActionGoal(PendingCall):
         """Check an abandoned goal again, and cancel it unless a cancel was granted."""
         if self.has_ended:
             self._drop_questions()
-        if self.has_ended or not self._abandoned or not (self._chased is None or self._chased.passed):
+        if self.has_ended or not self._abandoned or not (self._chased is None or self._chased.has_passed):
             return
         if self._granted:
             self._query_result()
         else:
-            self._withdraw()
+            self._cancel_sent()
 
     def _query_result(self) -> None:
         """Request the result again; a server that does not know the goal responds at once."""
         self._chased = self._limit(_CHASE_SEC)
         prober = self._port.prober
-        if self._port.usable and prober.service_is_ready():
+        if self._port.is_usable and prober.service_is_ready():
             self._request_result()
 
     def _drop_questions(self) -> None:
         """Discard all pending responses, once the goal's end is known."""
         pending, self._questions = self._questions, []
-        for client, question in pending if self._port.usable else ():
+        for client, question in pending if self._port.is_usable else ():
             # Without this the client would wait for the answer, and keep the goal alive, for good.
             client.remove_pending_request(question)
 
     def _send(self) -> None:
         self._servers = self._port.statuses.servers()
-        self._port.goals.sending(self._id, self._port.full_name)
+        self._port.goals.before_sending(self._id, self._port.full_name)
         self._sent_at = self._leaf._clock.now()
         self._port.statuses.follow(self._id, self._on_end)
         self._port.feedback.follow(self._id, self._on_feedback)
@@ -572,8 +572,8 @@ class ActionGoal(PendingCall):
         request.goal_id, request.goal = uuid_message(self._id), self._message
         self._port.sender.call_async(request).add_done_callback(self._on_answer)
 
-    def _withdraw(self) -> None:
-        if not self._port.usable or not self._port.canceller.service_is_ready():
+    def _cancel_sent(self) -> None:
+        if not self._port.is_usable or not self._port.canceller.service_is_ready():
             return
         # Cancel by the client's own id, which works before the acceptance arrives if the server already has the goal.
         # If not, it answers that it does not know the goal, which is then cancelled when its acceptance arrives.
@@ -591,8 +591,8 @@ class ActionGoal(PendingCall):
             super()._watch()
             if self.trouble:
                 self._port.count_unanswered()
-        elif self._silence is not None and self._silence.passed:
-            self._lose(f"the server has sent no feedback for {self._silence_sec:g} s")
+        elif self._silence is not None and self._silence.has_passed:
+            self._mark_lost(f"the server has sent no feedback for {self._silence_sec:g} s")
         elif self.server_is_gone:
             self._miss_server()
         else:
@@ -602,7 +602,7 @@ class ActionGoal(PendingCall):
         """Use the status topic if the result does not arrive."""
         if self._result_due is None:
             self._result_due = self._limit(_RESULT_SEC)
-        elif self._result_due.passed:
+        elif self._result_due.has_passed:
             self._port.warn(
                 f"The result of the goal of '{self._port.name}' is lost. The status topic reports its end: {status}."
             )
@@ -613,23 +613,23 @@ class ActionGoal(PendingCall):
         # A server that appears instead of it does not know the goal.
         if self._absence is None:
             self._absence = self._limit(self._leaf.absence_timeout_sec)
-        elif self._absence.passed:
-            self._lose(f"the server has been missing for {self._leaf.absence_timeout_sec:g} s")
+        elif self._absence.has_passed:
+            self._mark_lost(f"the server has been missing for {self._leaf.absence_timeout_sec:g} s")
 
     def _question_server(self) -> None:
         """Determine whether the server responds and knows the goal."""
         if self._absence is not None or (
-            self._silence is None and self._doubt is not None and self._doubt.passed
+            self._silence is None and self._doubt is not None and self._doubt.has_passed
         ):
             # This may be another server than before: one that does not know the goal answers at once.
             self._absence = None
             self._doubt = self._limit(self._silence_sec)
             self._request_result()
         if self._pulse is not None and self._pulse.has_server_stopped():
-            self._lose(f"the server has not answered for {self._silence_sec:g} s")
+            self._mark_lost(f"the server has not answered for {self._silence_sec:g} s")
 
-    def _lose(self, trouble: str) -> None:
-        self._port.goals.lost(self._id)
+    def _mark_lost(self, trouble: str) -> None:
+        self._port.goals.mark_lost(self._id)
         self._give_up(f"{trouble}. The robot may still be moving")
 
     def _on_answer(self, answer: "Future") -> None:
@@ -643,18 +643,18 @@ class ActionGoal(PendingCall):
         self._is_accepted = True
         if self._final == UNKNOWN:  # it was considered lost
             self._final = None
-            self._port.goals.sending(self._id, self._port.full_name)
+            self._port.goals.before_sending(self._id, self._port.full_name)
         self._doubt = self._limit(self._silence_sec)
         self._pulse = ServerProbe(self._port.prober, self._silence_sec, self._leaf._clock)
         self._request_result()
         if self._abandoned:
-            self._withdraw()
+            self._cancel_sent()
         else:
-            self._leaf._hear()
+            self._leaf._on_server_answer()
 
     def _request_result(self) -> None:
         # At once, since a server forgets results.
-        if not self._port.usable:
+        if not self._port.is_usable:
             return
         request = self._port.prober.srv_type.Request()
         request.goal_id = uuid_message(self._id)
@@ -665,24 +665,24 @@ class ActionGoal(PendingCall):
     def _on_feedback(self, message: bytes) -> None:
         self._feedback, self._heard_at = message, AWAKE.now()
         if self._pulse is not None:
-            self._pulse.rest()
+            self._pulse.postpone()
         if self._leaf.feedback_timeout_sec is not None:
             self._silence = self._limit(self._leaf.feedback_timeout_sec)
 
     def _on_end(self, status: int) -> None:
         self._final = status
         self.ended_at = min(self.ended_at, time.monotonic())
-        self._port.goals.ended(self._id, status)
+        self._port.goals.mark_ended(self._id, status)
 
     def _on_result(self, answer: "Future") -> None:
         result = answer.result()
         self._drop_questions()
         self._on_end(result.status)
-        if self.over or self._abandoned:
+        if self.is_over or self._abandoned:
             return
         self.answer = result
         if result.status == SUCCEEDED:
-            self._leaf._hear()
+            self._leaf._on_server_answer()
 
     def _on_cancel_answer(self, answer: "Future") -> None:
         response = answer.result()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def alive(node: "Node") -> bool:
+def is_node_valid(node: "Node") -> bool:
     """Return whether a node exists and its context is not shut down."""
     from rclpy.exceptions import InvalidHandle
 
@@ -137,12 +137,12 @@ class RosLeaf(Behaviour):
         self.answer_label = label
         return status
 
-    def say(self, text: str) -> None:
+    def log(self, text: str) -> None:
         """Write a line to the mission's log; line breaks and unprintable characters are escaped."""
         self.node.get_logger().info(shorten_to_line(text))
 
-    def complain(self, text: str) -> None:
-        """Log a warning, as `say` does, and store it as the leaf's feedback message."""
+    def warn(self, text: str) -> None:
+        """Log a warning, as `log` does, and store it as the leaf's feedback message."""
         self.feedback_message = text
         self.node.get_logger().warning(shorten_to_line(text))
 
@@ -179,7 +179,7 @@ def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
     package, _, cls = written.partition(f"/{kind}/")
     if not (package.isidentifier() and cls.isidentifier()):
         raise LeafDefinitionError(f"{owner}: {word}_type is '{written}'. Write it as 'package/{kind}/Name'")
-    return _imported(owner, written, package, kind, cls)
+    return _import_interface(owner, written, package, kind, cls)
 
 
 def interface_name(interface: Any) -> str:
@@ -213,7 +213,7 @@ def qos_profile(owner: str, written: Any) -> "QoSProfile":
     )
 
 
-def _imported(owner: str, written: str, package: str, kind: str, cls: str) -> Any:
+def _import_interface(owner: str, written: str, package: str, kind: str, cls: str) -> Any:
     try:
         module = import_module(f"{package}.{kind}")
     except ImportError as error:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from py_trees.common import ClearingPolicy, Status
 
 from sar_compiler.ros.graph_queries import explain_absence
-from sar_compiler.ros.leaves.leaf import RosLeaf, alive, find_interface, qos_profile
+from sar_compiler.ros.leaves.leaf import RosLeaf, find_interface, is_node_valid, qos_profile
 from sar_compiler.ros.message_values import UnusableValueError, check_stamp, node_sec, value_reports
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ class TopicLeaf(RosLeaf):
         owner = type(self).__name__
         interface = find_interface(owner, "msg", self.topic_name, self.topic_type)
         qos = qos_profile(owner, self.qos)
-        self._subscription = self.node.create_subscription(interface, self.topic_name, self._take, qos)
+        self._subscription = self.node.create_subscription(interface, self.topic_name, self._on_message, qos)
 
     def initialise(self) -> None:
         """Discard the earlier message if the clearing policy requires it."""
@@ -135,7 +135,7 @@ class TopicLeaf(RosLeaf):
     def _unsubscribe(self) -> None:
         self._message = None
         if self._subscription is not None:
-            if alive(self.node):
+            if is_node_valid(self.node):
                 self.node.destroy_subscription(self._subscription)
             self._subscription = None
 
@@ -161,7 +161,7 @@ class TopicLeaf(RosLeaf):
         """The reason why the last message is unusable, as the end of a sentence; empty if it is usable or missing."""
         return f" ({self._problem})" if self._problem else ""
 
-    def _take(self, message: Any) -> None:
+    def _on_message(self, message: Any) -> None:
         try:
             check_stamp(message, self.node, self.max_age_sec)
             self.check_message(message)
@@ -173,7 +173,7 @@ class TopicLeaf(RosLeaf):
 
     def _refuse(self, error: UnusableValueError) -> None:
         self._problem = str(error)
-        value_reports(self.node).report(f"Topic '{self.topic_name}'", error)
+        value_reports(self.node).report_problem(f"Topic '{self.topic_name}'", error)
 
     def _receive(self, message: Any) -> None:
         """Store a usable message."""

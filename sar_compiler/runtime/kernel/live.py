@@ -21,7 +21,7 @@ status and message at that time. A node of this project may be ticked twice in a
 of each node's tick is stored as a `Visit`. After the tick each behaviour is shown once more as it was then, and restored.
 
 Why a behaviour may be ticked by itself: `py_trees_ros` ticks the root by its generator, and a user's py_trees composite ticks a control
-of this project below it in the same way. Such a behaviour is the root of a separate tree (`EngineBehaviour._place`), down to unknown
+of this project below it in the same way. Such a behaviour is the root of a separate tree (`EngineBehaviour._tree_and_index`), down to unknown
 nodes. A `ForeignNode` represents a node that is ticked by its own methods, with all its descendants.
 
 Why a new tree may continue from an old one: adding or removing children at run time (py_trees' `insert_subtree`) changes the number
@@ -125,7 +125,7 @@ class LiveTree:
             node for node in self._flat.nodes if not node.shows_itself and not isinstance(node, ForeignNode)
         ]
         for node in self._parents:
-            node.behaviour.children = Children.of(node.behaviour.children)
+            node.behaviour.children = Children.from_list(node.behaviour.children)
         self._children: list[list[Any]] = [list(node.behaviour.children) for node in self._parents]
         self._changes: int = Children.changes
         if former is not None:

@@ -89,5 +89,5 @@ def every_run(body, monkeypatch, *, most=1500, max_ticks=60):
 
 def _played(tick):
     end = tick.events[-1]
-    answers = tuple((event.number, event.status, event.label) for event in tick.events if event.answer)
+    answers = tuple((event.number, event.status, event.label) for event in tick.events if event.outcome)
     return PlayedTick(end.time_sec, answers, end.status)

@@ -46,7 +46,7 @@ def told(trace):
     """Return what the leaves answered in each tick of a trace, and where it was halted, as one text a tick."""
     return [
         " ".join(
-            f"{event.leaf}:{event.deed}" for event in tick.events if event.what in ("answered", "halted")
+            f"{event.leaf}:{event.action}" for event in tick.events if event.what in ("answered", "halted")
         )
         for tick in trace.ticks
     ]

@@ -30,7 +30,7 @@ def change_of(path, body, registry=REGISTRY, **answers):
         return None
 
     def told(answer):
-        return f"{names[answer.number]} {answer.answer}"
+        return f"{names[answer.number]} {answer.outcome}"
 
     return change.tick, told(change.was), told(change.instead), [told(each) for each in change.then]
 

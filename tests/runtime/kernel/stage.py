@@ -204,7 +204,7 @@ class LiveStage(Stage):
 class EveryNode(Breakpoints):
     """Holds a tick before each node for a moment."""
 
-    def before(self, behaviour):
+    def wait_at(self, behaviour):
         yield
 
 
