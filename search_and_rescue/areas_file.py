@@ -178,7 +178,7 @@ def _zone(feature: Mapping[str, Any], origin: tuple[float, float, float], where:
     """
     path, ring = _ring(_inside(feature, "geometry"), where)
     corners = [_to_map_position(corner, origin, where, (*path, at)) for at, corner in enumerate(ring)]
-    return {**_pose(corners), **_beside(_inside(feature, "properties"))}
+    return {**_pose(corners), **_extra_parameters(_inside(feature, "properties"))}
 
 
 def _ring(geometry: Mapping[str, Any], where: str) -> tuple[_JsonPath, list[Any]]:
@@ -234,6 +234,6 @@ def _pose(corners: list[tuple[float, float]]) -> dict[str, object]:
     return {"polygon": [number for corner in corners for number in corner], "x": x, "y": y, "yaw": 0.0}
 
 
-def _beside(properties: Mapping[str, Any]) -> dict[str, object]:
+def _extra_parameters(properties: Mapping[str, Any]) -> dict[str, object]:
     """Return the zone's further parameters; properties of other tools are ignored."""
     return {key: value for key, value in properties.items() if key in AREA_KEYS and value is not None}

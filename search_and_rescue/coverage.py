@@ -47,7 +47,7 @@ class ObstacleMap:
     resolution: float
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    def at(self, points: Points) -> npt.NDArray[np.bool_]:
+    def are_blocked(self, points: Points) -> npt.NDArray[np.bool_]:
         """Return which positions are blocked, in the shape of `points` (metres, frame `map`) without its last axis, which is x and y."""
         cells = np.floor(self._in_cells(points)).astype(int)
         column, row = cells[..., 0], cells[..., 1]
@@ -65,7 +65,7 @@ class ObstacleMap:
             points: The positions, by row.
             reach: The largest distance of a position, metres.
         """
-        if self.at(eye[None]).any():
+        if self.are_blocked(eye[None]).any():
             return np.ones(len(points), bool)
         here = self._in_cells(eye)
         most = reach / self.resolution
@@ -77,7 +77,7 @@ class ObstacleMap:
         away = self._in_cells(points) - here
         towards = np.rint(np.arctan2(away[:, 1], away[:, 0]) * count / math.tau).astype(int) % count
         behind: npt.NDArray[np.bool_] = np.hypot(*away.T) > first_wall[towards]
-        return behind | self.at(points)
+        return behind | self.are_blocked(points)
 
     def _in_cells(self, points: Points) -> Points:
         """Return positions (metres, frame `map`) by column and row."""
@@ -117,7 +117,7 @@ class CoverageRaster:
     Args:
         ground: The ground.
         obstacles: The map; None without one, so that nothing blocks sight.
-        cells: The text of an earlier raster of the same ground (`text`).
+        cells: The text of an earlier raster of the same ground (`share_text`).
 
     Raises:
         ImportError: If shapely is not installed.
@@ -143,7 +143,9 @@ class CoverageRaster:
     def searchable(self) -> npt.NDArray[np.bool_]:
         """Cells that can be searched, which are those without an obstacle."""
         return (
-            np.ones(len(self.centres), bool) if self.obstacles is None else ~self.obstacles.at(self.centres)
+            np.ones(len(self.centres), bool)
+            if self.obstacles is None
+            else ~self.obstacles.are_blocked(self.centres)
         )
 
     def drive(self, path: Sequence[tuple[float, float]]) -> float:
@@ -200,7 +202,7 @@ class CoverageRaster:
         searched = self.coverage[self.searchable]
         return float(searched.mean()) if len(searched) else 0.0
 
-    def seen(self) -> float:
+    def seen_share(self) -> float:
         """Return the share of the searchable cells that were in sight at least once, 0 to 1."""
         seen = self.coverage[self.searchable] > 0.0
         return float(seen.mean()) if len(seen) else 0.0
@@ -237,7 +239,7 @@ class CoverageRaster:
             name, "searched, POD", x, y, self.cell_m, pods.reshape(-1, self._columns).tolist()
         )
 
-    def text(self) -> str:
+    def share_text(self) -> str:
         """Return the coverage of all cells as text, to a thousandth."""
         counted = np.minimum(np.rint(self.coverage / _STEP), _HIGHEST).astype("<u2")
         return base64.b64encode(zlib.compress(counted.tobytes(), 9)).decode("ascii")

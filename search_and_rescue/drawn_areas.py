@@ -44,7 +44,7 @@ class DrawnAreas:
     fence: Geofence
     off_map: "Callable[[float, float], str]"
 
-    def take(self, request: Any) -> str:
+    def add_area(self, request: Any) -> str:
         """Add an area, or change one whose search has not started.
 
         Args:
@@ -62,7 +62,7 @@ class DrawnAreas:
             raise DrawingError("the area has no name: write one")
         if not self.zones.has_remaining():
             raise DrawingError("no zone is left, and the robot is on its way home")
-        is_known = self.zones.knows(name)
+        is_known = self.zones.has_zone(name)
         if is_known and not self._is_untouched(name):
             raise DrawingError(f"the search of '{name}' has already started: draw another area")
         ground = self._ground(request, self.sweeps.grounds.get(name))
@@ -74,7 +74,7 @@ class DrawnAreas:
 
     def _is_untouched(self, name: str) -> bool:
         behind = [zone["id"] for zone in self.zones.remaining_zones()[1:]]
-        return name in behind and not self.sweeps.of(name).passes
+        return name in behind and not self.sweeps.state_of(name).passes
 
     def _ground(self, request: Any, before: Ground | None) -> Ground:
         polygon = self._polygon(request.outline)

@@ -86,7 +86,7 @@ class EnergyModel:
         # Least-squares sums: metres by metres, metres by seconds, seconds by seconds; each with the consumption.
         self._mm = self._ms = self._ss = self._mu = self._su = 0.0
 
-    def moved(self, x: float, y: float) -> None:
+    def on_odometry(self, x: float, y: float) -> None:
         """Update the robot's position from its odometry, metres."""
         step = math.dist(self._at, (x, y)) if self._at is not None else math.inf
         if step > _JUMP_M:
@@ -127,10 +127,10 @@ class EnergyModel:
             # A reading that rose a little is compared when it has fallen again, or when the battery was charged.
             if expected >= WINDOW_SHARE and used >= 0.0:
                 if used <= _MOST_TIMES * expected + _MOST_FALL:
-                    self._learn(driven, waited, used)
+                    self._add_observation(driven, waited, used)
                 self._since = reading
 
-    def _learn(self, driven: float, waited: float, used: float) -> None:
+    def _add_observation(self, driven: float, waited: float, used: float) -> None:
         """Add an observation of driving, waiting and consumption, weighted by the consumption that the prior expects."""
         expected = driven + waited
         kept = math.exp(-expected / _MEMORY_SHARE)

@@ -49,7 +49,7 @@ class _Failsafe(RosLeaf):
         """Return FAILURE for a problem, or SUCCESS for an empty string."""
         if problem and not self._raised:
             self.warn(f"Failsafe: {problem}.")
-            self.record.alarmed(problem)
+            self.record.record_alarm(problem)
         self._raised = bool(problem)
         self.feedback_message = problem
         return Status.FAILURE if problem else Status.SUCCESS
@@ -75,7 +75,7 @@ class _CommandCondition(_Failsafe):
 
     def shutdown(self) -> None:
         """Withdraw the service."""
-        self.orders.withdraw()
+        self.orders.destroy_services()
         super().shutdown()
 
     def update(self) -> Status:
@@ -83,10 +83,10 @@ class _CommandCondition(_Failsafe):
         return self._judge(self._reason() if self.command in self.orders.given else "")
 
     def _reason(self) -> str:
-        return f"{self.subject} was {self.orders.said(self.command)}"
+        return f"{self.subject} was {self.orders.describe(self.command)}"
 
     def _on_command(self, _: Any, response: Any) -> Any:
-        self.orders.give(self.command)
+        self.orders.record(self.command)
         self._wake()
         response.success, response.message = True, self._reason()
         return response

@@ -68,7 +68,7 @@ class HiddenSurvivor:
             if shapely.contains_xy(outline, x, y):
                 return x, y
 
-    def look(self, area: str, robot: tuple[float, float] | None = None) -> tuple[float, float] | None:
+    def search(self, area: str, robot: tuple[float, float] | None = None) -> tuple[float, float] | None:
         """Search an area and return the detected survivor's position, metres, frame `map`; None if none is detected.
 
         Args:

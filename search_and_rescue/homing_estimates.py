@@ -87,23 +87,25 @@ class HomingEstimator:
         Raises:
             IndexError: If every zone is visited.
         """
-        sweep = self._sweeps.of(self.next_zone)
-        return sweep.told(self.next_zone) if sweep.left else self.next_zone
+        sweep = self._sweeps.state_of(self.next_zone)
+        return sweep.describe_piece(self.next_zone) if sweep.open_count else self.next_zone
 
-    def ways(self) -> list[PosePair]:
+    def required_paths(self) -> list[PosePair]:
         """Return the paths of the next leg.
 
         Raises:
             IndexError: If every zone is visited.
         """
-        return self.zones.ways([self._target()[0]], between=False)
+        return self.zones.required_paths([self._target()[0]], between=False)
 
     def _target(self) -> tuple[MapPose, float]:
         """Return the target of the next leg, and the duration of a search there, seconds."""
         zone = self.zones.current_zone()
         look_sec = self.zones.areas.get(zone["id"], SearchExpectation(0.0, 0.0)).look_sec
-        sweep = self._sweeps.of(zone["id"])
-        return (sweep.pieces[sweep.done], look_sec / len(sweep.pieces)) if sweep.left else (zone, look_sec)
+        sweep = self._sweeps.state_of(zone["id"])
+        return (
+            (sweep.pieces[sweep.done], look_sec / len(sweep.pieces)) if sweep.open_count else (zone, look_sec)
+        )
 
     def await_charge(self) -> None:
         """Start watching for a charged or swapped battery."""
@@ -132,7 +134,7 @@ class HomingEstimator:
         return self._drive(out + self.zones.path_length_m(target, self.zones.base_pose()), look_sec)
 
     def _trip_from_robot(self, target: MapPose) -> float:
-        looked = self.zones.here()
+        looked = self.zones.last_pose()
         apart = self.zones.path_length_m(self.place, looked) if self.place is not None else 0.0
         # The planner's path starts where the robot searched last, and is more accurate than a straight line from nearby.
         if self.place is None or apart <= _NEAR_M:
@@ -143,12 +145,12 @@ class HomingEstimator:
         return TripEstimate(metres, metres / self._speed_mps + waited_sec)
 
     @property
-    def spare(self) -> float:
+    def spare_charge(self) -> float:
         """Charge above the reserve, 1 for a full battery."""
-        return self.energy.share - self._kept
+        return self.energy.share - self._reserve
 
     @property
-    def _kept(self) -> float:
+    def _reserve(self) -> float:
         return self.reserve + self.ends_below
 
     def late(self, now: float) -> str:
@@ -176,7 +178,7 @@ class HomingEstimator:
         """
         trip = self.leg()
         need = self.energy.need(trip)
-        if need <= self.spare:
+        if need <= self.spare_charge:
             return self.late(now)
         above = f" above the limit of {self.ends_below:.0%} that ends the mission" if self.ends_below else ""
         return (
@@ -207,10 +209,10 @@ class HomingEstimator:
         return {"": base, **near} if not near or self._is_at_charging_place(base) else near
 
     def _is_at_charging_place(self, pose: MapPose) -> bool:
-        return self.energy.need(self.trip_to(pose)) <= self.spare
+        return self.energy.need(self.trip_to(pose)) <= self.spare_charge
 
     def _suffices_from(self, start: MapPose) -> bool:
-        return self.energy.need(self.leg(start)) <= 1.0 - self._kept
+        return self.energy.need(self.leg(start)) <= 1.0 - self._reserve
 
     def excess(self) -> str:
         """Return why even a full battery does not suffice for the next leg; empty if it does.
@@ -220,17 +222,17 @@ class HomingEstimator:
         """
         if any(map(self._suffices_from, self._stops().values())):
             return ""
-        if self.zones.charging and self.energy.need(self.leg()) <= self.spare:
+        if self.zones.charging and self.energy.need(self.leg()) <= self.spare_charge:
             # From home the leg is too long, while the robot itself is nearer.
             return ""
         trip = self.leg(self.zones.base_pose())
         need = self.energy.need(trip)
         return (
             f"{self.next_leg} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s from home and back, "
-            f"and a full battery leaves {1.0 - self._kept:.0%} above the reserve"
+            f"and a full battery leaves {1.0 - self._reserve:.0%} above the reserve"
         )
 
-    def weighed(self) -> dict[str, float | None]:
+    def shortage_figures(self) -> dict[str, float | None]:
         """Return the figures of a shortage: the leg's battery, metres and seconds, and the charge.
 
         Raises:
@@ -252,7 +254,7 @@ class HomingEstimator:
         if not self.is_asked or not math.isfinite(self.energy.share):
             return []
         need = self.energy.need(self.home())
-        left = max(0.0, self.spare - need)
+        left = max(0.0, self.spare_charge - need)
         # Every metre driven away from home must be driven back.
         metres = left / (2 * self.energy.need(self._drive(1.0)))
         seconds = left / self.energy.need(TripEstimate(0.0, 1.0))
@@ -271,12 +273,12 @@ def read_homing(
     prior = ConsumptionRates(
         *(reader.positive(f"{ENERGY}.{name}", getattr(PRIOR, name)) for name in ConsumptionRates._fields)
     )
-    wrong_by = _share(reader, "wrong_by", _WRONG_BY)
+    wrong_by = _read_share(reader, "wrong_by", _WRONG_BY)
     return HomingEstimator(
         zones,
         EnergyModel(prior, wrong_by),
         sweeps=sweeps,
-        reserve=_share(reader, "reserve", RESERVE),
+        reserve=_read_share(reader, "reserve", RESERVE),
         speed_mps=speed_mps,
     )
 
@@ -296,7 +298,7 @@ def read_charging(reader: ParameterReader, fence: Geofence) -> dict[str, MapPose
     return places
 
 
-def _share(reader: ParameterReader, name: str, default: float) -> float:
+def _read_share(reader: ParameterReader, name: str, default: float) -> float:
     value = reader.number(f"{ENERGY}.{name}", default)
     if value == 1.0:
         reader.report_error(f"{ENERGY}.{name}", "is 1: write a share from 0 to below 1")

@@ -49,7 +49,7 @@ class OperatorCommands:
         author = self.journal.author
         return author if author.name else CommandAuthor(_UNKNOWN_AUTHOR)
 
-    def give(self, command: str) -> None:
+    def record(self, command: str) -> None:
         """Record a command that changes the mission's mode: `pause`, `resume`, `go_home` or `abort`."""
         self.journal.record_event(
             search_events.COMMAND_GIVEN, command=command, by=self.author.name, reason=self.author.reason
@@ -82,7 +82,7 @@ class OperatorCommands:
         # A mission that returns home or was aborted is no longer paused.
         self.held = command == "pause"
 
-    def said(self, command: str) -> str:
+    def describe(self, command: str) -> str:
         """Return a command's effect, author and reason: `paused by Ann (page, 127.0.0.1): smoke in the corridor`."""
         return f"{_COMMANDS[command].done} by {self.given.get(command, _UNKNOWN_AUTHOR)}"
 
@@ -104,7 +104,7 @@ class OperatorCommands:
             kind = find_interface("CommandSpec", "srv", command, _COMMANDS[command].verb.service_type)
             self._services[command] = node, node.create_service(kind, f"~/{command}", answer)
 
-    def withdraw(self) -> None:
+    def destroy_services(self) -> None:
         """Destroy the services, unless they were destroyed with their node."""
         services, self._services = self._services, {}
         for node, service in services.values():
@@ -144,7 +144,7 @@ def _judge(request: Any, values: Mapping[str, Any]) -> None:
     request.verdict = getattr(type(request), values["verdict"])
 
 
-def _at(x: float, y: float) -> str:
+def _position_text(x: float, y: float) -> str:
     return f"({x:.2f}, {y:.2f})"
 
 
@@ -153,7 +153,7 @@ def _said_given(command: str, by: str, reason: str = "") -> str:
 
 
 def _said_added(id: str, x: float, y: float, yaw: float) -> str:  # noqa: A002, ARG001 - the event's keys
-    return f"{_UNKNOWN_AUTHOR}: {id} was added at {_at(x, y)}"
+    return f"{_UNKNOWN_AUTHOR}: {id} was added at {_position_text(x, y)}"
 
 
 def _said_drawn(zone: str, polygon: Sequence[object], **_more: object) -> str:

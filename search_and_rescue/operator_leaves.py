@@ -68,14 +68,14 @@ class NotHeld(RosLeaf):
         super().setup(**kwargs)
         self._extent = map_extent_of(self.node)
         carry_out: dict[str, Callable[[Any], str | None]] = {
-            "pause": lambda _: self.orders.give("pause"),
-            "resume": lambda _: self.orders.give("resume"),
+            "pause": lambda _: self.orders.record("pause"),
+            "resume": lambda _: self.orders.record("resume"),
             "skip_zone": self._skip_zone,
             "add_zone": self._add_zone,
             "judge_survivor": self._judge,
         }
         for command, action in carry_out.items():
-            self.orders.offer(self.node, command, partial(self._answer, command, action))
+            self.orders.offer(self.node, command, partial(self._execute, command, action))
 
     def update(self) -> Status:
         """Check the commands."""
@@ -86,15 +86,15 @@ class NotHeld(RosLeaf):
             orders.plan_change, orders.has_skipped = "", False
             self._wake()
             return self.answer(Status.FAILURE, label)
-        self.feedback_message = orders.said("pause") if orders.held else ""
+        self.feedback_message = orders.describe("pause") if orders.held else ""
         return self.answer(Status.FAILURE, "held") if self.orders.held else Status.SUCCESS
 
     def shutdown(self) -> None:
         """Withdraw the services."""
-        self.orders.withdraw()
+        self.orders.destroy_services()
         super().shutdown()
 
-    def _answer(
+    def _execute(
         self, command: str, carry_out: Callable[[Any], str | None], request: Any, response: Any
     ) -> Any:
         """Execute a command and send the response; it is refused if `carry_out` returns an error."""
@@ -117,13 +117,13 @@ class NotHeld(RosLeaf):
 
     def _add_zone(self, request: Any) -> str:
         zone_id = request.zone_id
-        if not zone_id or self.zone_manager.knows(zone_id):
+        if not zone_id or self.zone_manager.has_zone(zone_id):
             return f"zone '{zone_id}' exists: choose another name" if zone_id else "the zone has no name"
         try:
             pose = stamped_pose(request.pose, MAP_FRAME)
         except UnusableValueError as error:
             return str(error)
-        objection = self._extent.objection(pose.x, pose.y) if self._extent is not None else ""
+        objection = self._extent.why_impossible(pose.x, pose.y) if self._extent is not None else ""
         if objection or not self.fence.contains(pose.x, pose.y):
             return objection or f"({pose.x:.2f}, {pose.y:.2f}) is outside the geofence"
         if (same := self.zone_manager.zone_at(pose.x, pose.y)) is not None:

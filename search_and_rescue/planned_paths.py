@@ -52,7 +52,7 @@ class PathRequests:
         self._reasons: set[str] = set()
         self._told = ""
 
-    def ask(self, ways: Sequence[PosePair]) -> None:
+    def request(self, ways: Sequence[PosePair]) -> None:
         """Request the unknown paths; without a server, request none."""
         self.give_up()
         self._ways, self._reasons = ways, set()
@@ -66,7 +66,7 @@ class PathRequests:
         if self._left and self._due.has_passed:
             self._stop(f"no response within {self._timeout_sec:g} s")
         elif self._left and not self._is_waiting:
-            self._go_on()
+            self._request_next()
         return bool(self._left)
 
     def shortfall(self) -> str:
@@ -76,7 +76,7 @@ class PathRequests:
             return ""
         return f"{unknown} of {len(self._ways)} paths estimated as {DETOUR:g} times the straight line: {self._reason}"
 
-    def news(self) -> str:
+    def new_shortfall(self) -> str:
         """Return the shortfall once for each reason."""
         told, self._told = self._told, self._reason
         return self.shortfall() if self._reason != told else ""
@@ -99,10 +99,10 @@ class PathRequests:
         self.give_up()
         self._reasons.add(reason)
 
-    def _go_on(self) -> None:
+    def _request_next(self) -> None:
         if self._planner.is_ready:
             self._is_waiting = True
-            self._planner.send_goal(self._goal(*self._left[0]), self._take)
+            self._planner.send_goal(self._goal(*self._left[0]), self._on_result)
 
     def _goal(self, start: MapPose, target: MapPose) -> Any:
         goal = self._planner.interface.Goal(planner_id=self._planner_id, use_start=True)
@@ -112,7 +112,7 @@ class PathRequests:
             turn_by(message.pose.orientation, pose["yaw"])
         return goal
 
-    def _take(self, status: int, result: Any) -> None:
+    def _on_result(self, status: int, result: Any) -> None:
         """Store the response, and request the next path."""
         start, target = self._left.pop(0)
         self._is_waiting = False
@@ -127,7 +127,7 @@ class PathRequests:
         else:
             self._reasons.add(f"the planner returned no path: {why}")
         if self._left:
-            self._go_on()
+            self._request_next()
         else:
             self._wake()
 

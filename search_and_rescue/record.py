@@ -88,7 +88,7 @@ class FoundSurvivor:
         return self.times_sent > 1 and self.counts and not self.acknowledged
 
     @property
-    def report(self) -> str:
+    def report_state(self) -> str:
         """State of the report, in words."""
         if self.acknowledged:
             return "acknowledged"
@@ -121,7 +121,7 @@ def describe_abandonment(attempts: int, reason: str) -> str:
     return f"abandoned: {reason}" if reason else f"abandoned after attempt {attempts}"
 
 
-def _told(zones: Iterable[tuple[str, str]]) -> list[str]:
+def _state_sentences(zones: Iterable[tuple[str, str]]) -> list[str]:
     """Return a sentence for each state of zones, joining zones of equal state."""
     names: dict[str, list[str]] = {}
     for zone, what in zones:
@@ -195,14 +195,14 @@ class ResumedOutcomes:
         self.home = False
 
     @classmethod
-    def of(cls, facts: Iterable[JournalEntry]) -> "ResumedOutcomes":
+    def from_events(cls, facts: Iterable[JournalEntry]) -> "ResumedOutcomes":
         """Return the results in the events of the mission's earlier runs."""
         before = cls()
         for fact in facts:
-            before._take(fact)
+            before._add_event(fact)
         return before
 
-    def _take(self, fact: JournalEntry) -> None:
+    def _add_event(self, fact: JournalEntry) -> None:
         data = fact.data
         if fact.kind == search_events.ZONE_SEARCHED:
             place = None if data["survivor"] is None else position(*data["survivor"])
@@ -353,7 +353,7 @@ class MissionRecord:
         if reason != self.zone_record(zone_id).unplaced:
             self.journal.record_event(search_events.SURVIVOR_UNPLACED, zone=zone_id, reason=reason)
 
-    def alarmed(self, reason: str) -> None:
+    def record_alarm(self, reason: str) -> None:
         """Record a reason to end the mission early, in words."""
         self.journal.record_event(search_events.ALARMED, reason=reason)
 
@@ -374,13 +374,13 @@ class MissionRecord:
         """Record the arrival at a charging place."""
         self.journal.record_event(search_events.CHARGING_REACHED, place=place)
 
-    def charged(self, share: float) -> None:
+    def record_charge(self, share: float) -> None:
         """Record that the battery suffices again, with its charge as a share of a full one."""
         self.journal.record_event(search_events.CHARGED, share=round(share, 4))
 
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
         """Record the name assigned to the survivor at a position (replaces an earlier name)."""
-        possibly = self._near(self._place_of(x, y), x, y)
+        possibly = self._nearby_survivor(self._place_of(x, y), x, y)
         self.journal.record_event(
             search_events.SURVIVOR_NAMED, survivor=survivor_id, x=x, y=y, possibly=possibly
         )
@@ -434,7 +434,7 @@ class MissionRecord:
         found = self.survivor(survivor_id)
         return self.before.has_named(survivor_id) and found is not None and found.acknowledged
 
-    def unplaced(self) -> list[str]:
+    def unplaced_survivors(self) -> list[str]:
         """Return a sentence for each survivor whose detected position is unusable."""
         return [
             f"There is a survivor at an unusable position in {zone_id}: {zone.unplaced}"
@@ -443,19 +443,21 @@ class MissionRecord:
         ]
 
     @property
-    def unsearched(self) -> list[str]:
+    def unsearched_zones(self) -> list[str]:
         """The zones that the robot visited without finishing a search."""
         return [zone for zone in self.zones_visited if self.zone_record(zone).searched is None]
 
     def remarks(self) -> list[str]:
         """Return sentences about open points of a complete mission, which only requires that every zone was visited."""
-        return _told((zone, UNSEARCHED) for zone in self.unsearched)
+        return _state_sentences((zone, UNSEARCHED) for zone in self.unsearched_zones)
 
     def shortfalls(self, zones: ZoneManager) -> list[str]:
         """Return a sentence for each unfinished item; empty if the mission is complete."""
         given_up = [(name, zone.given_up) for name, zone in self._zones.items() if zone.given_up]
-        lacking = _told([*((zone["id"], "not visited") for zone in zones.remaining_zones()), *given_up])
-        lacking += [f"{each}." for each in self.unplaced()]
+        lacking = _state_sentences(
+            [*((zone["id"], "not visited") for zone in zones.remaining_zones()), *given_up]
+        )
+        lacking += [f"{each}." for each in self.unplaced_survivors()]
         owed = (each for each in self._survivors if each.counts and not each.acknowledged)
         lacking += [f"The base station did not acknowledge {survivor}." for survivor in owed]
         if not self.home:
@@ -561,7 +563,7 @@ class MissionRecord:
         found = [index for index, known in enumerate(self._survivors) if (known.x, known.y) == (x, y)]
         return found[-1] if found else len(self._survivors)
 
-    def _near(self, before: int, x: float, y: float) -> str | None:
+    def _nearby_survivor(self, before: int, x: float, y: float) -> str | None:
         """Return the name of the nearest earlier survivor that may be the same; None if there is none."""
         named = [known for known in self._survivors[:before] if known.survivor_id and known.counts]
         nearest = min(named, key=lambda known: math.hypot(known.x - x, known.y - y), default=None)

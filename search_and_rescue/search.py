@@ -114,7 +114,7 @@ class Search(MissionRun):
             self._identity["grounds"] = {name: list(ground) for name, ground in self.sweeps.grounds.items()}
         self._plan = {zone["id"]: zone for zone in zones.remaining_zones()}
         self._zones_at_start = zones.total_zones()
-        self._share(Journal(apply=self.apply))
+        self._set_journal(Journal(apply=self.apply))
 
     def start_lines(self) -> list[str]:
         """Return log lines with the zones, the base station, and the order of visits."""
@@ -128,12 +128,12 @@ class Search(MissionRun):
     def _order_of_visits(self) -> list[str]:
         """Describe the initial order of `ChooseZone order="expected_find"`."""
         # Without probabilities, the start needs no NumPy.
-        from search_and_rescue.zone_order import approximation, ordered
+        from search_and_rescue.zone_order import approximation, order_areas
 
         zones, groups = list[Zone](), self.zones.zones_by_urgency()
         for group in groups:
             tour = self.zones.tour(group, zones[-1] if zones else None)
-            zones += [group[area] for area in ordered("expected_find", tour)]
+            zones += [group[area] for area in order_areas("expected_find", tour)]
         tour, order = self.zones.tour(zones), range(len(zones))
         pos, lines = 0.0, list[str]()
         for area, end in enumerate(tour.ends(order)):
@@ -157,10 +157,10 @@ class Search(MissionRun):
             JournalError: If the events are not those of a search.
         """
         journal.attach(self, self.kinds)
-        self.record.before = ResumedOutcomes.of(journal.earlier_events())
-        self._share(journal)
+        self.record.before = ResumedOutcomes.from_events(journal.earlier_events())
+        self._set_journal(journal)
 
-    def _share(self, journal: Journal) -> None:
+    def _set_journal(self, journal: Journal) -> None:
         self.zones.journal = self.record.journal = self.orders.journal = self.sweeps.journal = journal
 
     def apply(self, fact: JournalEntry) -> None:
@@ -182,9 +182,9 @@ class Search(MissionRun):
         survivors, zones = self.record.survivors, self.zones
         found = map(_survivor, survivors, count(1))
         poa_map = zones.poa_map()
-        likely = poa_map.now()
+        likely = poa_map.current_probabilities()
         zones_shown = [self._zone(zone, likely) for zone in self._plan.values()]
-        places = self._base(), *self._charging(), *self._area()
+        places = self._base(), *self._charging_landmarks(), *self._area()
         landmarks = [*zones_shown, *found, *places, *self._grounds(zones_shown, likely)]
         figures = [
             Figure("zones visited", len(self.record.zones_visited), zones.total_zones()),
@@ -197,12 +197,12 @@ class Search(MissionRun):
             if (first := self.record.first_detection_sec) is not None:
                 figures.append(Figure("first detection after", round(first, 1), unit="s"))
         if self.sweeps.grounds:
-            swept = sum(self.sweeps.of(zone).metres for zone in self.sweeps.grounds)
+            swept = sum(self.sweeps.state_of(zone).metres for zone in self.sweeps.grounds)
             figures.append(Figure("swept", round(swept, 1), unit="m"))
             seen, whole = self.sweeps.seen_m2()
             figures.append(Figure("seen", round(seen), round(whole), "m²"))
         figures += self._home.figures()
-        alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced())]
+        alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced_survivors())]
         if self.record.homing_for:
             alarms.append(Alarm(_home_first(self.record.homing_for, self.record.homing_to), level=_WARNING))
         phase = self._phase()
@@ -234,7 +234,7 @@ class Search(MissionRun):
         if name:
             why = f"by {orders.given['abort' if name == 'aborted' else 'pause']}"
         elif "go_home" in orders.given:
-            why = orders.said("go_home")
+            why = orders.describe("go_home")
         if self.record.homing_for and place in (BASE, *self.zones.charging) and not name:
             name, why = "waiting", "for another battery"
         return MissionPhase(name, why, place)
@@ -272,7 +272,7 @@ class Search(MissionRun):
             "base", BASE, base["x"], base["y"], "home" if home else "", Level.DONE if home else Level.TO_COME
         )
 
-    def _charging(self) -> Iterator[Landmark]:
+    def _charging_landmarks(self) -> Iterator[Landmark]:
         for name, pose in self.zones.charging.items():
             is_there = name == self.record.charging_at
             state, level = ("the robot is there", Level.IN_HAND) if is_there else ("", Level.TO_COME)
@@ -285,7 +285,7 @@ class Search(MissionRun):
     def _grounds(self, zones: Sequence[Landmark], likely: Mapping[str, float]) -> Iterator[Landmark]:
         """Yield the swept polygons with the progress of their zones, and their gaps."""
         for zone in zones:
-            ground, sweep = self.sweeps.grounds.get(zone.name), self.sweeps.of(zone.name)
+            ground, sweep = self.sweeps.grounds.get(zone.name), self.sweeps.state_of(zone.name)
             if ground is None:
                 continue
             state = f"{sweep.done} of {len(sweep.pieces)} pieces" if sweep.passes else ""
@@ -303,7 +303,7 @@ class Search(MissionRun):
 
     def _swept(self, zone: str, likely: Mapping[str, float]) -> dict[str, object]:
         """Return the figures of a zone's sweep, in the terms of the manuals."""
-        ground, sweep = self.sweeps.grounds[zone], self.sweeps.of(zone)
+        ground, sweep = self.sweeps.grounds[zone], self.sweeps.state_of(zone)
         before = self.zones.areas.get(zone)
         return {
             "POA before": f"{before.poa:.1%}" if before else "",
@@ -401,7 +401,11 @@ class Search(MissionRun):
             (
                 f"Summary: the mission is {'incomplete' if shortfalls else 'complete'}.",
                 f"  zones visited:   {len(visited)} of {self.zones.total_zones()}{names}",
-                *([f"  {UNSEARCHED}: {', '.join(record.unsearched)}"] if record.unsearched else []),
+                *(
+                    [f"  {UNSEARCHED}: {', '.join(record.unsearched_zones)}"]
+                    if record.unsearched_zones
+                    else []
+                ),
                 *_survivor_lines(record),
                 f"  back at base:    {'yes' if record.home else 'no'}",
                 f"  duration:        {clock_text(elapsed_sec)}, {ticks} ticks",
@@ -416,7 +420,7 @@ def _survivor(survivor: FoundSurvivor, number: int) -> Landmark:
     name, standing = survivor.survivor_id or f"find {number}", survivor.standing
     who = f"{'the same as' if standing is DetectionVerdict.MERGED else 'possibly'} {survivor.possibly}"
     details = {
-        "report": survivor.report,
+        "report": survivor.report_state,
         "found": survivor.found_at,
         "sent": survivor.sent_at,
         "acknowledged": survivor.acknowledged_at,
@@ -438,15 +442,15 @@ def _survivor(survivor: FoundSurvivor, number: int) -> Landmark:
     )
 
 
-def _at(x: float, y: float) -> str:
+def _position_text(x: float, y: float) -> str:
     return f"({x:.2f}, {y:.2f})"
 
 
-def _searched(zone: str, survivor: Sequence[float] | None) -> str:
-    return f"searched {zone}: {'no survivor' if survivor is None else f'survivor at {_at(*survivor)}'}"
+def _searched_text(zone: str, survivor: Sequence[float] | None) -> str:
+    return f"searched {zone}: {'no survivor' if survivor is None else f'survivor at {_position_text(*survivor)}'}"
 
 
-def _planned(zone: str, pattern: str, spacing: float, pieces: Sequence[object]) -> str:
+def _planned_text(zone: str, pattern: str, spacing: float, pieces: Sequence[object]) -> str:
     return f"planned to sweep {zone} in {len(pieces)} pieces ({pattern}, {spacing:g} m apart)"
 
 
@@ -454,12 +458,12 @@ def _piece_swept(zone: str, piece: int, pod: float, seen: float, **_more: object
     return f"swept piece {piece + 1} of {zone}: {seen:.0%} seen, POD {pod:.0%}"
 
 
-def _abandoned(zone: str, attempts: int, reason: str) -> str:
+def _abandoned_text(zone: str, attempts: int, reason: str) -> str:
     return f"{zone} was {describe_abandonment(attempts, reason)}"
 
 
-def _named(survivor: str, x: float, y: float, possibly: str | None = None) -> str:
-    return f"named {survivor} at {_at(x, y)}{f', possibly {possibly}' if possibly else ''}"
+def _named_text(survivor: str, x: float, y: float, possibly: str | None = None) -> str:
+    return f"named {survivor} at {_position_text(x, y)}{f', possibly {possibly}' if possibly else ''}"
 
 
 def _home_first(reason: str, to: str) -> str:
@@ -472,18 +476,18 @@ _ANY_NUMBER = 1_000_000_000
 _SENTENCES: Mapping[str, Callable[..., str]] = {
     **SENTENCES,
     search_events.ZONE_CHOSEN: lambda zone: f"chose {zone}",
-    search_events.SWEEP_PLANNED: _planned,
+    search_events.SWEEP_PLANNED: _planned_text,
     search_events.PIECE_SWEPT: _piece_swept,
     search_events.PIECE_SKIPPED: lambda zone, piece, reason: f"skipped piece {piece + 1} of {zone}: {reason}",
     search_events.ZONE_STARTED: lambda zone: f"set out for {zone}",
-    search_events.ZONE_SEARCHED: _searched,
+    search_events.ZONE_SEARCHED: _searched_text,
     search_events.SURVIVOR_UNPLACED: lambda zone, reason: (
         f"survivor in {zone} at an unusable position: {reason}"
     ),
     search_events.ZONE_VISITED: lambda zone: f"{zone} was visited",
     search_events.ZONE_POSTPONED: lambda zone: f"{zone} was postponed",
-    search_events.ZONE_ABANDONED: _abandoned,
-    search_events.SURVIVOR_NAMED: _named,
+    search_events.ZONE_ABANDONED: _abandoned_text,
+    search_events.SURVIVOR_NAMED: _named_text,
     search_events.REPORT_SENT: lambda survivor: f"reported {survivor}",
     search_events.REPORT_KEPT: lambda survivor, **_place: f"the report of {survivor} is stored",
     search_events.REPORT_ACKNOWLEDGED: lambda survivor: f"base has acknowledged {survivor}",

@@ -128,20 +128,20 @@ class PoaMap:
         poa = {name: weight / total if hints and total else weight for name, weight in weights.items()}
         return cls(poa, {name: area.pod for name, area in areas.items()}, looks, swept or {})
 
-    def missed(self, area: str) -> float:
+    def missed_probability(self, area: str) -> float:
         """Return the probability that all searches and sweeps of an area missed a person there: (1 - POD) for each search, and for its sweeps."""
         return (1.0 - self.pod[area]) ** self.looks.get(area, 0) * (1.0 - self.swept.get(area, 0.0))
 
-    def now(self) -> dict[str, float]:
+    def current_probabilities(self) -> dict[str, float]:
         """Return the current probability of each area by Bayes' rule; 0 everywhere if every location is ruled out."""
-        left = {area: poa * self.missed(area) for area, poa in self.poa.items()}
+        left = {area: poa * self.missed_probability(area) for area, poa in self.poa.items()}
         elsewhere = max(0.0, 1.0 - math.fsum(self.poa.values()))
         total = elsewhere + math.fsum(left.values())
         return {area: value / total if total else 0.0 for area, value in left.items()}
 
     def pos(self) -> float:
         """Return the prior probability that the searches so far detect a person: Σ POA · (1 - Π(1 - POD))."""
-        return math.fsum(poa * (1.0 - self.missed(area)) for area, poa in self.poa.items())
+        return math.fsum(poa * (1.0 - self.missed_probability(area)) for area, poa in self.poa.items())
 
 
 @dataclass(frozen=True, eq=False)

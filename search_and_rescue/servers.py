@@ -56,11 +56,11 @@ class DetectSurvivorServer(DataNode):
             self.create_timer(_SEEN_EVERY_SEC, self._publish_seen)
         for note in lookalikes(parameters, ["survivors", "zones"]):
             self.get_logger().warning(note)
-        create_service(self, DetectSurvivor, "detect_survivor", self._answer, faults=faults)
+        create_service(self, DetectSurvivor, "detect_survivor", self._on_request, faults=faults)
         self.get_logger().info("DetectSurvivor service ready.")
 
-    def _answer(self, request: Any, response: Any) -> Any:
-        survivor, zone = self._look(request.zone_id), shorten_to_line(request.zone_id)
+    def _on_request(self, request: Any, response: Any) -> Any:
+        survivor, zone = self._detect(request.zone_id), shorten_to_line(request.zone_id)
         if survivor is None:
             self.get_logger().info(f"Detection request for {zone}: NOT FOUND")
             return response
@@ -71,18 +71,18 @@ class DetectSurvivorServer(DataNode):
 
     def _publish_seen(self) -> None:
         for zone in self._ranges:
-            if place := self._look(zone):
+            if place := self._detect(zone):
                 message = PointStamped()
                 message.header.frame_id, message.header.stamp = MAP_FRAME, self.get_clock().now().to_msg()
                 message.point.x, message.point.y = place
                 self._seen.publish(message)
 
-    def _look(self, zone: str) -> tuple[float, float] | None:
+    def _detect(self, zone: str) -> tuple[float, float] | None:
         """Return the position of a survivor detected in a zone; None if none is."""
         place = self._robot.last_pose() if self._robot is not None else None
         robot = place[:2] if place is not None else None
         if self._hiding is not None:
-            return self._hiding.look(zone, robot)
+            return self._hiding.search(zone, robot)
         survivor = self._table.get(zone)
         if survivor is None or zone not in self._ranges:
             return survivor
@@ -106,11 +106,11 @@ class ReportSurvivorServer(DataNode):
         super().__init__("report_survivor_server", **options)
         self._received: set[str] = set()
         create_service(
-            self, ReportSurvivor, "report_survivor", self._answer, refuse=self._refuse, faults=faults
+            self, ReportSurvivor, "report_survivor", self._on_request, refuse=self._refuse, faults=faults
         )
         self.get_logger().info("ReportSurvivor service ready.")
 
-    def _answer(self, request: Any, response: Any) -> Any:
+    def _on_request(self, request: Any, response: Any) -> Any:
         try:
             planar_point(request.location, MAP_FRAME)
         except UnusableValueError as error:

@@ -58,14 +58,16 @@ class SweepState:
     def pod_of_legs(self) -> float | None:
         """The POD of accurately kept legs, if the first plan was swept completely; otherwise None."""
         in_legs = self.pattern in ("parallel", "creeping_line") and self.passes == 1
-        return parallel_sweep_pod(self.coverage) if in_legs and not (self.left or self.skipped) else None
+        return (
+            parallel_sweep_pod(self.coverage) if in_legs and not (self.open_count or self.skipped) else None
+        )
 
     @property
-    def left(self) -> int:
+    def open_count(self) -> int:
         """Number of open pieces."""
         return len(self.pieces) - self.done
 
-    def told(self, zone: str) -> str:
+    def describe_piece(self, zone: str) -> str:
         """Describe the current piece of a zone."""
         return f"piece {self.done + 1}/{len(self.pieces)} of {zone}"
 
@@ -93,17 +95,17 @@ class SweepStates:
         self._rasters: dict[str, CoverageRaster] = {}
         self._driven: defaultdict[str, float] = defaultdict(float)
 
-    def of(self, zone: str) -> SweepState:
+    def state_of(self, zone: str) -> SweepState:
         """Return the state of a zone's sweep."""
         return self._sweeps.get(zone, SweepState())
 
-    def around(self, x: float, y: float) -> list[str]:
+    def zones_at(self, x: float, y: float) -> list[str]:
         """Return the zones whose polygon contains a position, metres, frame `map`."""
         return [zone for zone, ground in self.grounds.items() if Geofence(ground.polygon).contains(x, y)]
 
     def seen_m2(self) -> tuple[float, float]:
         """Return the seen and the total searchable area of all grounds, square metres."""
-        sweeps = {zone: self.of(zone) for zone in self.grounds}
+        sweeps = {zone: self.state_of(zone) for zone in self.grounds}
         seen = math.fsum(sweep.seen * sweep.area_m2 for sweep in sweeps.values())
         sizes = [sweep.area_m2 or self.grounds[zone].area_m2 for zone, sweep in sweeps.items()]
         return seen, math.fsum(sizes)
@@ -121,7 +123,7 @@ class SweepStates:
         from search_and_rescue.coverage import CoverageRaster
 
         if zone not in self._rasters:
-            self._rasters[zone] = CoverageRaster(self.grounds[zone], obstacles, self.of(zone).cells)
+            self._rasters[zone] = CoverageRaster(self.grounds[zone], obstacles, self.state_of(zone).cells)
         self._rasters[zone].obstacles = obstacles
         return self._rasters[zone]
 
@@ -136,7 +138,7 @@ class SweepStates:
             search_events.SWEEP_PLANNED, zone=zone, pattern=pattern, spacing=round(spacing, 3), pieces=places
         )
 
-    def advance(self, zone: str, obstacles: "ObstacleMap | None", until_pod: float) -> None:
+    def finish_piece(self, zone: str, obstacles: "ObstacleMap | None", until_pod: float) -> None:
         """Record that the current piece was swept, and the ground seen until then.
 
         Args:
@@ -144,8 +146,8 @@ class SweepStates:
             obstacles: The map.
             until_pod: Ground with a lower probability of detection is a gap; gaps are computed at the end of a pass.
         """
-        sweep, raster = self.of(zone), self.raster(zone, obstacles)
-        gaps = [list(map(list, each)) for each in raster.gaps(until_pod)] if sweep.left <= 1 else []
+        sweep, raster = self.state_of(zone), self.raster(zone, obstacles)
+        gaps = [list(map(list, each)) for each in raster.gaps(until_pod)] if sweep.open_count <= 1 else []
         self.journal.record_event(
             search_events.PIECE_SWEPT,
             zone=zone,
@@ -154,15 +156,15 @@ class SweepStates:
             area_m2=round(raster.area_m2(), 2),
             coverage=round(raster.mean_coverage(), 4),
             pod=round(raster.pod(), 4),
-            seen=round(raster.seen(), 4),
-            cells=raster.text(),
+            seen=round(raster.seen_share(), 4),
+            cells=raster.share_text(),
             gaps=gaps,
         )
 
     def skip(self, zone: str, reason: str) -> None:
         """Record that the current piece is skipped, with the reason."""
         self.journal.record_event(
-            search_events.PIECE_SKIPPED, zone=zone, piece=self.of(zone).done, reason=reason
+            search_events.PIECE_SKIPPED, zone=zone, piece=self.state_of(zone).done, reason=reason
         )
 
     def apply(self, fact: JournalEntry) -> None:
@@ -173,7 +175,7 @@ class SweepStates:
         """
         if (handle := self._HANDLERS.get(fact.kind)) is not None:
             zone = fact.data["zone"]
-            self._sweeps[zone] = handle(self, self.of(zone), **{**fact.data, "zone": zone})
+            self._sweeps[zone] = handle(self, self.state_of(zone), **{**fact.data, "zone": zone})
 
     def _on_area_drawn(
         self,
@@ -216,11 +218,11 @@ class SweepStates:
         numbers: dict[str, Any] = {name: _number(seen[name]) for name in _SEEN}
         driven = sweep.metres + _number(metres)
         layer = CoverageRaster(self.grounds[zone], cells=str(cells)).layer(zone)
-        swept = replace(_past(sweep, zone, piece), metres=driven, cells=str(cells), gaps=outlines)
+        swept = replace(_after_piece(sweep, zone, piece), metres=driven, cells=str(cells), gaps=outlines)
         return replace(swept, layer=layer, **numbers)
 
     def _on_piece_skipped(self, sweep: SweepState, zone: str, piece: int, reason: str) -> SweepState:  # noqa: ARG002 - the event's keys
-        return replace(_past(sweep, zone, piece), skipped=sweep.skipped + 1)
+        return replace(_after_piece(sweep, zone, piece), skipped=sweep.skipped + 1)
 
     # Other kinds do not change a sweep.
     _HANDLERS: ClassVar[Mapping[str, Callable[..., SweepState]]] = {
@@ -231,8 +233,8 @@ class SweepStates:
     }
 
 
-def _past(sweep: SweepState, zone: str, piece: int) -> SweepState:
-    if piece != sweep.done or not sweep.left:
+def _after_piece(sweep: SweepState, zone: str, piece: int) -> SweepState:
+    if piece != sweep.done or not sweep.open_count:
         raise ValueError(f"the piece of {zone} at that time is {sweep.done} of {len(sweep.pieces)}")
     return replace(sweep, done=sweep.done + 1)
 

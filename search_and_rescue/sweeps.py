@@ -59,7 +59,7 @@ def sweep(
     here = (datum["x"], datum["y"])
     cell_m = obstacles.resolution if obstacles is not None else math.inf
     _require_small(ground, spacing, here, pattern, cell_m)
-    free = ground if obstacles is None else ground.difference(_blocked(ground, obstacles, clearance))
+    free = ground if obstacles is None else ground.difference(_blocked_ground(ground, obstacles, clearance))
     if pattern in ("parallel", "creeping_line"):
         stops = _along_legs(free, spacing, here, along_long_side=pattern == "parallel")
     else:
@@ -69,7 +69,7 @@ def sweep(
         stops = [stop for stop in stops if shapely.intersects_xy(free, *stop)]
     if not stops:
         raise GroundError("every stop is blocked, unknown or off the map")
-    return _facing(stops)
+    return _poses_towards_next(stops)
 
 
 def _require_small(
@@ -100,7 +100,7 @@ def _require_small(
         )
 
 
-def _blocked(ground: "BaseGeometry", obstacles: "ObstacleMap", clearance: float) -> "BaseGeometry":
+def _blocked_ground(ground: "BaseGeometry", obstacles: "ObstacleMap", clearance: float) -> "BaseGeometry":
     """Return the blocked part of the ground and its surroundings within the clearance."""
     import numpy as np
     import shapely
@@ -109,7 +109,7 @@ def _blocked(ground: "BaseGeometry", obstacles: "ObstacleMap", clearance: float)
     left, low, right, high = ground.buffer(reach).bounds
     axes = (np.arange(left, right, 2 * half), np.arange(low, high, 2 * half))
     points = np.stack(np.meshgrid(*axes), axis=-1)
-    rows, columns = np.nonzero(obstacles.at(points))
+    rows, columns = np.nonzero(obstacles.are_blocked(points))
     boxes = [
         shapely.box(axes[0][first] - half, axes[1][row] - half, axes[0][last] + half, axes[1][row] + half)
         for row, first, last in _runs(rows.tolist(), columns.tolist())
@@ -223,7 +223,7 @@ def _sectors(spacing: float, reach: float) -> Iterator[_Point]:
             yield distance * math.cos(turn), distance * math.sin(turn)
 
 
-def _facing(stops: Sequence[_Point]) -> list[MapPose]:
+def _poses_towards_next(stops: Sequence[_Point]) -> list[MapPose]:
     """Return stops as poses that face the next stop; the last pose keeps the previous direction."""
     poses, yaw = list[MapPose](), 0.0
     for at, (x, y) in enumerate(stops):

@@ -145,7 +145,7 @@ class ZoneManager:
         """Return the zones left to visit, the current one first."""
         return [zone.copy() for zone in self._zones[self._index :]]
 
-    def knows(self, zone_id: str) -> bool:
+    def has_zone(self, zone_id: str) -> bool:
         """Return whether a zone of this name exists or existed."""
         return any(zone["id"] == zone_id for zone in (*self._zones, *self._abandoned))
 
@@ -166,7 +166,7 @@ class ZoneManager:
     def _urgency(self, zone: Zone) -> tuple[int, float]:
         return self._postponed[zone["id"]], -self._priorities.get(zone["id"], 0.0)
 
-    def choose(self, zone_id: str) -> None:
+    def choose_zone(self, zone_id: str) -> None:
         """Choose the current zone; the other zones keep their order."""
         self.journal.record_event(search_events.ZONE_CHOSEN, zone=zone_id)
 
@@ -212,12 +212,12 @@ class ZoneManager:
         return TourInputs(
             [self._travel_sec(start or self._here, zone) for zone in zones],
             self._travels_sec(zones),
-            *self._expected(zones),
+            *self._durations_and_probabilities(zones),
         )
 
-    def _expected(self, zones: Sequence[Zone]) -> tuple[list[float], list[float]]:
+    def _durations_and_probabilities(self, zones: Sequence[Zone]) -> tuple[list[float], list[float]]:
         """Return the duration of a search in each zone, seconds, and the probability of a detection."""
-        now = self.poa_map().now()
+        now = self.poa_map().current_probabilities()
         areas = [self.areas.get(zone["id"], SearchExpectation(0.0, 0.0)) for zone in zones]
         finds = [now.get(zone["id"], 0.0) * area.pod for zone, area in zip(zones, areas, strict=True)]
         return [area.look_sec for area in areas], finds
@@ -244,14 +244,14 @@ class ZoneManager:
 
         Of more zones, those with the highest probability per second of drive and search are returned; without probabilities, the nearest.
         """
-        looks, finds = self._expected(zones)
+        looks, finds = self._durations_and_probabilities(zones)
         if not any(finds):
             finds = [1.0] * len(zones)
         seconds = [self._travel_sec(self._here, zone) + look for zone, look in zip(zones, looks, strict=True)]
         ranked = sorted(range(len(zones)), key=lambda at: -finds[at] / max(seconds[at], _SHORTEST_SEC))
         return [zones[at] for at in sorted(ranked[:MOST_PLANNED])]
 
-    def ways(self, zones: Sequence[MapPose], *, between: bool = True) -> list[PosePair]:
+    def required_paths(self, zones: Sequence[MapPose], *, between: bool = True) -> list[PosePair]:
         """Return the paths for ordering zones, returning home and charging, each in one direction.
 
         Args:
@@ -280,7 +280,7 @@ class ZoneManager:
         line = math.dist((start["x"], start["y"]), (target["x"], target["y"]))
         return self._ways.get(_ends(start, target), DETOUR * line)
 
-    def here(self) -> MapPose:
+    def last_pose(self) -> MapPose:
         """Return the pose of the last search, or the base station if the robot has been there since."""
         return deepcopy(self._here)
 
@@ -320,7 +320,7 @@ class ZoneManager:
         )
         return shrunk
 
-    def advance(self) -> None:
+    def select_next_zone(self) -> None:
         """Advance to the next zone; past the last zone, do nothing."""
         if self.has_remaining():
             self.journal.record_event(search_events.ZONE_VISITED, zone=self._zones[self._index]["id"])

@@ -30,7 +30,7 @@ _FEWEST_FINDS = 1e-9
 _Durations = npt.NDArray[np.float64]
 
 
-def ordered(order: VisitingOrder, tour: TourInputs) -> list[int]:
+def order_areas(order: VisitingOrder, tour: TourInputs) -> list[int]:
     """Return the area indices sorted by a visiting strategy."""
     count = len(tour.finds)
     if order == "listed" or count < 1:
@@ -38,7 +38,7 @@ def ordered(order: VisitingOrder, tour: TourInputs) -> list[int]:
     if order == "nearest":
         return _nearest(tour)
     if count <= EXACT_UP_TO:
-        return exact(tour)
+        return optimal_order(tour)
     return beam(tour) if count <= BEAM_UP_TO else greedy_index_order(tour)
 
 
@@ -58,7 +58,7 @@ def _nearest(tour: TourInputs) -> list[int]:
     return order
 
 
-def exact(tour: TourInputs) -> list[int]:
+def optimal_order(tour: TourInputs) -> list[int]:
     """Return the optimal order, by dynamic programming; each additional area doubles time and memory."""
     start, between, weights = _steps(tour)
     count = len(weights)
@@ -130,10 +130,12 @@ def greedy_index_order(tour: TourInputs) -> list[int]:
         order.append(int(rates.argmax()))
         left[order[-1]] = False
         steps = between[order[-1]]
-    return _moved(order, start, between, weights)
+    return _improve_order(order, start, between, weights)
 
 
-def _moved(order: list[int], start: _Durations, between: _Durations, weights: _Durations) -> list[int]:
+def _improve_order(
+    order: list[int], start: _Durations, between: _Durations, weights: _Durations
+) -> list[int]:
     """Move each area of an order to its best position."""
     for _ in range(_MOST_PASSES):
         before = order

@@ -94,7 +94,7 @@ class ValueMerging:
 
     def switch_off(self) -> None:
         """Stop merging in this state and in the following ones."""
-        self._cells.put(self._switch, True)  # noqa: FBT003 - what an entry holds
+        self._cells.set_content(self._switch, True)  # noqa: FBT003 - what an entry holds
 
     def add_switch(self, entries: Iterable[Entry]) -> list[int]:
         """Return the place of the switch for merging, on which code that uses some entries depends."""

@@ -148,7 +148,7 @@ class NumberedBoard(Board):
         self.cells.lent.pop(place, None)
         if self.merging and content.frozen is not None and name in self.merging.values:
             content = content._replace(frozen=freeze(self.merging.representative(name, thaw(content.frozen))))
-        self.cells.put(place, None if content == _NOTHING else content)
+        self.cells.set_content(place, None if content == _NOTHING else content)
 
     def _next_stamp(self, name: str) -> int:
         return self.stamp(name) + 1 if name in self._watched else 1

@@ -126,7 +126,7 @@ class Board:
         begin = len(self.prefix) + 1
         return {name[begin:]: self.get(name) for name in self.names()}
 
-    def watch(self, name: str) -> None:
+    def watch_entry(self, name: str) -> None:
         """Count the writes of an entry from now on, because a node's behaviour depends on it."""
         self._watched.add(name)
 

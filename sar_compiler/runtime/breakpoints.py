@@ -99,14 +99,14 @@ def tick_with_breakpoints(
     before = ticker.visits, ticker.by_step
     ticker.visits, ticker.by_step = visits, True
     waiting: list[TreeNode] = []
-    node = tree.nodes[0]
+    node = tree.tree_nodes[0]
     try:
         while True:
             yield from breakpoints.wait_at(node.behaviour)
             ticker.reach(node)
             outcome = node.begin(ticker)
             while outcome != CALLED:
-                ticker.note(node, outcome)
+                ticker.record_visit(node, outcome)
                 if not waiting:
                     return
                 node = waiting.pop()
@@ -121,4 +121,4 @@ def tick_with_breakpoints(
         raise
     finally:
         ticker.visits, ticker.by_step = before
-        ticker.leave()
+        ticker.write_statuses()

@@ -191,13 +191,13 @@ class NavigateTo(ActionLeaf):
         if headline not in ("", self._headline):
             self._headline = headline
             self.log(headline)
-        return self._message_to([self._stamped(pose) for pose in poses])
+        return self._message_to([self._with_stamp(pose) for pose in poses])
 
     def _message_to(self, poses: Sequence[Any]) -> Any:
         """Return the goal message for pose messages."""
         return self.interface.Goal(pose=poses[0])
 
-    def _stamped(self, pose: MapPose) -> Any:
+    def _with_stamp(self, pose: MapPose) -> Any:
         from geometry_msgs.msg import PoseStamped
 
         message = PoseStamped()
@@ -279,10 +279,10 @@ class NavigateToBase(NavigateTo):
             self.feedback_message = "the robot drove home in an earlier run"
             self._on_arrival()
             return Status.SUCCESS
-        headline = "" if self.zone_manager.has_remaining() else f"{self._visited()} Returning to base."
+        headline = "" if self.zone_manager.has_remaining() else f"{self._no_zone_text()} Returning to base."
         return self._drive_to("base station", self.zone_manager.base_pose(), headline=headline)
 
-    def _visited(self) -> str:
+    def _no_zone_text(self) -> str:
         abandoned = [zone["id"] for zone in self.zone_manager.abandoned_zones()]
         return f"No zone is left; abandoned: {', '.join(abandoned)}." if abandoned else "All zones visited."
 

@@ -45,7 +45,7 @@ class Backoff:
         # A clock that jumps back, such as that of a restarted simulator, ends the pause.
         return self._pause_sec - elapsed if elapsed >= 0.0 else 0.0
 
-    def failed(self) -> None:
+    def start_pause(self) -> None:
         """Start a pause."""
         self._pause_sec = min(self._pause_sec * 2 or self._first_sec, self._longest_sec)
         self._since = self._clock.now()
@@ -161,7 +161,7 @@ class DeliverReports(ReportLeaf):
         if self._untried:
             return Status.RUNNING
         if self.kept_reports:
-            return self._failed()
+            return self._on_failure()
         self._backoff.reset()
         self._tried.clear()
         return self.answer(Status.SUCCESS, "delivered")
@@ -169,10 +169,10 @@ class DeliverReports(ReportLeaf):
     def on_failure(self, reason: str) -> Status:
         """Start a back-off and return FAILURE."""
         super().on_failure(reason)
-        return self._failed()
+        return self._on_failure()
 
-    def _failed(self) -> Status:
-        self._backoff.failed()
+    def _on_failure(self) -> Status:
+        self._backoff.start_pause()
         left = len(self.kept_reports)
         one_is_left = "all but one delivered" if left == 1 else ""
         return self.answer(Status.FAILURE, "refused" if left == self._kept_at_first else one_is_left)

@@ -60,7 +60,7 @@ class BatteryMeter:
         """Seconds of the node's clock since the last battery message; infinite before the first one."""
         return self._now() - self._homing.energy.read_sec
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Update the robot's position."""
         place = self._robot.last_pose()
         if place is not None:
@@ -68,7 +68,7 @@ class BatteryMeter:
 
     def _on_odometry(self) -> None:
         if self._robot.odometry is not None:
-            self._homing.energy.moved(*self._robot.odometry[:2])
+            self._homing.energy.on_odometry(*self._robot.odometry[:2])
 
     def _on_battery(self, message: Any) -> None:
         # A battery whose percentage is always unusable is treated as silent.
@@ -76,7 +76,7 @@ class BatteryMeter:
         share = reports.read(f"Topic '{BATTERY_TOPIC}'", lambda: battery_share(message))
         if share is not None:
             self._homing.energy.read(self._now(), share)
-        self.look()
+        self.update()
 
     def _now(self) -> float:
         return float(self._node.get_clock().now().nanoseconds) / 1e9
@@ -104,7 +104,7 @@ class _HomingLeaf(RosLeaf):
     def setup(self, **kwargs: Any) -> None:
         """Start listening."""
         super().setup(**kwargs)
-        self._meter.look()
+        self._meter.update()
 
     @property
     def _meter(self) -> BatteryMeter:
@@ -155,9 +155,9 @@ class ReturnInReach(_HomingLeaf):
             return self.answer(Status.FAILURE, "no zone")
         if self._meter.age_sec > self.max_age_sec:
             return self._on_silence(now)
-        self._meter.look()
+        self._meter.update()
         reason = self.homing.shortage(now)
-        return self._refuse(reason) if reason else self._go()
+        return self._refuse(reason) if reason else self._on_enough_charge()
 
     def _on_silence(self, now: float) -> Status:
         self.feedback_message = f"no message on '{BATTERY_TOPIC}' yet"
@@ -172,13 +172,13 @@ class ReturnInReach(_HomingLeaf):
             f"{reason}: {f'{stop} first, {near:.0f} m; home is {home:.0f} m' if stop else 'home first'}."
         )
         self.homing.await_charge()
-        self.record.home_first(self.homing.next_zone, reason, stop, **self.homing.weighed())
+        self.record.home_first(self.homing.next_zone, reason, stop, **self.homing.shortage_figures())
         return self.answer(Status.FAILURE, "out of reach")
 
-    def _go(self) -> Status:
+    def _on_enough_charge(self) -> Status:
         if self.record.homing_for:
             # The battery was swapped while no run was active.
-            self.record.charged(self.homing.energy.share)
+            self.record.record_charge(self.homing.energy.share)
         self.feedback_message = f"the battery level of {self.homing.energy.share:.0%} suffices"
         return self.answer(Status.SUCCESS, "in reach")
 
@@ -228,7 +228,7 @@ class FullBatterySuffices(RosLeaf):
     def initialise(self) -> None:
         """Request the paths."""
         if self._ways is not None and self.homing.has_next:
-            self._ways.ask(self.homing.ways())
+            self._ways.request(self.homing.required_paths())
 
     def update(self) -> Status:
         """Decide as soon as the paths are known."""
@@ -236,7 +236,7 @@ class FullBatterySuffices(RosLeaf):
             return self.answer(Status.FAILURE, "no zone")
         if self._ways is not None and self._ways.are_awaited():
             return self.answer(Status.RUNNING, "requesting paths")
-        if self._ways is not None and (news := self._ways.news()):
+        if self._ways is not None and (news := self._ways.new_shortfall()):
             self.warn(f"'{self.name}': {news}.")
         reason = self.homing.excess()
         if reason:
@@ -345,7 +345,7 @@ class AwaitCharge(_HomingLeaf):
         lacking = self.homing.shortage(now)
         if self.homing.is_charged and not lacking:
             self.log(f"The battery is at {share:.0%}: the robot continues to {self.homing.next_leg}.")
-            self.record.charged(share)
+            self.record.record_charge(share)
             return self.answer(Status.SUCCESS, "charged")
         if self.homing.late(now):
             return self._give_up(lacking)
@@ -356,5 +356,5 @@ class AwaitCharge(_HomingLeaf):
 
     def _give_up(self, reason: str) -> Status:
         self.warn(f"{reason[:1].upper()}{reason[1:]}.")
-        self.record.alarmed(reason)
+        self.record.record_alarm(reason)
         return self.answer(Status.FAILURE, "not charged")

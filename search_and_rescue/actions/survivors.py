@@ -69,7 +69,7 @@ class MapExtent:
         self._grid: OccupancyGrid | None = None
         self._obstacles: ObstacleMap | None = None
         latched = qos_profile(type(self).__name__, "transient_local")
-        node.create_subscription(OccupancyGrid, _MAP_TOPIC, self._take, latched)
+        node.create_subscription(OccupancyGrid, _MAP_TOPIC, self._on_map, latched)
 
     def check(self, x: float, y: float) -> tuple[float, float]:
         """Return the position unchanged, metres in the frame `map`.
@@ -82,7 +82,7 @@ class MapExtent:
             raise UnusableValueError(f"({x:.2f}, {y:.2f}) is not on the map")
         return x, y
 
-    def objection(self, x: float, y: float) -> str:
+    def why_impossible(self, x: float, y: float) -> str:
         """Return why a position (metres, frame `map`) is impossible; empty if it is possible."""
         try:
             self.check(x, y)
@@ -90,7 +90,7 @@ class MapExtent:
             return str(error)
         return ""
 
-    def _take(self, message: Any) -> None:
+    def _on_map(self, message: Any) -> None:
         place = value_reports(self._node).read(f"Topic '{_MAP_TOPIC}'", lambda: grid_geometry(message))
         if place is not None:
             self._place, self._grid, self._obstacles = place, message, None
@@ -185,20 +185,20 @@ class DetectSurvivor(ServiceLeaf):
         """Store the survivor's assigned name."""
         self._survivor_id = survivor_id
 
-    def take(self, survivor: tuple[float, float] | None) -> None:
+    def store_detection(self, survivor: tuple[float, float] | None) -> None:
         """Store the position of a survivor, x and y in the frame `map` (metres); None if none was found."""
         self._pose, self._survivor_id = survivor, None
 
     def request(self) -> Any:
         """Return the request for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched in an earlier run."""
-        self.take(None)
+        self.store_detection(None)
         if not self.zone_manager.has_remaining():
             self.warn(f"'{self.name}' has no zone to search: every zone is visited.")
             return self.answer(Status.FAILURE, "no zone")
         self._zone_id = self.zone_manager.current_zone()["id"]
         if self.record.before.has_searched(self._zone_id):
             self.log(f"{self._zone_id} was searched in an earlier run.")
-            return self._answered(self.record.before.pop_search(self._zone_id))
+            return self._on_answer(self.record.before.pop_search(self._zone_id))
         return self.interface.Request(zone_id=self._zone_id)
 
     def on_send(self) -> None:
@@ -208,17 +208,17 @@ class DetectSurvivor(ServiceLeaf):
     def on_response(self, response: Any) -> Status:
         """Store the response; a survivor at an impossible position makes the search fail."""
         try:
-            survivor = self._place(response)
+            survivor = self._survivor_position(response)
         except UnusableValueError as error:
             self.record.survivor_unplaced(self._zone_id, str(error))
             return self.on_failure(f"{self.service_name} found a survivor, but {error}")
         self.record.zone_searched(self._zone_id, survivor)
         if survivor is not None:
             self.log(f"Survivor detected at {self._zone_id}!")
-        return self._answered(survivor)
+        return self._on_answer(survivor)
 
-    def _answered(self, survivor: tuple[float, float] | None) -> Status:
-        self.take(survivor)
+    def _on_answer(self, survivor: tuple[float, float] | None) -> Status:
+        self.store_detection(survivor)
         self.feedback_message = f"{'nobody' if survivor is None else 'survivor'} in {self._zone_id}"
         return self.answer(Status.SUCCESS, "nothing" if survivor is None else "found")
 
@@ -229,12 +229,12 @@ class DetectSurvivor(ServiceLeaf):
     def is_good_news(self, response: Any) -> bool:
         """Return whether the response has a usable position."""
         try:
-            self._place(response)
+            self._survivor_position(response)
         except UnusableValueError:
             return False
         return True
 
-    def _place(self, response: Any) -> tuple[float, float] | None:
+    def _survivor_position(self, response: Any) -> tuple[float, float] | None:
         """Return the survivor's position, metres in the frame `map`; None if none was found.
 
         Raises:
@@ -303,7 +303,7 @@ class AwaitSurvivor(TopicLeaf):
     def initialise(self) -> None:
         """Clear the search's earlier detection."""
         super().initialise()
-        self.detect_node.take(None)
+        self.detect_node.store_detection(None)
 
     def update(self) -> Status:
         """Check for new messages; a detection that an earlier run could not handle comes first."""
@@ -311,7 +311,7 @@ class AwaitSurvivor(TopicLeaf):
             return self.answer(Status.FAILURE, "no zone")
         zone = self.zone_manager.current_zone()["id"]
         if self.record.before.has_found(zone):
-            return self._found(zone, self.record.before.pop_search(zone))
+            return self._on_detection(zone, self.record.before.pop_search(zone))
         return super().update()
 
     def on_message(self, message: Any) -> Status:
@@ -321,15 +321,15 @@ class AwaitSurvivor(TopicLeaf):
             return self.on_silence()
         zone = self.zone_manager.current_zone()["id"]
         self.record.zone_searched(zone, place)
-        return self._found(zone, place)
+        return self._on_detection(zone, place)
 
     def on_silence(self) -> Status:
         """Return RUNNING: no new survivor was published."""
         self.feedback_message = f"no new survivor on '{self.topic_name}'{self.absence_reason}"
         return self.answer(Status.RUNNING, "listening")
 
-    def _found(self, zone: str, place: tuple[float, float] | None) -> Status:
-        self.detect_node.take(place)
+    def _on_detection(self, zone: str, place: tuple[float, float] | None) -> Status:
+        self.detect_node.store_detection(place)
         self.feedback_message = f"survivor in {zone}"
         self.log(f"Survivor seen on the way, in {zone}!")
         return self.answer(Status.SUCCESS, "found")
@@ -366,7 +366,7 @@ class StaticTransforms:
         self._publisher = node.create_publisher(TFMessage, _FRAMES_TOPIC, latched)
         self._transforms: dict[str, TransformStamped] = {}
 
-    def put(self, transform: "TransformStamped") -> None:
+    def publish(self, transform: "TransformStamped") -> None:
         """Publish a frame together with all earlier ones; a frame with the same child is replaced."""
         self._transforms[transform.child_frame_id] = transform
         self._publisher.publish(self._message_type(transforms=list(self._transforms.values())))
@@ -459,7 +459,7 @@ class BroadcastSurvivorTF(RosLeaf):
         frame.transform.translation.y = y
         # The position is known, the orientation is not.
         frame.transform.rotation.w = 1.0
-        static_transforms_of(self.node).put(frame)
+        static_transforms_of(self.node).publish(frame)
 
 
 def survivor_report(

@@ -102,9 +102,9 @@ class PiecesRemaining(_SweepLeaf):
 
     def update(self) -> Status:
         """Check the sweep."""
-        sweep = self.sweeps.of(self._zone)
+        sweep = self.sweeps.state_of(self._zone)
         self.feedback_message = f"{sweep.done} of {len(sweep.pieces)} pieces done"
-        return Status.SUCCESS if sweep.left else Status.FAILURE
+        return Status.SUCCESS if sweep.open_count else Status.FAILURE
 
 
 @dataclass(eq=False, repr=False)
@@ -132,13 +132,13 @@ class _PlanLeaf(_SweepLeaf):
         zone = self._zone
         if not zone:
             return self.answer(Status.FAILURE, "no zone")
-        if self.sweeps.of(zone).left:
+        if self.sweeps.state_of(zone).open_count:
             return self.answer(Status.SUCCESS, "going on")
         if self._under_way is None or self._under_way[0] != zone:
             return self._begin(zone)
         if not self._under_way[-1].done():
             return self.answer(Status.RUNNING, "planning")
-        return self._planned(*self._under_way)
+        return self._on_plan(*self._under_way)
 
     def terminate(self, new_status: Status) -> None:
         """Discard the plan if the leaf is halted."""
@@ -161,16 +161,16 @@ class _PlanLeaf(_SweepLeaf):
         self._under_way = zone, told, spacing, future
         return self.answer(Status.RUNNING, "planning")
 
-    def _refused(self, why: str) -> Status:
+    def _on_refusal(self, why: str) -> Status:
         self.warn(why)
         return self.answer(Status.FAILURE, "nothing to sweep")
 
-    def _planned(self, zone: str, told: str, spacing: float, future: "Future[list[MapPose]]") -> Status:
+    def _on_plan(self, zone: str, told: str, spacing: float, future: "Future[list[MapPose]]") -> Status:
         self._under_way = None
         try:
             pieces = future.result()
         except ValueError as error:
-            return self._refused(f"{zone} cannot be swept: {error}.")
+            return self._on_refusal(f"{zone} cannot be swept: {error}.")
         self.sweeps.plan(zone, told, spacing, pieces)
         coverage = self.sweeps.grounds[zone].sweep_width / spacing
         least, most = random_search_pod(coverage), parallel_sweep_pod(coverage)
@@ -219,18 +219,18 @@ class PlanSweep(_PlanLeaf):
         """Subscribe to the map and offer the operator's service."""
         super().setup(**kwargs)
         extent = map_extent_of(self.node)
-        drawn = DrawnAreas(self.zone_manager, self.sweeps, self.fence, extent.objection)
+        drawn = DrawnAreas(self.zone_manager, self.sweeps, self.fence, extent.why_impossible)
         self.orders.offer(self.node, "add_area", partial(self._on_area, drawn))
 
     def shutdown(self) -> None:
         """Withdraw the service and release the node."""
-        self.orders.withdraw()
+        self.orders.destroy_services()
         super().shutdown()
 
     def _on_area(self, drawn: DrawnAreas, request: Any, response: Any) -> Any:
         """Accept an area drawn by the operator; it takes effect at the next choice."""
         try:
-            response.success, response.message = True, drawn.take(request)
+            response.success, response.message = True, drawn.add_area(request)
         except DrawingError as error:
             response.success, response.message = False, str(error)
             self.warn(self.orders.line("add_area", f"refused, {error}"))
@@ -240,11 +240,11 @@ class PlanSweep(_PlanLeaf):
 
     def _begin(self, zone: str) -> Status:
         if zone not in self.sweeps.grounds:
-            return self._refused(f"{zone} cannot be swept: it has no polygon.")
+            return self._on_refusal(f"{zone} cannot be swept: it has no polygon.")
         if not self.coverage > 0.0:
             legs = "write a coverage above 0, for example 0.9"
-            return self._refused(f"{zone} cannot be swept: coverage is {self.coverage:g}; {legs}.")
-        if self.sweeps.of(zone).passes:
+            return self._on_refusal(f"{zone} cannot be swept: coverage is {self.coverage:g}; {legs}.")
+        if self.sweeps.state_of(zone).passes:
             return self.answer(Status.SUCCESS, "swept before")
         ground = [self.sweeps.grounds[zone].polygon]
         return self._plan(zone, self.pattern, ground, self.pattern, self.coverage)
@@ -279,7 +279,7 @@ class RefineSweep(_PlanLeaf):
     max_passes: Passes = 3
 
     def _begin(self, zone: str) -> Status:
-        swept = self.sweeps.of(zone)
+        swept = self.sweeps.state_of(zone)
         if zone not in self.sweeps.grounds or swept.pod >= self.until_pod or swept.passes >= self.max_passes:
             self.feedback_message = f"{zone}: POD {swept.pod:.0%} after {swept.passes} passes"
             return self.answer(Status.FAILURE, "nothing to sweep")
@@ -330,8 +330,8 @@ class NavigateToPiece(NavigateTo):
     def goal(self) -> Any:
         """Return the goal for the current piece; SUCCESS if an earlier run searched it, FAILURE if no piece is open."""
         zone = self.zone_manager.current_zone()["id"] if self.zone_manager.has_remaining() else ""
-        sweep = self.sweeps.of(zone)
-        if not sweep.left:
+        sweep = self.sweeps.state_of(zone)
+        if not sweep.open_count:
             self.warn(f"'{self.name}' has no target: no piece is open.")
             return self.answer(Status.FAILURE, "no piece")
         self._zone_id, self._place, self._track = zone, None, []
@@ -340,7 +340,7 @@ class NavigateToPiece(NavigateTo):
         return self._set_out(zone, sweep, again)
 
     def _set_out(self, zone: str, sweep: SweepState, again: str) -> Any:
-        piece = f"{sweep.told(zone)}{again}"
+        piece = f"{sweep.describe_piece(zone)}{again}"
         if self.record.before.has_searched(zone):
             self.feedback_message = f"{piece} was searched in an earlier run"
             return Status.SUCCESS
@@ -354,17 +354,17 @@ class NavigateToPiece(NavigateTo):
     def update(self) -> Status:
         """Return the leaf's status; the drive is added to the searched ground until the goal has ended."""
         status = super().update()
-        self._look()
+        self._add_seen_ground()
         return status
 
-    def _here(self) -> tuple[float, float, float] | None:
+    def _robot_pose(self) -> tuple[float, float, float] | None:
         return self._robot.last_pose() if self._robot is not None else None
 
-    def _look(self) -> None:
+    def _add_seen_ground(self) -> None:
         # With fast simulated time, much time may pass between two updates; an update without a known position also counts as one.
         now = self._clock.now()
         passed, self._looked_at = now - self._looked_at, now
-        place = self._here()
+        place = self._robot_pose()
         if place is None or not self._zone_id:
             return
         here = place[:2]
@@ -440,37 +440,37 @@ class NavigateThroughPieces(NavigateToPiece):
     def on_feedback(self, feedback: Any) -> Status | None:
         """Store the remaining distance, and mark passed pieces."""
         super().on_feedback(feedback)
-        self._look()
+        self._add_seen_ground()
         # Nav2 never reports the last pose as passed; the result does.
-        passed = (left := remaining_poses(feedback)) > 0 and self._pass(left)
+        passed = (left := remaining_poses(feedback)) > 0 and self._mark_swept(left)
         if not (passed and self.homing.is_asked):
             return None
-        if (here := self._here()) is not None:
+        if (here := self._robot_pose()) is not None:
             self.homing.place = MapPose(x=here[0], y=here[1], yaw=here[2])
         return self._mark_remaining() if self.homing.shortage(self.clock.now()) else None
 
     def on_result(self, status: int, result: Any) -> Status:
         """Return SUCCESS at the end, with all pieces marked; otherwise FAILURE, and log Nav2's reason."""
-        self._look()
+        self._add_seen_ground()
         if status != SUCCEEDED:
             if error_code(result) in OF_PLANNER:
-                self._refused = _plan_of(self._zone_id, self.sweeps.of(self._zone_id))
+                self._refused = _plan_of(self._zone_id, self.sweeps.state_of(self._zone_id))
             return super().on_result(status, result)
-        self._pass(0)
-        self.log(self.sweeps.of(self._zone_id).result(self._zone_id))
+        self._mark_swept(0)
+        self.log(self.sweeps.state_of(self._zone_id).result(self._zone_id))
         super().on_result(status, result)
         return self.answer(Status.SUCCESS, "all done")
 
-    def _pass(self, left: int) -> bool:
+    def _mark_swept(self, left: int) -> bool:
         """Mark pieces as swept until `left` of the sent pieces remain; return whether a piece was marked."""
-        before = self.sweeps.of(self._zone_id).done
+        before = self.sweeps.state_of(self._zone_id).done
         for number in range(before, self._end - left):
             # The arrival at the last piece was checked against the localisation.
-            if left and not self._passed_near(self.sweeps.of(self._zone_id).pieces[number]):
+            if left and not self._passed_near(self.sweeps.state_of(self._zone_id).pieces[number]):
                 return number > before
             # A detection on the way has ended the drive.
             self.record.zone_searched(self._zone_id, None)
-            self.sweeps.advance(self._zone_id, map_extent_of(self.node).obstacles(), self.until_pod)
+            self.sweeps.finish_piece(self._zone_id, map_extent_of(self.node).obstacles(), self.until_pod)
             self._track = self._track[-1:]
         return self._end - left > before
 
@@ -529,14 +529,14 @@ class AdvancePiece(_SweepLeaf):
     def update(self) -> Status:
         """Advance, and log the result at the end of a pass."""
         zone = self._zone
-        if not self.sweeps.of(zone).left:
+        if not self.sweeps.state_of(zone).open_count:
             return self.answer(Status.SUCCESS, "no piece")
-        self.sweeps.advance(zone, map_extent_of(self.node).obstacles(), self.until_pod)
-        sweep = self.sweeps.of(zone)
-        if not sweep.left:
+        self.sweeps.finish_piece(zone, map_extent_of(self.node).obstacles(), self.until_pod)
+        sweep = self.sweeps.state_of(zone)
+        if not sweep.open_count:
             self.log(sweep.result(zone))
         self._wake()
-        return self.answer(Status.SUCCESS, "advanced" if sweep.left else "all done")
+        return self.answer(Status.SUCCESS, "advanced" if sweep.open_count else "all done")
 
 
 @register(
@@ -556,12 +556,14 @@ class SkipPiece(_SweepLeaf):
     def update(self) -> Status:
         """Skip it."""
         zone = self._zone
-        sweep = self.sweeps.of(zone)
-        if not sweep.left:
+        sweep = self.sweeps.state_of(zone)
+        if not sweep.open_count:
             return self.answer(Status.SUCCESS, "no piece")
-        self.warn(f"Skipping {sweep.told(zone)}.")
+        self.warn(f"Skipping {sweep.describe_piece(zone)}.")
         self.sweeps.skip(zone, "too far for a battery, not reached, or not searched")
-        return self.answer(Status.SUCCESS, "skipped" if self.sweeps.of(zone).left else "skipped the last")
+        return self.answer(
+            Status.SUCCESS, "skipped" if self.sweeps.state_of(zone).open_count else "skipped the last"
+        )
 
 
 @register(

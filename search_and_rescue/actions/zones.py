@@ -60,7 +60,7 @@ class AdvanceZone(RosLeaf):
         """Advance to the next zone and request a tick for it; past the last zone, do nothing."""
         if not self._zones.has_remaining():
             return self.answer(Status.SUCCESS, "no zone")
-        self._zones.advance()
+        self._zones.select_next_zone()
         self._wake()
         return self.answer(Status.SUCCESS, "advanced")
 
@@ -141,9 +141,9 @@ class ChooseZone(RosLeaf):
         if self._among != zones:
             self._among, self._choice = zones, None
             planned = self._zones.most_rewarding(zones)
-            self._ways.ask(self._zones.ways(planned, between=self._order != "nearest"))
+            self._ways.request(self._zones.required_paths(planned, between=self._order != "nearest"))
         if self._choice is None and not self._ways.are_awaited():
-            if news := self._ways.news():
+            if news := self._ways.new_shortfall():
                 self.warn(f"'{self.name}': {news}.")
             self._choice = self._begin(zones)
         elif self._choice is not None and self._choice.done():
@@ -153,16 +153,16 @@ class ChooseZone(RosLeaf):
     def terminate(self, new_status: Status) -> None:
         """Discard requests and computations if the leaf is halted."""
         if new_status is Status.INVALID:
-            self._forget()
+            self._clear_choice()
 
     def shutdown(self) -> None:
         """Withdraw the service, release the clients and the node."""
         self._release()
-        self._orders.withdraw()
+        self._orders.destroy_services()
         super().shutdown()
 
     def _release(self) -> None:
-        self._forget()
+        self._clear_choice()
         if self._ways is not None:
             self._ways.release()
         self._ways = None
@@ -173,7 +173,7 @@ class ChooseZone(RosLeaf):
         if not zone:
             try:
                 x, y = map_extent_of(self.node).check(*planar_point(request.point, MAP_FRAME))
-                zone = self._zones.nearest(x, y, self._sweeps.around(x, y))
+                zone = self._zones.nearest(x, y, self._sweeps.zones_at(x, y))
             except UnusableValueError as error:
                 refusal = str(error)
         if not refusal and not is_ratio(ratio):
@@ -189,25 +189,25 @@ class ChooseZone(RosLeaf):
         return response
 
     def _choose(self, zone_id: str) -> Status:
-        self._forget()
-        self._zones.choose(zone_id)
+        self._clear_choice()
+        self._zones.choose_zone(zone_id)
         self.log(f"Next zone by {self._order}: {zone_id}.")
         return self.answer(Status.SUCCESS, "chosen")
 
-    def _forget(self) -> None:
+    def _clear_choice(self) -> None:
         self._among, self._choice = [], None
         if self._ways is not None:
             self._ways.give_up()
 
     def _begin(self, zones: list[Zone]) -> Future[list[int]]:
         # A laptop that verifies trees needs no NumPy.
-        from search_and_rescue.zone_order import approximation, ordered
+        from search_and_rescue.zone_order import approximation, order_areas
 
         how = approximation(len(zones)) if self._order == "expected_find" else ""
         if how and how != self._approximation:
             self.log(f"'{self.name}': {len(zones)} zones are ordered by {how}, close to the best order.")
         self._approximation = how
-        return run_in_background(self._wake, ordered, self._order, self._zones.tour(zones))
+        return run_in_background(self._wake, order_areas, self._order, self._zones.tour(zones))
 
 
 @register(

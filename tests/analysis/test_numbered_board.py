@@ -29,7 +29,7 @@ def scope(board):
 
 def taken(cells):
     """Return what all entries hold."""
-    cells.settle()
+    cells.update_contents()
     return [number for number in cells.now if number]
 
 
@@ -127,7 +127,7 @@ def test_how_often_an_entry_was_written_counts_only_if_it_is_watched(board, cell
     before = taken(cells)
     entry.write(1)
     assert taken(cells) == before
-    board.watch(entry.name)
+    board.watch_entry(entry.name)
     entry.write(1)
     assert (entry.stamp, taken(cells) == before) == (2, False)
     board.restamp(entry.name, 1)

@@ -105,7 +105,7 @@ def test_a_board_that_is_numbered_afterwards_is_written_as_such(made, facts):
     NumberedBoard.from_board(facts.board, entries)
     before = list(entries.now)
     leaf.change(ARRIVED)
-    entries.settle()
+    entries.update_contents()
     assert list(entries.now) != before
     assert not leaf.is_possible(ARRIVED)
 

@@ -133,7 +133,7 @@ def _halts_at_rest() -> Iterator[None]:
             if isinstance(node, EngineBehaviour):
                 tree, index = node._tree_and_index()
                 assert isinstance(tree, LiveTree)
-                tree.nodes[index].forget(tree.ticker)
+                tree.tree_nodes[index].reset_cells(tree.ticker)
 
     with mock.patch(f"{__name__}.halt_tree", halt_all):
         yield
@@ -143,8 +143,8 @@ def _halts_at_rest() -> Iterator[None]:
 def _skips_counted_on() -> Iterator[None]:
     class CountedOn(ResumingNode):
         def begin(self, ticker: Ticker) -> int:
-            if ticker.cells[self.at] & ENDED:
-                ticker.cells[self.at] = RUNNING
+            if ticker.cells[self.status_cell] & ENDED:
+                ticker.cells[self.status_cell] = RUNNING
             return super().begin(ticker)
 
         def decide(self, ticker: Ticker, outcome: int) -> int:
@@ -171,12 +171,12 @@ def _from_above(node: Behaviour) -> Iterator[Behaviour]:
 @contextmanager
 def _precondition_asked_once() -> Iterator[None]:
     class AskedOnce(PreconditionNode):
-        def after(self, ticker: Ticker, outcome: int) -> int:
-            answer = super().after(ticker, outcome)
+        def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
+            answer = super().on_child_outcome(ticker, outcome)
             ticker.cells[self.child_runs] = int(not outcome & ENDED)
             return answer
 
-        def forget(self, ticker: Ticker) -> None:
+        def reset_cells(self, ticker: Ticker) -> None:
             pass
 
     with _replaced(behaviour_class(OwnDecorator, PreconditionNode), "node_class", AskedOnce):

@@ -96,7 +96,7 @@ def test_who_hides_is_found_by_the_seed_and_when_in_the_time_of_the_flight():
         next(
             seed
             for seed in range(99)
-            if (HiddenSurvivor(POSE, area, seed).look("zone_c") is not None) is is_found
+            if (HiddenSurvivor(POSE, area, seed).search("zone_c") is not None) is is_found
         )
         for is_found in (True, False)
     ]

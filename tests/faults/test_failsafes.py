@@ -368,7 +368,7 @@ class TestConditions:
             [{"id": name, "x": 0, "y": 0, "yaw": 0} for name in ("zone_a", "zone_b")], {"x": 0, "y": 0, "yaw": 0}
         )  # fmt: skip
         Search(zones, record)
-        record.alarmed("the battery is low")
+        record.record_alarm("the battery is low")
         assert listening.to(AbandonZones("Abandon", zones, record=record)).update() is Status.SUCCESS
         assert not zones.has_remaining()
         assert record.shortfalls(zones)[0] == "zone_a and zone_b were abandoned: the battery is low."
@@ -515,8 +515,8 @@ class TestOrders:
     def test_a_zone_that_is_added_on_the_way_home_turns_the_mission_round(
         self, ros: Any, held: NotHeld, zones: ZoneManager
     ) -> None:
-        zones.advance()
-        zones.advance()
+        zones.select_next_zone()
+        zones.select_next_zone()
         self.call(ros, "add_zone", zone_id="zone_e", pose=self.place())
         assert [held.update(), held.update()] == [Status.FAILURE, Status.SUCCESS]
         assert zones.current_zone()["id"] == "zone_e"

@@ -269,11 +269,11 @@ def test_any_answer_about_a_survivor_and_any_map_are_judged(x, y, resolution, or
     extent._node = SimpleNamespace(get_logger=lambda: SimpleNamespace(warning=lambda _: None))
     position, orientation = SimpleNamespace(x=origin, y=0.0), SimpleNamespace(x=0.0, y=0.0, z=z, w=w)
     pose = SimpleNamespace(position=position, orientation=orientation)
-    extent._take(
+    extent._on_map(
         SimpleNamespace(info=SimpleNamespace(resolution=resolution, width=cells, height=cells, origin=pose))
     )
     possible = math.isfinite(x) and math.isfinite(y) and max(abs(x), abs(y)) <= FARTHEST_M
-    assert possible or extent.objection(x, y)
+    assert possible or extent.why_impossible(x, y)
 
 
 @given(st.integers(-128, 127), st.integers(0, 2**16 - 1), st.text(max_size=50))

@@ -99,27 +99,27 @@ def test_pauses_grow_to_a_limit_and_end_with_a_success() -> None:
     assert backoff.remaining_sec <= 0.0
     lengths = []
     for _ in range(6):
-        backoff.failed()
+        backoff.start_pause()
         lengths.append(backoff.remaining_sec)
         clock.advance(backoff.remaining_sec)
         assert backoff.remaining_sec <= 0.0
     assert lengths == [5.0, 10.0, 20.0, 40.0, 60.0, 60.0]
     backoff.reset()
-    backoff.failed()
+    backoff.start_pause()
     assert backoff.remaining_sec == 5.0
 
 
 def test_a_clock_that_jumps_back_ends_a_pause() -> None:
     clock = ManualClock(1000.0)
     backoff = Backoff(clock, 5.0, 60.0)
-    backoff.failed()
+    backoff.start_pause()
     clock.advance(-900.0)
     assert backoff.remaining_sec <= 0.0
 
 
 def test_no_pause_is_no_pause() -> None:
     backoff = Backoff(ManualClock(), 0.0, 60.0)
-    backoff.failed()
+    backoff.start_pause()
     assert backoff.remaining_sec <= 0.0
 
 

@@ -36,7 +36,7 @@ def search(stage: "Stage", **options: Any) -> Any:
 
 def finish(stage: "Stage") -> None:
     while stage.zones.has_remaining():
-        stage.zones.advance()
+        stage.zones.select_next_zone()
 
 
 @pytest.mark.parametrize("cls", [NavigateToZone, NavigateToBase])
@@ -74,7 +74,7 @@ def test_a_search_says_what_it_has_found(stage: "Stage") -> None:
     stage.detect_service({"zone_a": (-2.5, 3.2)})
     leaf = search(stage)
     first = answer(stage, leaf)
-    stage.zones.advance()
+    stage.zones.select_next_zone()
     assert [first, answer(stage, leaf)] == ["SUCCESS found", "SUCCESS nothing"]
 
 

@@ -207,11 +207,11 @@ def test_pieces_are_passed_where_the_robot_was_by_its_localisation(stage: "Stage
         lambda: "2.5 m" not in leaf.feedback_message and leaf._next_feedback.remaining_sec,
         "the feedback",
     )
-    assert leaf.sweeps.of("a").done == 0
+    assert leaf.sweeps.state_of("a").done == 0
     localisation.tell(1.0, 1.5)
     server.order("1 left")
-    heard(leaf, lambda: leaf.sweeps.of("a").done, "the pieces")
-    assert leaf.sweeps.of("a").done == 3
+    heard(leaf, lambda: leaf.sweeps.state_of("a").done, "the pieces")
+    assert leaf.sweeps.state_of("a").done == 3
 
 
 def test_a_goal_ends_at_its_last_pose_and_in_another_frame_nothing_is_known_of_it() -> None:

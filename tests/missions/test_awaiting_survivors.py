@@ -82,7 +82,7 @@ def test_a_find_that_was_published_while_nobody_listened_is_not_lost(stage: "Sta
 
 def test_the_search_forgets_its_last_find_when_it_listens_anew(stage: "Stage") -> None:
     leaf, search, _ = listening(stage)
-    search.take((1.0, 2.0))
+    search.store_detection((1.0, 2.0))
     leaf.tick_once()
     assert search.survivor_pose() is None
 
@@ -134,7 +134,7 @@ def test_somebody_new_among_others_who_are_seen_at_once_is_not_missed(stage: "St
 def test_without_a_zone_nobody_is_found(stage: "Stage") -> None:
     leaf, _, _ = listening(stage)
     for _ in range(stage.zones.total_zones()):
-        stage.zones.advance()
+        stage.zones.select_next_zone()
     leaf.tick_once()
     assert (leaf.status, leaf.answer_label) == (Status.FAILURE, "no zone")
 

@@ -129,7 +129,7 @@ def test_a_zone_too_far_from_home_is_not_too_far_from_a_place_in_reach() -> None
 
 def test_what_is_asked_of_the_planner_has_the_ways_to_the_places() -> None:
     zones = searching(0.9, 0.0, dock=15.0).zones
-    ways = {(start["x"], end["x"]) for start, end in zones.ways(zones.remaining_zones())}
+    ways = {(start["x"], end["x"]) for start, end in zones.required_paths(zones.remaining_zones())}
     assert ways == {(0.0, 10.0), (15.0, 10.0), (0.0, 15.0)}
 
 
@@ -140,7 +140,7 @@ def test_a_robot_at_a_place_is_known_to_be_there_until_it_goes_on() -> None:
     search.record.home_first("zone_a", "zone_a is far", "dock")
     search.record.charging_reached("dock")
     assert told == ["zone_a is far: dock first", "reached charging place dock"]
-    assert search.zones.here() == pose(12.0)
+    assert search.zones.last_pose() == pose(12.0)
     assert [each.text for each in search.display().alarms] == ["zone_a is far: dock first"]
     assert search.display().phase == MissionPhase("waiting", "for another battery", "dock")
     assert [each.state for each in search.display().landmarks if each.name == "dock"] == [

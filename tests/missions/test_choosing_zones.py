@@ -115,35 +115,37 @@ def test_a_speed_that_is_none_is_told_once() -> None:
 
 def test_the_chosen_zone_is_the_current_one_and_the_others_keep_their_order() -> None:
     zones = searching().zones
-    zones.choose("c")
+    zones.choose_zone("c")
     assert order(zones) == "cab"
-    zones.advance()
-    zones.choose("b")
+    zones.select_next_zone()
+    zones.choose_zone("b")
     assert order(zones) == "ba"
     assert zones.current_index() == 1
 
 
 def test_a_zone_that_is_not_left_cannot_be_chosen() -> None:
     zones = searching().zones
-    zones.advance()
+    zones.select_next_zone()
     with pytest.raises(ValueError, match="a is not among the remaining zones at that time"):
-        zones.choose("a")
+        zones.choose_zone("a")
 
 
 def test_a_postponed_zone_may_be_chosen_again_when_all_others_were_tried_as_often() -> None:
     zones = searching().zones
-    zones.choose("c")
+    zones.choose_zone("c")
     zones.postpone()
     assert [zone["id"] for zone in zones.eligible_zones()] == ["a", "b"]
     zones.postpone()
-    zones.advance()
+    zones.select_next_zone()
     assert [zone["id"] for zone in zones.eligible_zones()] == ["c", "a"]
 
 
 def test_each_look_lowers_its_zone_raises_the_others_and_counts_for_success() -> None:
     search = searching()
     search.record.zone_searched("c", None)
-    assert search.zones.poa_map().now() == pytest.approx({"a": 0.1 / 0.7, "b": 0.2 / 0.7, "c": 0.3 / 0.7})
+    assert search.zones.poa_map().current_probabilities() == pytest.approx(
+        {"a": 0.1 / 0.7, "b": 0.2 / 0.7, "c": 0.3 / 0.7}
+    )
     search.record.zone_searched("b", (2.0, 1.0))
     assert search.zones.poa_map().pos() == pytest.approx(0.6 * 0.5 + 0.2 * 0.5)
     shown = search.display()
@@ -171,13 +173,13 @@ def test_the_plan_that_is_told_has_urgent_zones_first_as_the_flight_has() -> Non
 
 def test_what_is_shown_computes_once_where_somebody_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is asked for in the ticks: once for each zone took 30 ms of a hundred zones."""
-    asked, now = list[PoaMap](), PoaMap.now
+    asked, now = list[PoaMap](), PoaMap.current_probabilities
 
     def counted(poa_map: PoaMap) -> dict[str, float]:
         asked.append(poa_map)
         return now(poa_map)
 
-    monkeypatch.setattr(PoaMap, "now", counted)
+    monkeypatch.setattr(PoaMap, "current_probabilities", counted)
     searching().display()
     assert len(asked) == 1
 
@@ -245,7 +247,7 @@ def test_of_many_zones_the_planner_is_asked_for_those_that_reward_their_time_mos
     assert len(chosen) == MOST_PLANNED
     assert chosen[-11:] == manager.remaining_zones()[-11:]
     # One of them is where the robot is.
-    assert len(manager.ways(chosen)) == math.comb(MOST_PLANNED, 2)
+    assert len(manager.required_paths(chosen)) == math.comb(MOST_PLANNED, 2)
     nearest = sorted(
         manager.remaining_zones(), key=lambda zone: math.dist((zone["x"], zone["y"]), (BASE["x"], BASE["y"]))
     )
@@ -270,7 +272,7 @@ def test_each_way_is_needed_once_and_none_from_a_place_to_itself() -> None:
     zones = search.zones.remaining_zones()
 
     def needed(**options: bool) -> list[tuple[float, float]]:
-        return [(start["x"], target["x"]) for start, target in search.zones.ways(zones, **options)]
+        return [(start["x"], target["x"]) for start, target in search.zones.required_paths(zones, **options)]
 
     assert needed() == [(0.0, 1.0), (0.0, 2.0), (0.0, 3.0), (1.0, 2.0), (1.0, 3.0), (2.0, 3.0)]
     assert needed(between=False) == [(0.0, 1.0), (0.0, 2.0), (0.0, 3.0)]
@@ -284,7 +286,7 @@ def test_a_drive_that_has_failed_may_have_changed_every_way() -> None:
     zones = searching().zones
     a, b, _ = zones.remaining_zones()
     zones.store_path_length(a, b, 9.0)
-    zones.advance()
+    zones.select_next_zone()
     assert zones.path_length_m(a, b) == 9.0
     zones.postpone()
     assert zones.path_length_m(a, b) == 1.5
@@ -313,10 +315,10 @@ def test_a_resumed_search_has_the_same_map_and_the_same_zone(journal: Path) -> N
 
     first, second = searching(), searching()
     kept = opened(first, resume=False)
-    first.zones.choose("c")
+    first.zones.choose_zone("c")
     first.record.zone_searched("c", None)
-    first.zones.advance()
-    first.zones.choose("b")
+    first.zones.select_next_zone()
+    first.zones.choose_zone("b")
     kept.close()
     kept = opened(second, resume=True)
     assert [second.sentence(fact) for fact in kept.earlier_events() if fact.kind == "zone_chosen"] == [
@@ -344,7 +346,7 @@ def test_hints_multiply_and_a_resumed_search_has_them(journal: Path) -> None:
     assert told == ["the operator: a hint on a, times 3", "the operator: a hint on a, times 2"]
     kept.close()
     assert second.zones.hints == {"a": 6.0}
-    assert second.zones.poa_map().now()["a"] == pytest.approx(0.6 / 1.5)
+    assert second.zones.poa_map().current_probabilities()["a"] == pytest.approx(0.6 / 1.5)
 
 
 def test_a_look_whose_find_is_rejected_counts_as_none_until_it_is_confirmed_after_all(journal: Path) -> None:
@@ -357,7 +359,9 @@ def test_a_look_whose_find_is_rejected_counts_as_none_until_it_is_confirmed_afte
     looked = first.zones.poa_map()
     for _ in range(2):
         first.record.survivor_judged("survivor_1", DetectionVerdict.REJECTED)
-    assert first.zones.poa_map().now() == searching().zones.poa_map().now()
+    assert (
+        first.zones.poa_map().current_probabilities() == searching().zones.poa_map().current_probabilities()
+    )
     assert first.zones.poa_map().pos() == 0.0
     first.record.survivor_judged("survivor_1", DetectionVerdict.CONFIRMED)
     assert first.zones.poa_map() == looked
@@ -374,7 +378,7 @@ def test_a_rejected_find_leaves_what_a_sweep_has_seen() -> None:
     search.sweeps.grounds["a"] = Ground(((0.0, 0.0), (4.0, 0.0), (0.0, 4.0)), 2.0, 2.0)
     search.sweeps.plan("a", "parallel", 2.0, [MapPose(x=1.0, y=1.0, yaw=0.0)] * 2)
     search.sweeps.drive("a", [(1.0, 1.0), (2.0, 1.0)], None)
-    search.sweeps.advance("a", None, 0.5)
+    search.sweeps.finish_piece("a", None, 0.5)
     search.record.zone_searched("a", (2.0, 1.0))
     search.record.survivor_named("survivor_1", 2.0, 1.0)
     seen = search.zones.poa_map()
@@ -388,7 +392,7 @@ def test_any_number_of_hints_leaves_a_map() -> None:
     for _ in range(150):
         search.zones.hint("a", 1000.0)
         search.zones.hint("b", 0.001)
-    now = search.zones.poa_map().now()
+    now = search.zones.poa_map().current_probabilities()
     assert now["a"] == pytest.approx(1.0)
     assert 0.0 <= now["b"] < 1e-6
     assert math.isfinite(search.zones.poa_map().pos())
@@ -497,7 +501,7 @@ class TestChooseZone:
 
     def test_the_nearest_is_chosen(self, stage: "Stage") -> None:
         search = searching()
-        search.zones.choose("c")
+        search.zones.choose_zone("c")
         assert stage.run(self.take(stage, search, order="nearest")) is Status.SUCCESS
         assert order(search.zones) == "acb"
 
@@ -516,7 +520,7 @@ class TestChooseZone:
             assert stage.run(leaf) is Status.SUCCESS
             visited.append(search.zones.current_zone()["id"])
             search.record.zone_searched(visited[-1], None)
-            search.zones.advance()
+            search.zones.select_next_zone()
         assert visited == ["c", "b", "a"]
         assert stage.run(leaf) is Status.FAILURE
 
@@ -533,7 +537,7 @@ class TestChooseZone:
         leaf = self.take(stage, search, order="expected_find")
         leaf.tick_once()
         stage.until(lambda: stage.wakes == 1, "the first answer")
-        search.zones.choose("c")
+        search.zones.choose_zone("c")
         search.zones.abandon("the operator has skipped it")
         assert status(leaf) is Status.RUNNING
         assert stage.run(leaf) is Status.SUCCESS
@@ -631,7 +635,7 @@ class TestAskingThePlanner:
         assert tuple(server.asked) == self.NEEDED
         assert self.to_c(search.zones) == 43.0
         search.record.zone_searched("a", None)
-        search.zones.advance()
+        search.zones.select_next_zone()
         assert stage.run(leaf) is Status.SUCCESS
         assert order(search.zones) == "bc"
         assert tuple(server.asked) == self.NEEDED

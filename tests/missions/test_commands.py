@@ -169,7 +169,7 @@ def mission(ros: Any) -> Iterator[CommandedMission]:
 
 def finish(mission: CommandedMission) -> None:
     while mission.search.zones.has_remaining():
-        mission.search.zones.advance()
+        mission.search.zones.select_next_zone()
         mission.watch.raise_fact("zones_left", -1)
 
 
@@ -269,7 +269,7 @@ def find_again(mission: CommandedMission) -> None:
 
 
 CHANGES: tuple[Callable[[CommandedMission], object], ...] = (
-    lambda mission: mission.search.zones.advance(),
+    lambda mission: mission.search.zones.select_next_zone(),
     lambda mission: mission.search.zones.postpone(),
     lambda mission: mission.search.zones.abandon(),
     find_again,
@@ -325,7 +325,7 @@ def test_a_zone_that_is_no_longer_the_next_one_is_not_skipped_and_it_is_said_whi
     mission: CommandedMission,
 ) -> None:
     seen = mission.see(named("skip_zone"))
-    mission.search.zones.advance()
+    mission.search.zones.select_next_zone()
     assert mission.give(named("skip_zone"), seen=seen) == (
         False,
         "the object of the command has changed. You saw 'zone_a', and now it is 'zone_b'. Check it, and repeat the command",
@@ -372,7 +372,7 @@ def test_a_zone_off_the_map_or_on_another_one_is_refused(
     grid.info.width = grid.info.height = 6
     grid.info.resolution, grid.header.frame_id, grid.data = 1.0, "map", [0] * 36
     grid.info.origin.orientation.w = 1.0
-    map_extent_of(mission.node)._take(grid)
+    map_extent_of(mission.node)._on_map(grid)
     monkeypatch.setitem(VALUES, "add_zone", {"zone": "zone_e", "x": x, "y": y, "heading": 0.0})
     accepted, answer = mission.give(named("add_zone"))
     assert not accepted

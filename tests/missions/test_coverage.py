@@ -54,13 +54,13 @@ def test_repeated_passes_add_up() -> None:
         twice.drive(way)
     assert twice.coverage == pytest.approx(2.0 * once.coverage)
     assert twice.pod() > once.pod()
-    assert twice.seen() == once.seen()
+    assert twice.seen_share() == once.seen_share()
 
 
 def test_outside_of_the_ground_it_is_seen_and_no_length_is_counted() -> None:
     raster = CoverageRaster(field())
     assert raster.drive([(-1.0, 10.0), (-1.0, 20.0)]) == 0.0
-    assert 0.0 < raster.seen() < 0.05
+    assert 0.0 < raster.seen_share() < 0.05
 
 
 def test_nothing_is_seen_through_a_wall_and_a_wall_is_nothing_to_search() -> None:
@@ -70,7 +70,7 @@ def test_nothing_is_seen_through_a_wall_and_a_wall_is_nothing_to_search() -> Non
     seen = raster.coverage > 0.0
     assert seen[raster.centres[:, 0] < 4.8].all()
     assert not seen[raster.centres[:, 0] > 5.2].any()
-    assert raster.seen() == pytest.approx(0.5, abs=0.02)
+    assert raster.seen_share() == pytest.approx(0.5, abs=0.02)
     assert raster.area_m2() == pytest.approx(98.0, abs=2.5)
 
 
@@ -82,7 +82,7 @@ def test_what_is_beyond_the_map_can_be_searched_by_nobody() -> None:
 def test_a_map_that_is_turned_is_read_as_it_lies() -> None:
     turned = ObstacleMap(room((0.0, 0.0, 1.0, 2.0)).blocked, 0.05, (3.0, 1.0, math.pi / 2))
     points = np.array([[2.0, 1.5], [2.9, 1.1], [1.1, 1.9], [0.9, 1.5], [2.0, 2.1], [3.1, 1.5]])
-    assert turned.at(points).tolist() == [True, True, True, False, False, True]
+    assert turned.are_blocked(points).tolist() == [True, True, True, False, False, True]
 
 
 @given(
@@ -96,7 +96,7 @@ def test_as_much_is_seen_as_sight_lines_between_the_walls_allow(
     """Other code: shapely's lines from the eye to each cell, against the walls as boxes."""
     boxes = [(a, b, a + (2.0 if lies else 0.2), b + (0.2 if lies else 2.0)) for a, b, lies in walls]
     obstacles = room(*boxes)
-    if obstacles.at(np.array([[x, y]])).any():
+    if obstacles.are_blocked(np.array([[x, y]])).any():
         return
     raster = CoverageRaster(Ground(((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 4.0, 4.0), obstacles)
     mine = np.zeros(len(raster.centres), bool)
@@ -128,13 +128,13 @@ def test_far_sight_past_a_pillar_leaves_its_shadow_and_nothing_else(yaw: float) 
 
 def test_however_far_one_sees_each_cell_is_looked_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """A drive is computed in the ticks: rays of samples took seconds a metre at twenty metres."""
-    looked_up, at = list[int](), ObstacleMap.at
+    looked_up, at = list[int](), ObstacleMap.are_blocked
 
     def counted(self: ObstacleMap, points: Points) -> npt.NDArray[np.bool_]:
         looked_up.append(points.size // 2)
         return at(self, points)
 
-    monkeypatch.setattr(ObstacleMap, "at", counted)
+    monkeypatch.setattr(ObstacleMap, "are_blocked", counted)
     raster = CoverageRaster(Ground(((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 32.0, 20.0), room())
     raster.seen_from(5.0, 5.0, 20.0)
     assert sum(looked_up) <= len(raster.centres) + 1
@@ -166,9 +166,9 @@ def test_the_coverage_of_a_drive_among_walls_is_within_two_percent_of_that_by_ot
 def test_the_text_of_a_raster_brings_it_back_to_a_thousandth() -> None:
     raster = CoverageRaster(field())
     raster.drive([(10.0, 15.0), (30.0, 12.0)])
-    again = CoverageRaster(field(), cells=raster.text())
+    again = CoverageRaster(field(), cells=raster.share_text())
     assert again.coverage == pytest.approx(raster.coverage, abs=0.0005)
-    assert again.text() == raster.text()
+    assert again.share_text() == raster.share_text()
 
 
 @pytest.mark.parametrize("cells", ["no base64!", "AAAA"])
@@ -178,7 +178,7 @@ def test_a_text_that_is_no_raster_is_refused(cells: str) -> None:
 
 
 def test_the_raster_of_other_ground_is_refused() -> None:
-    cells = CoverageRaster(Ground(((0.0, 0.0), (9.0, 0.0), (0.0, 9.0)), 3.2, 2.0)).text()
+    cells = CoverageRaster(Ground(((0.0, 0.0), (9.0, 0.0), (0.0, 9.0)), 3.2, 2.0)).share_text()
     with pytest.raises(ValueError, match="the raster covers a different area"):
         CoverageRaster(field(), cells=cells)
 

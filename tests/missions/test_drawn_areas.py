@@ -55,7 +55,7 @@ def draw(search: Search, *what: Any, **values: Any) -> str:
     def off_map(x: float, y: float) -> str:
         return f"({x:g}, {y:g}) is not on the map" if x > 9.0 else ""
 
-    return DrawnAreas(search.zones, search.sweeps, search.fence, off_map).take(asked(*what, **values))
+    return DrawnAreas(search.zones, search.sweeps, search.fence, off_map).add_area(asked(*what, **values))
 
 
 def test_an_area_is_searched_after_all_others_from_a_place_inside() -> None:
@@ -106,7 +106,7 @@ def test_an_area_that_nobody_has_begun_to_search_is_changed() -> None:
 @pytest.mark.parametrize("zone", ["a", "b"])
 def test_an_area_that_is_being_searched_or_was_is_not_changed(zone: str) -> None:
     search = begun()
-    search.zones.advance()
+    search.zones.select_next_zone()
     with pytest.raises(DrawingError, match=f"the search of '{zone}' has already started: draw another area"):
         draw(search, zone)
 
@@ -151,8 +151,8 @@ def test_where_no_zone_has_a_probability_none_is_taken() -> None:
 
 def test_on_the_way_home_no_area_is_taken() -> None:
     search = begun()
-    search.zones.advance()
-    search.zones.advance()
+    search.zones.select_next_zone()
+    search.zones.select_next_zone()
     with pytest.raises(DrawingError, match="the robot is on its way home"):
         draw(search)
 

@@ -34,7 +34,7 @@ def test_a_mission_is_over_as_soon_as_it_is_complete(mission, zones, record):
     ending = EndCondition(Until.COMPLETE, mission)
     assert ending.after_tick(RUNNING, 1.0) is None
     record.zone_searched("a", None)
-    zones.advance()
+    zones.select_next_zone()
     assert ending.after_tick(SUCCESS, 2.0) is None
     record.base_reached()
     result = ending.after_tick(SUCCESS, 3.0)
@@ -43,7 +43,7 @@ def test_a_mission_is_over_as_soon_as_it_is_complete(mission, zones, record):
 
 
 def test_what_a_complete_mission_has_left_open_is_said_with_its_end(mission, zones, record):
-    zones.advance()
+    zones.select_next_zone()
     record.base_reached()
     result = EndCondition(Until.COMPLETE, mission).after_tick(SUCCESS, 1.0)
     assert result is not None
@@ -54,7 +54,7 @@ def test_a_mission_that_can_no_longer_become_complete_is_over(mission, zones, re
     ending = EndCondition(Until.COMPLETE, mission)
     record.zone_searched("a", (1.0, 2.0))
     record.base_reached()
-    zones.advance()
+    zones.select_next_zone()
     assert ending.after_tick(SUCCESS, 1.0) is None
     result = ending.after_tick(SUCCESS, 2.0)
     assert result is not None
@@ -68,7 +68,7 @@ def test_a_mission_that_can_no_longer_become_complete_is_over(mission, zones, re
 
 def test_a_tree_that_runs_again_in_between_is_not_over(mission, zones):
     ending = EndCondition(Until.COMPLETE, mission)
-    zones.advance()
+    zones.select_next_zone()
     assert [ending.after_tick(status, 1.0) for status in (FAILURE, RUNNING, FAILURE)] == [None] * 3
     assert ending.after_tick(FAILURE, 2.0) is not None
 
@@ -126,7 +126,7 @@ def test_a_run_that_the_root_does_not_end_says_nothing_of_its_rounds(until, miss
 
 @pytest.mark.parametrize("status", list(Status))
 def test_a_run_without_end_never_ends(status, mission, zones, record):
-    zones.advance()
+    zones.select_next_zone()
     record.base_reached()
     ending = EndCondition(Until.FOREVER, mission)
     assert ending.after_tick(status, 1e9) is None
@@ -146,7 +146,7 @@ def test_the_time_limit_ends_what_is_not_over_by_itself(mission):
 
 def test_a_mission_that_completes_at_the_limit_is_complete(mission, zones, record):
     ending = EndCondition(Until.COMPLETE, mission, time_limit_sec=10.0)
-    zones.advance()
+    zones.select_next_zone()
     record.base_reached()
     result = ending.after_tick(SUCCESS, 11.0)
     assert result is not None

@@ -32,7 +32,7 @@ class Robot:
         for _ in range(seconds):
             self.now, self.x = self.now + 1.0, self.x + speed
             self.share -= speed * self.rates.per_m + self.rates.per_sec
-            self.model.moved(self.x, 0.0)
+            self.model.on_odometry(self.x, 0.0)
             self.model.read(self.now, round(self.share / self._grain) * self._grain)
         return self
 

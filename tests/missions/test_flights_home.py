@@ -88,11 +88,11 @@ class Flight:
             zone = self.zones.current_zone()
             if self._pieces:
                 self._sweep(zone)
-                self.zones.advance()
+                self.zones.select_next_zone()
             elif self._is_in_reach():
                 self._drive(zone)
                 self._wait(self.zones.areas[zone["id"]].look_sec)
-                self.zones.advance()
+                self.zones.select_next_zone()
             else:
                 self.zones.abandon("it is out of reach of any battery")
         self._go_home()
@@ -101,11 +101,11 @@ class Flight:
     def _sweep(self, zone: Zone) -> None:
         count = int(self._chance.integers(1, self._pieces + 1))
         self.sweeps.plan(zone["id"], "parallel", 5.0, [self._near(zone) for _ in range(count)])
-        while (sweep := self.sweeps.of(zone["id"])).left:
+        while (sweep := self.sweeps.state_of(zone["id"])).open_count:
             if self._is_in_reach():
                 self._drive(sweep.pieces[sweep.done])
                 self._wait(self.zones.areas[zone["id"]].look_sec / count)
-                self.sweeps.advance(zone["id"], None, 0.6)
+                self.sweeps.finish_piece(zone["id"], None, 0.6)
             else:
                 self.sweeps.skip(zone["id"], "it is out of reach of any battery")
 
@@ -161,7 +161,7 @@ class Flight:
 
     def _read(self) -> None:
         """Tell what a battery tells, in percent, and the odometry."""
-        self.homing.energy.moved(self._metres, 0.0)
+        self.homing.energy.on_odometry(self._metres, 0.0)
         self.homing.energy.read(self._now, round(self.share, 2))
 
 
@@ -200,7 +200,7 @@ def test_in_sweeps_half_of_the_reserve_is_always_left_too(charging: int) -> None
     ]
     lowest = [flight.lowest for flight in flights]
     assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
-    sweeps = [flight.sweeps.of(zone) for flight in flights for zone in flight.sweeps.grounds]
+    sweeps = [flight.sweeps.state_of(zone) for flight in flights for zone in flight.sweeps.grounds]
     assert sum(len(flight.charged_at) for flight in flights) > 50
     assert sum(each.skipped for each in sweeps) < 0.1 * sum(len(each.pieces) for each in sweeps)
 

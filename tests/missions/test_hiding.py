@@ -15,7 +15,7 @@ from sar_compiler.missions.parameter_reader import ParameterError
 from search_and_rescue.hiding import HiddenSurvivor, read_hidden_survivor
 from search_and_rescue.search_theory import Ground, SearchExpectation, TourInputs
 from search_and_rescue.zone_manager import MapPose
-from search_and_rescue.zone_order import ordered
+from search_and_rescue.zone_order import order_areas
 from tests.chance import rounds
 from tests.missions.test_offices import begun
 
@@ -34,7 +34,7 @@ def told() -> tuple[list[str], list[float], list[float], TourInputs, list[int]]:
     """Return the areas of the offices in the order that finds soonest, when each is searched, what it brings, and the tour."""
     zones = begun()[0].zones
     tour = zones.tour(zones.remaining_zones())
-    order = ordered("expected_find", tour)
+    order = order_areas("expected_find", tour)
     names = [zones.remaining_zones()[area]["id"] for area in order]
     return names, tour.ends(order), [tour.finds[area] for area in order], tour, order
 
@@ -54,7 +54,7 @@ def test_searches_in_the_offices_find_as_soon_and_as_often_as_was_told() -> None
     times, count = [], rounds(10_000)
     for seed in range(count):
         hiding = HiddenSurvivor(poses, search.zones.areas, seed)
-        times += [end for name, end in zip(names, ends, strict=True) if hiding.look(name)]
+        times += [end for name, end in zip(names, ends, strict=True) if hiding.search(name)]
     mean, pos = sum(times) / len(times), sum(finds)
     error = math.sqrt(sum((time - mean) ** 2 for time in times) / len(times) / len(times))
     assert abs(mean - tour.expected_find(order)) < SIGMAS * error
@@ -125,19 +125,19 @@ def test_runs_of_the_tree_find_somebody_as_often_as_was_told(
 
 
 def test_who_is_found_stands_a_metre_ahead_of_the_robot() -> None:
-    seed = next(seed for seed in range(99) if HiddenSurvivor(POSES, AREAS, seed).look("attic"))
-    assert HiddenSurvivor(POSES, AREAS, seed).look("attic") == pytest.approx((1.0, 3.0))
+    seed = next(seed for seed in range(99) if HiddenSurvivor(POSES, AREAS, seed).search("attic"))
+    assert HiddenSurvivor(POSES, AREAS, seed).search("attic") == pytest.approx((1.0, 3.0))
 
 
 def test_neither_the_order_of_the_areas_nor_looks_elsewhere_change_what_a_seed_makes() -> None:
     turned = dict(reversed(AREAS.items()))
     for seed in range(50):
         one, other = HiddenSurvivor(POSES, AREAS, seed), HiddenSurvivor(POSES, turned, seed)
-        looks = [one.look("attic") for _ in range(3)]
+        looks = [one.search("attic") for _ in range(3)]
         others = []
         for _ in range(3):
-            assert other.look("unknown") is None
-            others.append(other.look("attic"))
+            assert other.search("unknown") is None
+            others.append(other.search("attic"))
         assert (one.area, looks) == (other.area, others)
 
 
@@ -148,7 +148,7 @@ def in_the_hall(seed: int, pod: float = 1.0, reach: float = 99.0) -> HiddenSurvi
 
 
 def place_of(seed: int) -> tuple[float, float]:
-    found = in_the_hall(seed).look("hall", (4.0, 4.0))
+    found = in_the_hall(seed).search("hall", (4.0, 4.0))
     assert found is not None
     return found
 
@@ -164,10 +164,10 @@ def test_who_hides_in_an_outline_is_anywhere_in_it_whatever_the_pose() -> None:
 def test_who_hides_in_an_outline_is_found_from_within_the_detection_range_alone() -> None:
     x, y = place_of(0)
     near, far = (x - 2.4, y), (x - 2.6, y)
-    assert in_the_hall(0, reach=2.5).look("hall", near) == (x, y)
-    assert in_the_hall(0, reach=2.5).look("hall", far) is None
-    assert in_the_hall(0, reach=2.5).look("hall") is None
-    assert in_the_hall(0, reach=2.5).look("attic", near) is None
+    assert in_the_hall(0, reach=2.5).search("hall", near) == (x, y)
+    assert in_the_hall(0, reach=2.5).search("hall", far) is None
+    assert in_the_hall(0, reach=2.5).search("hall") is None
+    assert in_the_hall(0, reach=2.5).search("attic", near) is None
 
 
 def test_looks_from_too_far_away_do_not_change_which_look_finds() -> None:
@@ -175,8 +175,8 @@ def test_looks_from_too_far_away_do_not_change_which_look_finds() -> None:
         hiding, found = in_the_hall(seed, pod=0.5), []
         for _ in range(6):
             if with_far_ones:
-                assert hiding.look("hall", (199.0, 199.0)) is None
-            found.append(hiding.look("hall", (4.0, 4.0)) is not None)
+                assert hiding.search("hall", (199.0, 199.0)) is None
+            found.append(hiding.search("hall", (4.0, 4.0)) is not None)
         return found
 
     without = [looks(seed, with_far_ones=False) for seed in range(20)]

@@ -137,7 +137,7 @@ class TestReturnInReach:
         assert robot.search.record.alarm == told
 
     def test_without_a_zone_there_is_nowhere_to_go(self, robot: Robot) -> None:
-        robot.search.zones.advance()
+        robot.search.zones.select_next_zone()
         assert robot.answer(robot.asks) == "no zone"
         assert robot.answer(robot.waits) == "not charged"
 
@@ -187,7 +187,7 @@ class TestFullBatterySuffices:
 
     def test_no_charge_helps_for_one_that_is_too_far(self, stage: "Stage", robot: Robot) -> None:
         robot.search.zones.add({"id": "zone_b", "x": 29.0, "y": 0.0, "yaw": 0.0})
-        robot.search.zones.choose("zone_b")
+        robot.search.zones.choose_zone("zone_b")
         assert robot.answer(robot.full) == "too far"
         assert robot.full.status is Status.FAILURE
         assert stage.warnings == [
@@ -223,7 +223,7 @@ class TestFullBatterySuffices:
         assert len(list(stage.node.clients)) == clients - 2
 
     def test_without_a_zone_there_is_nothing_to_weigh(self, robot: Robot) -> None:
-        robot.search.zones.advance()
+        robot.search.zones.select_next_zone()
         assert robot.answer(robot.full) == "no zone"
         assert robot.full.status is Status.FAILURE
 
@@ -329,7 +329,7 @@ def test_a_charge_is_told_in_a_sentence() -> None:
     search = searching()
     told: list[str] = []
     search.record.journal.add_listener(lambda fact: told.append(search.sentence(fact)))
-    search.record.charged(0.954321)
+    search.record.record_charge(0.954321)
     assert told == ["the battery, at 95%, suffices"]
 
 

@@ -94,7 +94,7 @@ def sweeping(**options: Any) -> tuple[HomingEstimator, SweepStates]:
 def test_in_a_sweep_a_leg_goes_to_the_open_piece_and_a_look_is_a_piece_s_share_of_the_zone_s() -> None:
     made, sweeps = sweeping()
     assert made.leg() == TripEstimate(15.0, 15.0 / 0.5 + 2.0)
-    sweeps.advance("a", None, 0.5)
+    sweeps.finish_piece("a", None, 0.5)
     assert made.leg().metres == pytest.approx(1.5 * (1.0 + 6.0))
     assert made.home().metres == 7.5
     for _ in range(3):
@@ -113,7 +113,7 @@ def test_what_a_piece_lacks_is_told_with_its_number() -> None:
 
 def test_the_ways_of_a_leg_are_those_to_its_piece_and_forgotten_when_one_was_not_reached() -> None:
     made, sweeps = sweeping()
-    ways = made.ways()
+    ways = made.required_paths()
     assert [(start["x"], end["x"]) for start, end in ways] == [(0.0, 5.0)]
     made.zones.store_path_length(*ways[0], 40.0)
     assert made.leg().metres == 80.0
@@ -129,7 +129,7 @@ def test_behind_a_failsafe_the_reserve_counts_above_its_limit() -> None:
     made.energy.read(1.0, 0.66)
     made.energy.read(2.0, 0.66)
     assert made.shortage() == ""
-    made.zones.choose("b")
+    made.zones.choose_zone("b")
     assert made.excess() == ""
     made.ends_below = 0.3
     assert made.excess().endswith("a full battery leaves 55% above the reserve")

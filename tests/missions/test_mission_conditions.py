@@ -25,7 +25,7 @@ def test_zones_remain_until_the_last_one_is_visited() -> None:
     zones = ZoneManager([{"id": "zone_a", "x": 0, "y": 0, "yaw": 0}], {"x": 0, "y": 0, "yaw": 0})
     leaf = ZonesRemaining("ZonesRemaining?", zones)
     assert ticked(leaf) is Status.SUCCESS
-    zones.advance()
+    zones.select_next_zone()
     assert ticked(leaf) is Status.FAILURE
     assert leaf.feedback_message == "1 of 1 zones visited"
 

@@ -37,7 +37,7 @@ def visit_everything(record: MissionRecord, zones: ZoneManager) -> None:
     while zones.has_remaining():
         zone_id = zones.current_zone()["id"]
         record.zone_started(zone_id)
-        zones.advance()
+        zones.select_next_zone()
 
 
 def test_a_mission_with_everything_done_is_complete(record: MissionRecord, zones: ZoneManager) -> None:
@@ -53,7 +53,7 @@ def test_a_mission_with_everything_done_is_complete(record: MissionRecord, zones
 
 
 def test_what_is_missing_is_said_in_sentences(record: MissionRecord, zones: ZoneManager) -> None:
-    zones.advance()
+    zones.select_next_zone()
     record.zone_searched("zone_a", (-2.5, 3.2))
     record.survivor_named("survivor_1", -2.5, 3.2)
     record.zone_searched("zone_a", (0.0, 0.0))
@@ -186,7 +186,7 @@ def test_only_a_search_with_outlines_shows_how_far_the_robot_has_swept_and_what_
     sweeps = SweepStates({"zone_a": ground})
     sweeps.plan("zone_a", "parallel", 4.0, [MapPose(x=6.0, y=2.0, yaw=0.0)])
     sweeps.drive("zone_a", [(3.0, 1.0), (6.0, 1.0)], None)
-    sweeps.advance("zone_a", None, 0.6)
+    sweeps.finish_piece("zone_a", None, 0.6)
     base = {"x": 0.0, "y": 0.0, "yaw": 0.0}
     with_outline, without = Search(ZoneManager(plan, base), sweeps=sweeps), Search(ZoneManager(plan, base))
     shown = [[each.text for each in search.display().figures] for search in (with_outline, without)]

@@ -50,7 +50,7 @@ def results_awaited(leaf: NavigateToZone) -> int:
 
 def visit_every_zone(stage: "Stage") -> None:
     while stage.zones.has_remaining():
-        stage.zones.advance()
+        stage.zones.select_next_zone()
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ class TestTheGoal:
         server.script = ["succeed"]
         leaf = drive(stage)
         assert stage.run(leaf) is Status.SUCCESS
-        stage.zones.advance()
+        stage.zones.select_next_zone()
         assert stage.run(leaf) is Status.SUCCESS
         assert [goal.pose[1] for goal in server.goals] == [-3.0, 3.5]
 
@@ -323,7 +323,7 @@ class TestFailure:
         assert stage.run(leaf) is Status.FAILURE
         assert "the goal is outside the map; it is not sent again" in stage.warnings[0]
         assert server.requests == 1
-        stage.zones.advance()
+        stage.zones.select_next_zone()
         server.script = ["succeed"]
         assert stage.run(leaf) is Status.SUCCESS
 
@@ -821,7 +821,7 @@ class TestOldGoals:
         leaf = drive(stage)
         stage.tick_until(leaf, lambda: server.requests == 1, "the first goal")
         leaf.stop(Status.INVALID)
-        stage.zones.advance()
+        stage.zones.select_next_zone()
         under_way(stage, leaf, server)
         server.order("feedback")
         acceptance.set()

@@ -46,7 +46,7 @@ class Robot:
     def answer(self, order: str) -> Any:
         def carry_out(_: Any, response: Any) -> Any:
             if self.notes and not self.refusal:
-                self.search.orders.give(order)
+                self.search.orders.record(order)
             response.success, response.message = not self.refusal, self.refusal
             return response
 
@@ -191,13 +191,13 @@ def test_the_state_says_by_whom_the_robot_is_held_and_forgets_it_when_that_is_ov
 
 def test_what_the_mission_notes_after_an_order_was_not_ordered(robot):
     robot.call("resume")
-    robot.search.orders.give("pause")
+    robot.search.orders.record("pause")
     assert robot.reason == "by the operator"
 
 
 def test_the_end_of_a_mission_that_somebody_has_ended_says_who(robot):
     with robot.journal.ordered_by(CommandAuthor("Ada")):
-        robot.search.orders.give("abort")
+        robot.search.orders.record("abort")
     robot.journal.end_run(Ending.OVER, 1, "It has ended here.")
     assert condition(robot.state).text() == "ABORTED: By Ada. It has ended here."
 

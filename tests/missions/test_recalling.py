@@ -142,7 +142,7 @@ class Dying(RuleBasedStateMachine):
     @rule(how=st.sampled_from(["visited", "postponed", "abandoned", "given up"]))
     def leave(self, how: str) -> None:
         if how == "visited":
-            self.life.zones.advance()
+            self.life.zones.select_next_zone()
         elif how == "postponed":
             self.life.zones.postpone()
         elif how == "given up":
@@ -157,11 +157,11 @@ class Dying(RuleBasedStateMachine):
 
     @rule(verb=st.sampled_from(["pause", "resume", "go_home", "abort"]))
     def order(self, verb: str) -> None:
-        self.life.orders.give(verb)
+        self.life.orders.record(verb)
 
     @rule(reason=st.sampled_from(["the battery is low", "time is up"]))
     def raise_an_alarm(self, reason: str) -> None:
-        self.life.record.alarmed(reason)
+        self.life.record.record_alarm(reason)
 
     @rule(verdict=st.sampled_from(DetectionVerdict))
     def judge(self, verdict: DetectionVerdict) -> None:
@@ -219,7 +219,7 @@ def test_a_search_of_the_zone_that_was_not_left_is_answered_once(live: Callable[
 def test_a_search_of_a_zone_that_was_left_is_not_answered(live: Callable[..., Life]) -> None:
     life = live()
     life.record.zone_searched("zone_a", None)
-    life.zones.advance()
+    life.zones.select_next_zone()
     life.die()
     assert not live(resume=True).record.before.has_searched("zone_a")
 

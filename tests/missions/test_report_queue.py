@@ -61,7 +61,9 @@ class TestKeepReport:
         stage.record.record_acknowledgement("survivor_1")
         leaf = keep(stage, kept, (-2.5, 3.2), "survivor_1")
         named = {"survivor": "survivor_1", "x": -2.5, "y": 3.2}
-        stage.record.before = ResumedOutcomes.of([JournalEntry(1, 1, 0.0, 0.0, "survivor_named", named)])
+        stage.record.before = ResumedOutcomes.from_events(
+            [JournalEntry(1, 1, 0.0, 0.0, "survivor_named", named)]
+        )
         assert stage.run(leaf) is Status.SUCCESS
         assert list(kept) == []
         assert [found.acknowledged for found in stage.record.survivors] == [True]

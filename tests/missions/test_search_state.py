@@ -67,7 +67,7 @@ def test_events_of_every_mission_leave_a_search_as_it_is(search: Search, kind: s
 
 def test_zones_have_their_states(search: Search) -> None:
     search.record.zone_searched("a", None)
-    search.zones.advance()
+    search.zones.select_next_zone()
     search.zones.abandon("the operator has skipped it")
     search.record.zone_started("c")
     assert shown(search, "zone") == [
@@ -91,7 +91,7 @@ def test_a_zone_that_is_given_up_says_why(search: Search) -> None:
 
 
 def test_a_zone_where_nobody_has_looked_is_not_done_wherever_the_robot_was(search: Search) -> None:
-    search.zones.advance()
+    search.zones.select_next_zone()
     search.record.zone_searched("b", None)
     search.zones.abandon()
     assert shown(search, "zone")[:2] == [
@@ -141,7 +141,7 @@ def test_the_geofence_is_an_outline() -> None:
 
 
 def test_it_says_how_far_it_is(search: Search) -> None:
-    search.zones.advance()
+    search.zones.select_next_zone()
     search.record.zone_searched("b", (1.0, 2.0))
     assert [each.text for each in search.display().figures] == [
         "zones visited 1 of 4",
@@ -152,9 +152,9 @@ def test_it_says_how_far_it_is(search: Search) -> None:
 
 def test_it_is_held_while_the_operator_holds_it(search: Search) -> None:
     search.record.zone_started("a")
-    search.orders.give("pause")
+    search.orders.record("pause")
     assert search.display().phase == ("held", "by the operator", "a")
-    search.orders.give("resume")
+    search.orders.record("resume")
     assert search.display().phase == ("", "", "a")
 
 

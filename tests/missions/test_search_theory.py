@@ -20,9 +20,9 @@ from search_and_rescue.zone_order import (
     EXACT_UP_TO,
     approximation,
     beam,
-    exact,
     greedy_index_order,
-    ordered,
+    optimal_order,
+    order_areas,
 )
 from tests.chance import rounds
 
@@ -59,7 +59,7 @@ def least_of_all_orders(tour: TourInputs) -> float:
 def test_of_eight_areas_no_order_finds_sooner_than_the_chosen_one() -> None:
     for seed in range(rounds(200)):
         tour, _ = mission(seed, AREAS)
-        told = tour.expected_find(ordered("expected_find", tour))
+        told = tour.expected_find(order_areas("expected_find", tour))
         assert told == pytest.approx(least_of_all_orders(tour), rel=1e-6), seed
 
 
@@ -69,8 +69,8 @@ def test_beyond_what_is_exact_the_chosen_order_is_at_most_two_percent_longer(cou
     assert count > EXACT_UP_TO
     for seed in range(rounds(3)):
         tour, _ = mission(1000 * count + seed, count)
-        best = tour.expected_find(exact(tour))
-        chosen = ordered("expected_find", tour)
+        best = tour.expected_find(optimal_order(tour))
+        chosen = order_areas("expected_find", tour)
         assert sorted(chosen) == list(range(count))
         assert best * (1 - 1e-6) <= tour.expected_find(chosen) <= 1.02 * best, seed
 
@@ -103,14 +103,14 @@ def test_by_the_index_rule_no_area_stands_better_elsewhere() -> None:
 
 
 def test_more_areas_than_a_beam_can_search_are_ordered_by_the_index_rule() -> None:
-    sizes = {EXACT_UP_TO: exact, EXACT_UP_TO + 1: beam, BEAM_UP_TO + 1: greedy_index_order}
+    sizes = {EXACT_UP_TO: optimal_order, EXACT_UP_TO + 1: beam, BEAM_UP_TO + 1: greedy_index_order}
     for count, method in sizes.items():
         tour, _ = mission(count, count)
-        assert ordered("expected_find", tour) == method(tour), count
-        assert (method is exact) == (not approximation(count))
+        assert order_areas("expected_find", tour) == method(tour), count
+        assert (method is optimal_order) == (not approximation(count))
     assert approximation(BEAM_UP_TO) == "a beam search"
     tour, _ = mission(3, 300)
-    assert sorted(ordered("expected_find", tour)) == list(range(300))
+    assert sorted(order_areas("expected_find", tour)) == list(range(300))
 
 
 def test_the_index_rule_orders_areas_without_a_way_and_a_single_one() -> None:
@@ -121,37 +121,39 @@ def test_the_index_rule_orders_areas_without_a_way_and_a_single_one() -> None:
 
 def test_forty_areas_are_ordered_better_than_by_the_nearest() -> None:
     tour, _ = mission(7, 40)
-    assert tour.expected_find(ordered("expected_find", tour)) < tour.expected_find(ordered("nearest", tour))
+    assert tour.expected_find(order_areas("expected_find", tour)) < tour.expected_find(
+        order_areas("nearest", tour)
+    )
 
 
 def test_the_listed_order_is_kept_and_the_nearest_is_the_nearest_of_what_is_left() -> None:
     tour = TourInputs(
         [3.0, 1.0, 2.0], [[0.0, 9.0, 1.0], [5.0, 0.0, 6.0], [1.0, 9.0, 0.0]], [0.0] * 3, [0.3] * 3
     )
-    assert ordered("listed", tour) == [0, 1, 2]
-    assert ordered("nearest", tour) == [1, 0, 2]
+    assert order_areas("listed", tour) == [0, 1, 2]
+    assert order_areas("nearest", tour) == [1, 0, 2]
 
 
 @pytest.mark.parametrize("order", ["listed", "nearest", "expected_find"])
 def test_no_area_and_one_area_have_one_order(order: str) -> None:
-    assert ordered(order, TourInputs([], [], [], [])) == []  # type: ignore[arg-type]
-    assert ordered(order, TourInputs([1.0], [[0.0]], [1.0], [0.5])) == [0]  # type: ignore[arg-type]
+    assert order_areas(order, TourInputs([], [], [], [])) == []  # type: ignore[arg-type]
+    assert order_areas(order, TourInputs([1.0], [[0.0]], [1.0], [0.5])) == [0]  # type: ignore[arg-type]
 
 
 def test_where_nobody_can_be_it_is_looked_last_and_on_the_shorter_way() -> None:
     ways = [[abs(a - b) for b in (1.0, 2.0, 3.0, 9.0)] for a in (1.0, 2.0, 3.0, 9.0)]
     tour = TourInputs([1.0, 2.0, 3.0, 9.0], ways, [1.0] * 4, [0.0, 0.0, 0.0, 0.5])
-    assert ordered("expected_find", tour) == [3, 2, 1, 0]
+    assert order_areas("expected_find", tour) == [3, 2, 1, 0]
     assert tour.expected_find([3, 2, 1, 0]) == 10.0
     nobody = TourInputs([1.0, 2.0, 3.0, 9.0], ways, [1.0] * 4, [0.0] * 4)
-    assert ordered("expected_find", nobody) == [0, 1, 2, 3]
+    assert order_areas("expected_find", nobody) == [0, 1, 2, 3]
     assert nobody.expected_find([0, 1, 2, 3]) == 0.0
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_simulated_searches_find_as_soon_and_as_often_as_was_told(seed: int) -> None:
     tour, before = mission(seed, AREAS)
-    order, searches = ordered("expected_find", tour), 10_000
+    order, searches = order_areas("expected_find", tour), 10_000
     chance = np.random.default_rng(seed)
     elsewhere = 1 - sum(before.poa.values())
     where = chance.choice(AREAS + 1, size=searches, p=[*before.poa.values(), elsewhere])
@@ -195,19 +197,21 @@ def test_after_each_look_that_missed_the_map_is_as_bayes_has_it(
             done[area] += 1
             missed *= misses
             seen = PoaMap(poa, pod, done)
-            assert seen.now() == pytest.approx(now, rel=1e-6, abs=1e-9)
+            assert seen.current_probabilities() == pytest.approx(now, rel=1e-6, abs=1e-9)
             assert seen.pos() == pytest.approx(1 - missed, rel=1e-6, abs=1e-9)
 
 
 def test_a_look_that_missed_lowers_its_area_and_raises_the_others() -> None:
     poa, pod = {"a": 0.5, "b": 0.3}, {"a": 0.8, "b": 0.5}
-    assert PoaMap(poa, pod, {}).now() == pytest.approx(poa)
-    assert PoaMap(poa, pod, {"a": 1}).now() == pytest.approx({"a": 0.1 / 0.6, "b": 0.3 / 0.6})
+    assert PoaMap(poa, pod, {}).current_probabilities() == pytest.approx(poa)
+    assert PoaMap(poa, pod, {"a": 1}).current_probabilities() == pytest.approx(
+        {"a": 0.1 / 0.6, "b": 0.3 / 0.6}
+    )
     assert PoaMap(poa, pod, {"a": 2, "b": 1}).pos() == pytest.approx(0.5 * 0.96 + 0.3 * 0.5)
 
 
 def test_where_nobody_can_be_any_more_no_area_has_a_probability() -> None:
-    assert PoaMap({"a": 1.0}, {"a": 1.0}, {"a": 1}).now() == {"a": 0.0}
+    assert PoaMap({"a": 1.0}, {"a": 1.0}, {"a": 1}).current_probabilities() == {"a": 0.0}
 
 
 @pytest.mark.parametrize(
@@ -238,7 +242,7 @@ def test_tenths_that_sum_to_one_are_not_refused_for_their_rounding() -> None:
 def test_a_hint_changes_the_map_by_bayes(poa: list[float], ratio: float, elsewhere: float) -> None:
     total = sum(poa) + elsewhere
     areas = {str(at): SearchExpectation(each / total, 0.5) for at, each in enumerate(poa)}
-    hinted = PoaMap.from_areas(areas, {}, hints={"0": ratio}).now()
+    hinted = PoaMap.from_areas(areas, {}, hints={"0": ratio}).current_probabilities()
     # How likely the hint is: the ratio where somebody is, 1 anywhere else.
     evidence = ratio * areas["0"].poa + 1.0 - areas["0"].poa
     for name, area in areas.items():
@@ -248,9 +252,9 @@ def test_a_hint_changes_the_map_by_bayes(poa: list[float], ratio: float, elsewhe
 
 def test_a_look_and_a_hint_count_the_same_in_either_order() -> None:
     areas = {"a": SearchExpectation(0.5, 0.8), "b": SearchExpectation(0.3, 0.5)}
-    both = PoaMap.from_areas(areas, {"a": 1}, hints={"a": 4.0}).now()
+    both = PoaMap.from_areas(areas, {"a": 1}, hints={"a": 4.0}).current_probabilities()
     # By Bayes twice: first the look, then the hint.
-    looked = PoaMap.from_areas(areas, {"a": 1}).now()
+    looked = PoaMap.from_areas(areas, {"a": 1}).current_probabilities()
     evidence = 4.0 * looked["a"] + 1.0 - looked["a"]
     assert both["a"] == pytest.approx(4.0 * looked["a"] / evidence)
 

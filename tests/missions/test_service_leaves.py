@@ -122,7 +122,7 @@ class TestDetectSurvivor:
 
     def test_the_earlier_answer_is_cleared_when_the_leaf_is_entered_again(self, stage: "Stage") -> None:
         leaf = found(stage)
-        stage.zones.advance()
+        stage.zones.select_next_zone()
         leaf.initialise()
         assert not leaf.was_found()
         assert leaf.survivor_pose() is None
@@ -132,15 +132,15 @@ class TestDetectSurvivor:
         service = stage.detect_service(SURVIVORS)
         leaf = search(stage)
         stage.run(leaf)
-        stage.zones.advance()
+        stage.zones.select_next_zone()
         assert stage.run(leaf) is Status.SUCCESS
         assert [request.zone_id for request in service.requests] == ["zone_a", "zone_b"]
         assert not leaf.was_found()
 
     def test_without_a_zone_left_it_fails_and_says_so(self, stage: "Stage") -> None:
         leaf = search(stage)
-        stage.zones.advance()
-        stage.zones.advance()
+        stage.zones.select_next_zone()
+        stage.zones.select_next_zone()
         assert stage.run(leaf) is Status.FAILURE
         assert "no zone to search" in stage.warnings[0]
 
@@ -210,7 +210,7 @@ class TestTheCall:
         service.gate.clear()
         leaf = search(stage, timeout_sec=0.05)
         assert stage.run(leaf) is Status.FAILURE
-        stage.zones.advance()  # the next answer is about another zone: nobody is there
+        stage.zones.select_next_zone()  # the next answer is about another zone: nobody is there
         service.gate.set()
         stage.until(lambda: service.answered == 1, "the late answer")
         assert stage.wakes == 0

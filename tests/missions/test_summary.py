@@ -10,7 +10,7 @@ POSE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 def test_a_mission_that_was_hardly_begun_lists_all_that_is_missing():
     search = Search(ZoneManager([{"id": "a", **POSE}, {"id": "b", **POSE}], POSE))
     zones, record = search.context[ZoneManager], search.context[MissionRecord]
-    zones.advance()
+    zones.select_next_zone()
     record.zone_searched("a", (1.0, 2.0))
     record.survivor_named("survivor_1", 1.0, 2.0)
     assert search.summary(12.34, 7) == (
@@ -38,9 +38,9 @@ def test_a_mission_without_survivors_says_so():
 
 def test_a_zone_where_no_search_has_ended_is_named_of_a_complete_mission_too():
     search = Search(ZoneManager([{"id": "a", **POSE}, {"id": "b", **POSE}], POSE))
-    search.zones.advance()
+    search.zones.select_next_zone()
     search.record.zone_searched("b", None)
-    search.zones.advance()
+    search.zones.select_next_zone()
     search.record.base_reached()
     assert search.remarks() == ["a was visited, not searched."]
     assert search.summary(0.0, 1).splitlines()[:3] == [

@@ -107,9 +107,9 @@ class TestStaticTransforms:
     def test_a_frame_that_is_sent_again_replaces_its_earlier_self(self, stage: "Stage") -> None:
         transforms = static_transforms_of(stage.node)
         early = stage.static_frames()
-        transforms.put(frame("survivor_1", 1.0))
-        transforms.put(frame("survivor_2", 2.0))
-        transforms.put(frame("survivor_1", 3.0))
+        transforms.publish(frame("survivor_1", 1.0))
+        transforms.publish(frame("survivor_2", 2.0))
+        transforms.publish(frame("survivor_1", 3.0))
         late = stage.static_frames()
         for listener in (early, late):
             stage.until(lambda: len(listener.frames) == 2, "both frames")  # noqa: B023 - used at once
@@ -122,8 +122,8 @@ class TestStaticTransforms:
 
     def test_two_nodes_share_nothing(self, make_stage: Callable[[], "Stage"]) -> None:
         one, other = make_stage(), make_stage()
-        static_transforms_of(one.node).put(frame("survivor_1", 1.0))
-        static_transforms_of(other.node).put(frame("survivor_7", 7.0))
+        static_transforms_of(one.node).publish(frame("survivor_1", 1.0))
+        static_transforms_of(other.node).publish(frame("survivor_7", 7.0))
         seen_by_one, seen_by_other = one.static_frames(), other.static_frames()
         one.until(lambda: seen_by_one.frames, "the first node's frame")
         other.until(lambda: seen_by_other.frames, "the other node's frame")

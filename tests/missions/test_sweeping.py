@@ -41,7 +41,7 @@ def planned(search: Search, count: int = 4) -> Search:
 
 
 def places(search: Search) -> list[tuple[float, float]]:
-    return [(pose["x"], pose["y"]) for pose in search.sweeps.of("a").pieces]
+    return [(pose["x"], pose["y"]) for pose in search.sweeps.state_of("a").pieces]
 
 
 def status(leaf: Any) -> Status:
@@ -57,20 +57,22 @@ def test_a_look_in_a_sweep_counts_as_what_was_seen_and_not_as_a_look_at_the_zone
         search.record.zone_searched("a", None)
     assert search.zones.poa_map().pos() == 0.0
     search.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
-    search.sweeps.advance("a", None, 0.5)
-    pod = search.sweeps.of("a").pod
+    search.sweeps.finish_piece("a", None, 0.5)
+    pod = search.sweeps.state_of("a").pod
     assert 0.2 < pod < 0.5
     assert search.zones.poa_map().pos() == pytest.approx(0.5 * pod)
-    assert search.zones.poa_map().now()["a"] == pytest.approx(0.5 * (1 - pod) / (1 - 0.5 * pod))
+    assert search.zones.poa_map().current_probabilities()["a"] == pytest.approx(
+        0.5 * (1 - pod) / (1 - 0.5 * pod)
+    )
 
 
 def test_a_piece_that_is_swept_has_what_was_driven_since_the_last_one() -> None:
     search = planned(searching())
     search.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
-    search.sweeps.advance("a", None, 0.5)
-    first = search.sweeps.of("a")
-    search.sweeps.advance("a", None, 0.5)
-    second = search.sweeps.of("a")
+    search.sweeps.finish_piece("a", None, 0.5)
+    first = search.sweeps.state_of("a")
+    search.sweeps.finish_piece("a", None, 0.5)
+    second = search.sweeps.state_of("a")
     assert (first.metres, second.metres) == (4.0, 4.0)
     assert (first.done, second.done) == (1, 2)
     assert first.area_m2 == 16.0
@@ -86,23 +88,23 @@ def test_what_was_driven_in_one_zone_counts_in_no_other() -> None:
         search.sweeps.plan(zone, "parallel", 2.0, [MapPose(x=1.0, y=1.0, yaw=0.0)])
     search.sweeps.drive("a", [(0.0, 2.0), (3.0, 2.0)], None)
     for zone in "ba":
-        search.sweeps.advance(zone, None, 0.5)
-    assert [search.sweeps.of(zone).metres for zone in "ab"] == [3.0, 0.0]
+        search.sweeps.finish_piece(zone, None, 0.5)
+    assert [search.sweeps.state_of(zone).metres for zone in "ab"] == [3.0, 0.0]
 
 
 def test_gaps_are_looked_for_at_the_end_of_a_pass_alone() -> None:
     search = planned(searching(), count=2)
-    search.sweeps.advance("a", None, 0.5)
-    assert search.sweeps.of("a").gaps == ()
-    search.sweeps.advance("a", None, 0.5)
-    [gap] = search.sweeps.of("a").gaps
+    search.sweeps.finish_piece("a", None, 0.5)
+    assert search.sweeps.state_of("a").gaps == ()
+    search.sweeps.finish_piece("a", None, 0.5)
+    [gap] = search.sweeps.state_of("a").gaps
     assert sorted(gap) == sorted(GROUND.polygon)
 
 
 def test_the_page_shows_the_outline_with_the_words_of_the_manuals_and_what_is_left() -> None:
     search = planned(searching(a=SearchExpectation(0.5, 0.9), b=SearchExpectation(0.3, 0.5)), count=1)
     search.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
-    search.sweeps.advance("a", None, 0.9)
+    search.sweeps.finish_piece("a", None, 0.9)
     area, *gaps = [each for each in search.display().landmarks if each.corners]
     assert (area.kind, area.name, area.state) == ("area", "a", "1 of 1 pieces")
     assert area.corners == GROUND.polygon
@@ -125,27 +127,27 @@ def test_the_pod_of_legs_is_told_where_all_of_a_first_sweep_in_legs_was_swept() 
         return area.details["POD if legs were kept"]
 
     search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)] * 2, None)
-    search.sweeps.advance("a", None, 0.5)
+    search.sweeps.finish_piece("a", None, 0.5)
     assert told() == ""
-    search.sweeps.advance("a", None, 0.5)
-    covered = search.sweeps.of("a").coverage
+    search.sweeps.finish_piece("a", None, 0.5)
+    covered = search.sweeps.state_of("a").coverage
     assert told() == f"{math.erf(math.sqrt(math.pi) / 2 * covered):.1%}"
     search.sweeps.plan("a", "gaps", 2.0, [MapPose(x=1.0, y=3.0, yaw=0.0)])
-    search.sweeps.advance("a", None, 0.5)
+    search.sweeps.finish_piece("a", None, 0.5)
     assert told() == ""
 
 
 def test_a_skipped_piece_leaves_legs_that_were_not_kept() -> None:
     search = planned(searching(), count=1)
     search.sweeps.skip("a", "not reached, or not searched")
-    assert search.sweeps.of("a").pod_of_legs is None
+    assert search.sweeps.state_of("a").pod_of_legs is None
 
 
 def test_the_figures_have_what_was_driven_and_how_much_of_the_ground_was_seen() -> None:
     search = planned(searching())
     assert [each.text for each in search.display().figures[-2:]] == ["swept 0 m", "seen 0 of 16 m²"]
     search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)], None)
-    search.sweeps.advance("a", None, 0.5)
+    search.sweeps.finish_piece("a", None, 0.5)
     assert [each.text for each in search.display().figures[-2:]] == ["swept 4 m", "seen 9 of 16 m²"]
 
 
@@ -153,7 +155,7 @@ def test_what_was_seen_is_shown_cell_by_cell_once_a_piece_is_swept() -> None:
     search = planned(searching())
     search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)], None)
     assert search.display().rasters == []
-    search.sweeps.advance("a", None, 0.5)
+    search.sweeps.finish_piece("a", None, 0.5)
     [layer] = search.display().rasters
     assert (layer.name, layer.meaning, layer.columns) == ("a", "searched, POD", 16)
     assert (layer.x, layer.y, layer.cell_m) == (0.0, 0.0, 0.25)
@@ -181,14 +183,14 @@ def test_what_becomes_of_a_sweep_is_told_in_sentences() -> None:
     told: list[str] = []
     search.sweeps.journal.add_listener(lambda entry: told.append(search.sentence(entry)))
     planned(search)
-    search.sweeps.advance("a", None, 0.5)
+    search.sweeps.finish_piece("a", None, 0.5)
     search.sweeps.skip("a", "not reached, or not searched")
     assert [line for line in told if line] == [
         "planned to sweep a in 4 pieces (parallel, 2 m apart)",
         "swept piece 1 of a: 0% seen, POD 0%",
         "skipped piece 2 of a: not reached, or not searched",
     ]
-    assert search.sweeps.of("a").skipped == 1
+    assert search.sweeps.state_of("a").skipped == 1
 
 
 def opened(place: Path, search: Search, *, resume: bool) -> Any:
@@ -203,13 +205,13 @@ def test_a_resumed_sweep_goes_on_with_the_open_pieces_and_the_same_coverage(tmp_
     kept = opened(tmp_path / "sweep.journal", first, resume=False)
     planned(first)
     first.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
-    first.sweeps.advance("a", None, 0.5)
+    first.sweeps.finish_piece("a", None, 0.5)
     first.sweeps.skip("a", "not reached, or not searched")
     kept.close()
     opened(tmp_path / "sweep.journal", second, resume=True).close()
-    assert second.sweeps.of("a") == first.sweeps.of("a")
-    assert second.sweeps.of("a").left == 2
-    assert second.sweeps.raster("a", None).pod() == pytest.approx(first.sweeps.of("a").pod, abs=0.001)
+    assert second.sweeps.state_of("a") == first.sweeps.state_of("a")
+    assert second.sweeps.state_of("a").open_count == 2
+    assert second.sweeps.raster("a", None).pod() == pytest.approx(first.sweeps.state_of("a").pod, abs=0.001)
     assert second.display().rasters == first.display().rasters
     assert second.zones.poa_map() == first.zones.poa_map()
 
@@ -229,10 +231,10 @@ def test_a_resumed_sweep_goes_on_with_the_open_pieces_and_the_same_coverage(tmp_
 )
 def test_facts_that_cannot_be_are_none_of_a_sweep(kind: str, data: dict[str, Any]) -> None:
     search = planned(searching())
-    before = search.sweeps.of("a")
+    before = search.sweeps.state_of("a")
     with pytest.raises((ArithmeticError, LookupError, TypeError, ValueError, SarError)):
         search.sweeps.journal.record_event(kind, **data)
-    assert search.sweeps.of("a") == before
+    assert search.sweeps.state_of("a") == before
 
 
 class TestIsFindNew:
@@ -295,7 +297,7 @@ class TestLeaves:
         publisher = stage.host().node.create_publisher(OccupancyGrid, "map", latched)
         publisher.publish(grid)
         extent = map_extent_of(stage.node)
-        stage.until(lambda: extent.objection(6.0, 6.0) != "", "the map")
+        stage.until(lambda: extent.why_impossible(6.0, 6.0) != "", "the map")
         return publisher
 
     def test_a_sweep_is_planned_beside_the_ticks(self, stage: "Stage") -> None:
@@ -316,17 +318,17 @@ class TestLeaves:
         leaf = self.take(stage, search, "PlanSweep", pattern="sector")
         leaf.tick_once()
         assert leaf.status is Status.SUCCESS
-        assert (search.sweeps.of("a").passes, search.sweeps.of("a").left) == (1, 3)
+        assert (search.sweeps.state_of("a").passes, search.sweeps.state_of("a").open_count) == (1, 3)
 
     def test_one_that_is_swept_is_not_planned_again(self, stage: "Stage") -> None:
         search = planned(searching(), count=1)
         search.sweeps.skip("a", "not reached, or not searched")
         assert stage.run(self.take(stage, search, "PlanSweep")) is Status.SUCCESS
-        assert (search.sweeps.of("a").passes, search.sweeps.of("a").left) == (1, 0)
+        assert (search.sweeps.state_of("a").passes, search.sweeps.state_of("a").open_count) == (1, 0)
 
     def test_a_zone_without_ground_cannot_be_swept(self, stage: "Stage") -> None:
         search = searching()
-        search.zones.advance()
+        search.zones.select_next_zone()
         assert stage.run(self.take(stage, search, "ZoneHasGround")) is Status.FAILURE
         assert stage.run(self.take(stage, search, "PlanSweep")) is Status.FAILURE
         assert stage.warnings == ["b cannot be swept: it has no polygon."]
@@ -338,8 +340,8 @@ class TestLeaves:
 
     def test_without_a_zone_there_is_nothing_to_plan(self, stage: "Stage") -> None:
         search = searching()
-        search.zones.advance()
-        search.zones.advance()
+        search.zones.select_next_zone()
+        search.zones.select_next_zone()
         assert stage.run(self.take(stage, search, "PlanSweep")) is Status.FAILURE
         assert stage.run(self.take(stage, search, "RefineSweep")) is Status.FAILURE
 
@@ -396,7 +398,7 @@ class TestLeaves:
         leaf._robot.last_pose = lambda: (3.0, 1.0, 0.0)
         leaf.tick_once()
         assert self.take(stage, search, "AdvancePiece").tick_once() is None
-        assert search.sweeps.of("a").metres == pytest.approx(metres)
+        assert search.sweeps.state_of("a").metres == pytest.approx(metres)
 
     def test_a_place_that_was_not_known_for_long_is_no_drive_to_where_it_is_known_again(
         self, stage: "Stage"
@@ -408,7 +410,7 @@ class TestLeaves:
             leaf._robot.last_pose = lambda place=place: place
             leaf.tick_once()
         assert self.take(stage, search, "AdvancePiece").tick_once() is None
-        assert search.sweeps.of("a").metres == 0.0
+        assert search.sweeps.state_of("a").metres == 0.0
 
     def through(self, stage: "Stage", search: Search) -> Any:
         ports = {"record": search.record, "homing": search.context[HomingEstimator], "clock": ManualClock()}
@@ -439,19 +441,19 @@ class TestLeaves:
         stage.tick_until(leaf, lambda: server.goals, "the goal")
         # A server that has not looked yet tells of no pose, which is no end.
         server.order("0 left", "3 left")
-        stage.tick_until(leaf, lambda: search.sweeps.of("a").done, "a piece that was passed")
-        assert search.sweeps.of("a").done == 1
+        stage.tick_until(leaf, lambda: search.sweeps.state_of("a").done, "a piece that was passed")
+        assert search.sweeps.state_of("a").done == 1
         robot[0] = (1.0, 1.0, 0.0)
         leaf.tick_once()
         server.order("1 left")
-        stage.tick_until(leaf, lambda: search.sweeps.of("a").done > 1, "two more")
-        assert search.sweeps.of("a").done == 3
-        assert search.sweeps.of("a").metres == pytest.approx(1.0)
+        stage.tick_until(leaf, lambda: search.sweeps.state_of("a").done > 1, "two more")
+        assert search.sweeps.state_of("a").done == 3
+        assert search.sweeps.state_of("a").metres == pytest.approx(1.0)
         robot[0] = (2.0, 1.0, 0.0)
         server.order("succeed")
         assert stage.run(leaf) is Status.SUCCESS
-        sweep = search.sweeps.of("a")
-        assert (leaf.answer_label, sweep.left) == ("all done", 0)
+        sweep = search.sweeps.state_of("a")
+        assert (leaf.answer_label, sweep.open_count) == ("all done", 0)
         assert sweep.metres == pytest.approx(2.0)
         assert search.record.is_searched
         assert stage.lines[-2] == f"a: {sweep.seen:.0%} seen, POD {sweep.pod:.0%}, {len(sweep.gaps)} gaps."
@@ -471,9 +473,9 @@ class TestLeaves:
         stage.tick_until(leaf, lambda: server.goals, "the goal")
         assert leaf.status is Status.RUNNING
         server.order("3 left")
-        stage.tick_until(leaf, lambda: search.sweeps.of("a").done, "a piece that was passed")
+        stage.tick_until(leaf, lambda: search.sweeps.state_of("a").done, "a piece that was passed")
         assert leaf.answer_label == ending
-        assert search.sweeps.of("a").left == 3
+        assert search.sweeps.state_of("a").open_count == 3
 
     def test_where_nobody_serves_it_pieces_are_driven_to_one_by_one(self, stage: "Stage") -> None:
         stage.nav_server()
@@ -481,7 +483,7 @@ class TestLeaves:
         leaf = self.through(stage, search)
         leaf.tick_once()
         assert (leaf.status, leaf.answer_label) == (Status.FAILURE, "piece by piece")
-        assert (search.sweeps.of("a").left, search.record.navigation_lost) == (4, "")
+        assert (search.sweeps.state_of("a").open_count, search.record.navigation_lost) == (4, "")
 
     def test_an_earlier_search_at_the_open_piece_is_not_driven_past(
         self, stage: "Stage", tmp_path: Path
@@ -509,10 +511,10 @@ class TestLeaves:
         stage.until(leaf._port.statuses.servers, "the server")
         stage.tick_until(leaf, lambda: server.goals, "the goal")
         server.order("3 left")
-        stage.tick_until(leaf, lambda: search.sweeps.of("a").done, "a piece that was passed")
+        stage.tick_until(leaf, lambda: search.sweeps.state_of("a").done, "a piece that was passed")
         server.order("abort")
         assert stage.run(leaf) is Status.FAILURE
-        assert (leaf.answer_label, search.sweeps.of("a").left) == ("aborted", 3)
+        assert (leaf.answer_label, search.sweeps.state_of("a").open_count) == ("aborted", 3)
         assert stage.warnings[-1].endswith("error code 308: there is no path to the goal")
 
     def test_where_the_planner_finds_no_way_through_all_pieces_they_are_driven_to_one_by_one_until_one_is_left_out(
@@ -561,7 +563,7 @@ class TestLeaves:
         assert server.goals[0].pose[:3] == ("map", 1.0, 1.0)
         assert "Navigating to piece 1/4 of a..." in stage.lines
         assert self.take(stage, search, "AdvancePiece").tick_once() is None
-        assert search.sweeps.of("a").metres == pytest.approx(1.0)
+        assert search.sweeps.state_of("a").metres == pytest.approx(1.0)
         assert search.record.zone == "a"
 
     def test_a_piece_in_an_obstacle_says_nothing_of_one_with_its_number_in_the_next_pass(
@@ -616,7 +618,7 @@ class TestLeaves:
         search.sweeps.skip("a", "not reached, or not searched")
         assert stage.run(leaf) is Status.SUCCESS
         assert leaf.answer_label == "swept before"
-        assert search.sweeps.of("a").passes == 1
+        assert search.sweeps.state_of("a").passes == 1
 
     def test_what_was_missed_is_swept_once_more_until_all_passes_are_made(self, stage: "Stage") -> None:
         search = planned(searching(), count=1)
@@ -624,10 +626,10 @@ class TestLeaves:
         stage.run(self.take(stage, search, "AdvancePiece"))
         leaf = self.take(stage, search, "RefineSweep", until_pod=0.8, max_passes=2)
         assert stage.run(leaf) is Status.SUCCESS
-        assert (search.sweeps.of("a").pattern, search.sweeps.of("a").passes) == ("gaps", 2)
+        assert (search.sweeps.state_of("a").pattern, search.sweeps.state_of("a").passes) == ("gaps", 2)
         # What lies beyond the range of the legs at y = 1, in legs along its long side.
         assert {round(y, 2) for _, y in places(search)} == {3.12}
-        while search.sweeps.of("a").left:
+        while search.sweeps.state_of("a").open_count:
             search.sweeps.skip("a", "not reached, or not searched")
         assert stage.run(leaf) is Status.FAILURE
 
@@ -636,7 +638,7 @@ class TestLeaves:
         for y in (0.5, 1.5, 2.5, 3.5):
             search.sweeps.drive("a", [(0.0, y), (4.0, y)] * 2, None)
         stage.run(self.take(stage, search, "AdvancePiece"))
-        assert search.sweeps.of("a").pod > 0.6
+        assert search.sweeps.state_of("a").pod > 0.6
         leaf = self.take(stage, search, "RefineSweep", until_pod=0.6)
         assert stage.run(leaf) is Status.FAILURE
         assert leaf.feedback_message.startswith("a: POD")

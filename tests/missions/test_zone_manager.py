@@ -22,13 +22,13 @@ def test_the_zones_come_in_their_order() -> None:
     seen = []
     while manager.has_remaining():
         seen.append(manager.current_zone())
-        manager.advance()
+        manager.select_next_zone()
     assert seen == zones(3)
 
 
 def test_past_the_end_there_is_no_current_zone() -> None:
     manager = ZoneManager(zones(1), BASE)
-    manager.advance()
+    manager.select_next_zone()
     with pytest.raises(IndexError, match="all 1 zones are visited"):
         manager.current_zone()
 
@@ -75,14 +75,14 @@ def test_a_tree_can_be_looked_at_without_a_mission() -> None:
 def test_advancing_past_the_end_changes_nothing(count: int, steps: int) -> None:
     manager = ZoneManager(zones(count), BASE)
     for _ in range(steps):
-        manager.advance()
+        manager.select_next_zone()
     assert manager.current_index() == min(count, steps)
     assert manager.remaining_zones() == zones(count)[steps:]
 
 
 def test_a_postponed_zone_comes_after_all_others_that_are_left() -> None:
     manager = ZoneManager(zones(3), BASE)
-    manager.advance()
+    manager.select_next_zone()
     manager.postpone()
     assert [zone["id"] for zone in manager.remaining_zones()] == ["zone_2", "zone_1"]
     assert manager.current_index() == 1
@@ -102,7 +102,7 @@ def test_an_abandoned_zone_does_not_remain_and_was_not_visited() -> None:
     manager.abandon()
     assert manager.current_zone()["id"] == "zone_1"
     assert manager.current_index() == 0
-    manager.advance()
+    manager.select_next_zone()
     assert not manager.has_remaining()
     assert (manager.current_index(), manager.total_zones()) == (1, 2)
     assert manager.abandoned_zones() == zones(1)
@@ -130,7 +130,7 @@ class ZoneManagerInAnyOrder(RuleBasedStateMachine):
 
     @rule()
     def advance(self) -> None:
-        self.manager.advance()
+        self.manager.select_next_zone()
         self.visited += bool(self.left)
         self.left = self.left[1:]
 

@@ -46,8 +46,8 @@ class TestPostponeZone:
         assert stage.run(postpone(stage, 1)) is Status.FAILURE
 
     def test_past_the_last_zone_there_is_nothing_to_postpone(self, stage: "Stage") -> None:
-        stage.zones.advance()
-        stage.zones.advance()
+        stage.zones.select_next_zone()
+        stage.zones.select_next_zone()
         assert stage.run(postpone(stage, 3)) is Status.FAILURE
         assert "none is left" in stage.warnings[0]
 
@@ -67,8 +67,8 @@ class TestAbandonZone:
         assert stage.warnings == ["zone_a is abandoned after attempt 2."]
 
     def test_past_the_last_zone_it_succeeds_and_notes_nothing(self, stage: "Stage") -> None:
-        stage.zones.advance()
-        stage.zones.advance()
+        stage.zones.select_next_zone()
+        stage.zones.select_next_zone()
         assert stage.run(abandon(stage)) is Status.SUCCESS
         assert stage.zones.abandoned_zones() == []
         assert stage.warnings == []

@@ -86,7 +86,7 @@ class Robot:
         record.zone_started("zone_a")
         self.clock.advance(40.0)
         record.zone_searched("zone_a", None)
-        self.search.zones.advance()
+        self.search.zones.select_next_zone()
         record.zone_started("zone_b")
         journal.record_event(GOAL_SENT, action="/navigate_to_pose", goal="ab" * 16)
         journal.record_observation("pose", x=1.0, y=2.0, yaw=0.4)
@@ -101,7 +101,7 @@ class Robot:
     def command(self, name: str) -> None:
         """Give a command as an operator does."""
         with self.journal.ordered_by(CommandAuthor("Ann (page, 127.0.0.1)", "smoke")):
-            self.search.orders.give(name)
+            self.search.orders.record(name)
 
     def end(self, status: int, reason: str) -> None:
         """End the run where its goals have ended."""
@@ -116,7 +116,7 @@ class Robot:
                 self.search.zones.abandon()
             else:
                 self.search.record.zone_searched(zone, None)
-                self.search.zones.advance()
+                self.search.zones.select_next_zone()
         self.search.record.base_reached()
         self.end(1 if left else 0, "No zone is left." if left else "Mission complete.")
 
@@ -130,7 +130,7 @@ def refuse_reports(robot: Robot) -> None:
 
 def run_low(robot: Robot) -> None:
     robot.journal.record_observation("battery", share=0.15)
-    robot.search.record.alarmed("the battery is at 15 %, below 20 %")
+    robot.search.record.record_alarm("the battery is at 15 %, below 20 %")
     for _ in range(2):
         robot.search.zones.abandon("the battery is low")
 

@@ -76,30 +76,30 @@ class BranchNode(ChoosingNode):
         self._trail, self._choices, self._told = leaves.trail, leaves.choices, told
         self._ticks, self._halts = automaton.ticks, automaton.halts
 
-    def ways(self, ticker: Ticker) -> int:
+    def branch_count(self, ticker: Ticker) -> int:
         """Return the number of possible results of a tick now."""
         return len(self._ticks[ticker.cells[self.place]])
 
     def begin(self, ticker: Ticker) -> int:
         """Return one of the possible outcomes of a tick."""
         cells, trail = ticker.cells, self._trail
-        if cells[self.at] != RUNNING:
+        if cells[self.status_cell] != RUNNING:
             trail.start(self._bit)
         outcome = self._come_to_one(ticker, self._ticks[cells[self.place]])
         if self._halts[cells[self.place]]:
-            cells[self.at] = RUNNING
+            cells[self.status_cell] = RUNNING
             trail.mark_running(self._bit)
         else:
-            cells[self.at] = outcome if outcome & ENDED else INVALID
+            cells[self.status_cell] = outcome if outcome & ENDED else INVALID
             trail.mark_ended(self._bit)
         return outcome
 
     def stop(self, ticker: Ticker) -> None:
         """Halt the branch if it runs."""
-        if ticker.cells[self.at] == RUNNING:
+        if ticker.cells[self.status_cell] == RUNNING:
             self._come_to_one(ticker, self._halts[ticker.cells[self.place]])
             self._trail.mark_ended(self._bit)
-        self.rest(ticker)
+        self.reset_outcome(ticker)
 
     def _come_to_one(self, ticker: Ticker, results: tuple[BranchResult, ...]) -> int:
         first = self._choices.choice_count
@@ -122,18 +122,18 @@ class AloneNode(DecoratorNode):
         super().__init__(part)
         self._choices = choices
 
-    def ways(self, ticker: Ticker) -> int:
+    def branch_count(self, ticker: Ticker) -> int:
         """Return 2 if the branch can be halted."""
-        return 2 if ticker.cells[self.child.at] == RUNNING else 1
+        return 2 if ticker.cells[self.child.status_cell] == RUNNING else 1
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the branch, or halt it."""
-        if self._choices.pick(self.ways(ticker)):
+        if self._choices.pick(self.branch_count(ticker)):
             self.child.stop(ticker)
             return INVALID
         return self.tick_child(self.child, ticker)
 
-    def after(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - it has no status of its own
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - it has no status of its own
         """Pass on the outcome."""
         return outcome
 

@@ -154,7 +154,7 @@ class ForkingTicker(Ticker):
         node = self._forks[-1].node
         is_new = False
         while True:
-            if is_new and node.ways(self) > 1:
+            if is_new and node.branch_count(self) > 1:
                 met = self._look_up_visit(node) if self._meets else CALLED
                 if met != CALLED:
                     return met
@@ -162,7 +162,7 @@ class ForkingTicker(Ticker):
             is_new = True
             outcome = node.begin(self)
             while outcome != CALLED:
-                around = node.around
+                around = node.parent
                 if around is None:
                     self.waits = self.trail.waits
                     return outcome
@@ -186,7 +186,7 @@ class ForkingTicker(Ticker):
     def _look_up_visit(self, node: TreeNode) -> int:
         """Return KNOWN if a tick was here with no difference since; else ENTERED in an intermediate state, or CALLED."""
         trail, entries = self.trail, self.entries
-        entries.settle()
+        entries.update_contents()
         shown = self._shown_at(node) if self._forgotten else self._none
         middle = self._code.write_middle(
             node.index, trail.watched, trail.broken, shown, self.cells, self.values, entries.now
@@ -206,11 +206,11 @@ class ForkingTicker(Ticker):
 
     def _shown_at(self, node: TreeNode) -> list[int]:
         """Return the forgotten nodes whose last statuses matter while a node is next."""
-        around = node.around
+        around = node.parent
         if around is None:
             return []
         shown = self._shown.get(around.index)
         if shown is None:
-            own = [child.at for child in around.children if self._forgotten[child.at]]
+            own = [child.status_cell for child in around.children if self._forgotten[child.status_cell]]
             shown = self._shown[around.index] = own + self._shown_at(around)
         return shown

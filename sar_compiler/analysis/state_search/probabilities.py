@@ -216,7 +216,7 @@ class ProbabilisticLeaf(StubNode):
         self._chosen, self._left = part.value(None), part.value(None)
         self._known: dict[tuple[int, ...], list[Option]] = {}
 
-    def ways(self, ticker: Ticker) -> int:
+    def branch_count(self, ticker: Ticker) -> int:
         """Return the number of possible continuations; if it cannot be determined, the tick raises the reason."""
         try:
             replies = self._possible()
@@ -228,14 +228,14 @@ class ProbabilisticLeaf(StubNode):
         """Start the leaf, unless it runs; return its chosen outcome, or RUNNING until its time."""
         cells, values, trail = ticker.cells, ticker.values, self._trail
         self._ran.add(self.index)
-        if cells[self.at] != RUNNING:
+        if cells[self.status_cell] != RUNNING:
             trail.add_event(self._started)
         reply = self._apply_reply(self._chosen_reply(ticker, self._possible()))
         outcome = reply.outcome
         if outcome != RUNNING:
             values[self._chosen] = values[self._left] = None
         if outcome != SKIPPED:
-            cells[self.at] = outcome
+            cells[self.status_cell] = outcome
         return outcome
 
     def _chosen_reply(self, ticker: Ticker, replies: list[Reply]) -> Reply:
@@ -252,10 +252,10 @@ class ProbabilisticLeaf(StubNode):
     def stop(self, ticker: Ticker) -> None:
         """Halt the leaf if it runs."""
         cells, values = ticker.cells, ticker.values
-        if cells[self.at] == RUNNING:
+        if cells[self.status_cell] == RUNNING:
             self._trail.add_event(self._halted)
         values[self._chosen] = values[self._left] = None
-        cells[self.at] = INVALID
+        cells[self.status_cell] = INVALID
 
     def _in_hand(self, ticker: Ticker, replies: list[Reply]) -> bool:
         """Return whether there is no choice: the leaf has chosen, and the outcome is possible or not due."""
@@ -340,7 +340,7 @@ class WeighedSteps(TickSteps):
     def take_state(self, outcome: int) -> None:
         """Save the state after a tick, and after the following ticks in which only time passes."""
         ticker = self._ticker
-        ticker.entries.settle()
+        ticker.entries.update_contents()
         self._pass_by(1)
         passed = self._count_waiting_ticks() if ticker.choices.choice_count == 0 else 0
         if passed:

@@ -103,9 +103,9 @@ class NotedNode(ChoosingNode):
         self._ran = ran
         self.heeds_end = node.heeds_end
 
-    def ways(self, ticker: Ticker) -> int:
+    def branch_count(self, ticker: Ticker) -> int:
         """Return the number of possible continuations."""
-        return self._node.ways(ticker)
+        return self._node.branch_count(ticker)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the leaf."""
@@ -141,7 +141,7 @@ class ConditionLeafNode(NotedNode):
         self._ran.add(self.index)
         self._ticker = ticker
         outcome = self._memo.call(self._tick)
-        ticker.cells[self.at] = outcome
+        ticker.cells[self.status_cell] = outcome
         return outcome
 
     def _tick(self) -> int:
@@ -182,7 +182,7 @@ class StubNode(ChoosingNode):
         # Created once, because each access would create a new method object.
         self._work: Callable[[], list[Reply]] = self._work_out
 
-    def ways(self, ticker: Ticker) -> int:  # noqa: ARG002
+    def branch_count(self, ticker: Ticker) -> int:  # noqa: ARG002
         """Return the number of possible outcomes now; if it cannot be determined, the tick raises the reason."""
         try:
             return len(self._possible())
@@ -193,7 +193,7 @@ class StubNode(ChoosingNode):
         """Start the leaf, unless it runs, and choose one of its outcomes."""
         cells, trail = ticker.cells, self._trail
         self._ran.add(self.index)
-        if cells[self.at] != RUNNING:
+        if cells[self.status_cell] != RUNNING:
             trail.start(self._bit)
             trail.add_event(self._started)
         replies = self._possible()
@@ -204,15 +204,15 @@ class StubNode(ChoosingNode):
         else:
             trail.mark_ended(self._bit)
         if outcome != SKIPPED:
-            cells[self.at] = outcome
+            cells[self.status_cell] = outcome
         return outcome
 
     def stop(self, ticker: Ticker) -> None:
         """Halt the leaf if it runs."""
-        if ticker.cells[self.at] == RUNNING:
+        if ticker.cells[self.status_cell] == RUNNING:
             self._trail.mark_ended(self._bit)
             self._trail.add_event(self._halted)
-        ticker.cells[self.at] = INVALID
+        ticker.cells[self.status_cell] = INVALID
 
     def _apply_reply(self, reply: Reply) -> Reply:
         """Apply an outcome, and return it."""
@@ -249,7 +249,7 @@ class ChosenTimes(Times):
         self._choices = choices
         self._trail = trail
 
-    def ways(self) -> int:
+    def branch_count(self) -> int:
         """Return 2: it may have expired, or not."""
         return 2
 

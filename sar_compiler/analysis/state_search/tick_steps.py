@@ -45,7 +45,7 @@ class TickSteps(Stepper):
         super().__init__()
         self._flat = flat
         self._ticker = ticker
-        heeded = {node.at for node in flat.nodes if node.heeds_end}
+        heeded = {node.status_cell for node in flat.nodes if node.heeds_end}
         forgotten = [index not in heeded for index in range(len(flat.nodes))] if forgets else []
         self._code = StateCode(ticker.cells, ticker.values, forgotten)
         ticker.ignore_statuses(forgotten)
@@ -111,7 +111,7 @@ class TickSteps(Stepper):
             try:
                 outcome = ticker.play()
                 if outcome < KNOWN:
-                    self._flat.share(ticker)
+                    self._flat.copy_shared_statuses(ticker)
                     self._flat.renumber(ticker)
                     self.take_state(outcome)
                     return A_STATE
@@ -166,5 +166,5 @@ class TickSteps(Stepper):
 
     def _write_state(self, outcome: int, watched: int) -> bytes:
         ticker = self._ticker
-        ticker.entries.settle()
+        ticker.entries.update_contents()
         return self._code.write(outcome, watched, ticker.cells, ticker.values, ticker.entries.now)

@@ -257,7 +257,7 @@ def search_branch(prepared: PreparedTree, root: Behaviour, pair: Sequence[Branch
     outcomes: list[int] = []
     for state in graph.states:
         outcomes.append(steps.restore(state)[0])
-        runs.append(parts.stepper.ticker.cells[child.at] == RUNNING)
+        runs.append(parts.stepper.ticker.cells[child.status_cell] == RUNNING)
     if not _comes_to_its_end(graph, runs):
         return None
     results = [[(outcomes[target], target) for target, _ in graph.ticks(state)] for state in range(len(runs))]

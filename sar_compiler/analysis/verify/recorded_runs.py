@@ -458,7 +458,10 @@ class TreeRuns:
     def _statuses(self) -> tuple[str, ...]:
         """Return the statuses of the nodes from their cells; empty for idle nodes."""
         cells = self.stepper.ticker.cells
-        return tuple(WORDS[cells[node.at]] if cells[node.at] else "" for node in self.stepper.flat.nodes)
+        return tuple(
+            WORDS[cells[node.status_cell]] if cells[node.status_cell] else ""
+            for node in self.stepper.flat.nodes
+        )
 
     def restore_before(self, state: bytes, way: PossibleTick, place: int) -> None:
         """Restore the facts and keys before an outcome of a tick, given its index."""

@@ -11,7 +11,7 @@ from sar_compiler.runtime.kernel.tree_nodes import (
     TreeNode,
     reset,
     reset_all,
-    running,
+    running_children,
 )
 from sar_compiler.runtime.operators import equal_texts
 
@@ -31,7 +31,7 @@ class IfThenElseNode(ControlNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the condition, or continue with the branch."""
-        ticker.cells[self.at] = RUNNING
+        ticker.cells[self.status_cell] = RUNNING
         return self.tick_child(self.children[ticker.cells[self.chosen]], ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
@@ -43,7 +43,7 @@ class IfThenElseNode(ControlNode):
             if cells[self.chosen] < len(self.children):
                 return self.tick_child(self.children[cells[self.chosen]], ticker)
             cells[self.chosen] = _NONE
-            return self.come_to(ticker, FAILURE)
+            return self.set_outcome(ticker, FAILURE)
         return RUNNING if outcome == RUNNING else self.finish(ticker, outcome)
 
 
@@ -60,7 +60,7 @@ class WhileDoElseNode(ControlNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the condition."""
-        ticker.cells[self.at] = RUNNING
+        ticker.cells[self.status_cell] = RUNNING
         ticker.cells[self.branch] = _NONE
         return self.tick_child(self.children[_NONE], ticker)
 
@@ -128,7 +128,7 @@ class SwitchNode(ControlNode):
             if outcome == SKIPPED:
                 return SKIPPED
             reset_all(self.children, ticker)
-        return self.come_to(ticker, outcome)
+        return self.set_outcome(ticker, outcome)
 
 
 class TryCatchNode(InTurnNode):
@@ -148,8 +148,8 @@ class TryCatchNode(InTurnNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Continue with the current child."""
-        if ticker.cells[self.at] != RUNNING:
-            self.forget(ticker)
+        if ticker.cells[self.status_cell] != RUNNING:
+            self.reset_cells(ticker)
             self.behaviour.feedback_message = ""
         return super().begin(ticker)
 
@@ -160,7 +160,7 @@ class TryCatchNode(InTurnNode):
         index = super().next_child(ticker)
         return index if index < self.last else -1
 
-    def take(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Continue with the last child after a failure, else with the next one."""
         cells = ticker.cells
         if outcome == RUNNING:
@@ -187,15 +187,15 @@ class TryCatchNode(InTurnNode):
         cells = ticker.cells
         self.catches = False
         try:
-            if cells[self.at] == RUNNING and not cells[self.catching]:
+            if cells[self.status_cell] == RUNNING and not cells[self.catching]:
                 self.catches = bool(self.behaviour.catch_on_halt.get())
         except BaseException:
             reset_all(self.children, ticker)
             raise
         finally:
             if not self.catches:
-                self.leave(ticker)
-        return running(self.children[: self.last] if self.catches else self.children, ticker)
+                self.reset_child(ticker)
+        return running_children(self.children[: self.last] if self.catches else self.children, ticker)
 
     def stop_last(self, ticker: Ticker) -> None:
         """Tick the last child once, if required and if it was not the current one."""
@@ -203,11 +203,11 @@ class TryCatchNode(InTurnNode):
             try:
                 ticker.run_unseen(self.children[self.last])
             finally:
-                self.leave(ticker)
+                self.reset_child(ticker)
                 reset_all(self.children, ticker)
         super().stop_last(ticker)
 
-    def leave(self, ticker: Ticker) -> None:
+    def reset_child(self, ticker: Ticker) -> None:
         """Reset the current child, also for py_trees."""
-        self.forget(ticker)
+        self.reset_cells(ticker)
         self.behaviour.current_child = None

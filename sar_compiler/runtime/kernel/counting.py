@@ -35,21 +35,21 @@ class CountingNode(ControlNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Begin with the first child that has not ended."""
-        ticker.cells[self.at] = RUNNING
+        ticker.cells[self.status_cell] = RUNNING
         ticker.cells[self.current] = ticker.cells[self.skips] = 0
-        return self.go_on(ticker, INVALID)
+        return self.tick_unfinished(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Continue after the current child."""
-        return self.go_on(ticker, self.count(ticker, outcome))
+        return self.tick_unfinished(ticker, self.count_child(ticker, outcome))
 
-    def go_on(self, ticker: Ticker, decision: int) -> int:
+    def tick_unfinished(self, ticker: Ticker, decision: int) -> int:
         """Tick the unfinished children from the current one, unless the decision is not INVALID."""
         cells, children = ticker.cells, self.children
         while decision == INVALID:
             index = cells[self.current]
             if index == len(children):
-                return self.leave(ticker, self.decide_at_the_end(ticker))
+                return self.end_tick(ticker, self.decide_at_the_end(ticker))
             outcome = INVALID
             place = self.through + int(index // _BITS)
             if not cells[place] >> index % _BITS & 1:
@@ -57,10 +57,10 @@ class CountingNode(ControlNode):
                 outcome = children[index].tick(ticker)
                 if outcome == CALLED:
                     return CALLED
-            decision = self.count(ticker, outcome)
-        return self.leave(ticker, decision)
+            decision = self.count_child(ticker, outcome)
+        return self.end_tick(ticker, decision)
 
-    def count(self, ticker: Ticker, outcome: int) -> int:
+    def count_child(self, ticker: Ticker, outcome: int) -> int:
         """Count the current child; return the node's outcome if it is decided, else INVALID."""
         cells, index = ticker.cells, ticker.cells[self.current]
         if outcome & ENDED:
@@ -95,7 +95,7 @@ class CountingNode(ControlNode):
         """Return the outcome after all children were ticked."""
         raise NotImplementedError
 
-    def leave(self, ticker: Ticker, outcome: int) -> int:
+    def end_tick(self, ticker: Ticker, outcome: int) -> int:
         """End the tick with an outcome; after SUCCESS or FAILURE the node has ended."""
         cells = ticker.cells
         if not outcome & ENDED:

@@ -53,7 +53,7 @@ class EntryCells:
         """Return the content of an entry; None if it does not exist."""
         return self._contents[place][self.now[place]]
 
-    def put(self, place: int, content: Any) -> None:
+    def set_content(self, place: int, content: Any) -> None:
         """Replace the content of an entry; None removes it."""
         numbers = self._numbers[place]
         number = numbers.get(content, -1)
@@ -77,13 +77,13 @@ class EntryCells:
         self.lent.clear()
         self.now = self._nothing[:]
 
-    def settle(self) -> None:
+    def update_contents(self) -> None:
         """Update the contents of the entries whose values were read and may have been changed in place."""
         if self.lent:
             freeze = self.freeze
             assert freeze is not None  # noqa: S101 - set together with `lent`
             for place, value in self.lent.items():
-                self.put(place, freeze(place, value))
+                self.set_content(place, freeze(place, value))
             self.lent.clear()
 
 

@@ -47,9 +47,9 @@ class LeafNode(ChildlessNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the leaf."""
         cells, behaviour = ticker.cells, self.behaviour
-        before = cells[self.at]
+        before = cells[self.status_cell]
         if before == RUNNING or not ticker.is_live:
-            before = self.before(ticker)
+            before = self.status_before_tick(ticker)
         if before != RUNNING and self.initialises:
             behaviour.initialise()
         answer = behaviour.update()
@@ -65,12 +65,12 @@ class LeafNode(ChildlessNode):
             behaviour.terminate(answer)
         if now != RUNNING or before != RUNNING:
             behaviour.status = answer
-            cells[self.at] = now
+            cells[self.status_cell] = now
         return now
 
-    def before(self, ticker: Ticker) -> int:
+    def status_before_tick(self, ticker: Ticker) -> int:
         """Return the status before the tick; afterwards the tree and the behaviour have the same status."""
-        before, status = ticker.cells[self.at], self.behaviour.status
+        before, status = ticker.cells[self.status_cell], self.behaviour.status
         if status is STATUSES[before]:
             return before
         if ticker.is_live:
@@ -86,17 +86,17 @@ class LeafNode(ChildlessNode):
         if self.terminates:
             behaviour.terminate(_INVALID)
         behaviour.status = _INVALID
-        ticker.cells[self.at] = INVALID
+        ticker.cells[self.status_cell] = INVALID
         return SKIPPED
 
     def stop(self, ticker: Ticker) -> None:
         """Stop the leaf."""
         behaviour = self.behaviour
         if self.terminates:
-            self.before(ticker)
+            self.status_before_tick(ticker)
             behaviour.terminate(_INVALID)
         behaviour.status = _INVALID
-        ticker.cells[self.at] = INVALID
+        ticker.cells[self.status_cell] = INVALID
 
 
 class SkippableLeafNode(LeafNode):
@@ -152,7 +152,7 @@ class ForeignNode(ChildlessNode):
     Its descendants, if there are any, are not part of this tree.
     """
 
-    def insist(self) -> None:
+    def require_statuses(self) -> None:
         """Make all behaviours that other nodes tick raise an error if they return no status."""
         for each in self.behaviour.iterate():
             if not isinstance(each, EngineBehaviour):
@@ -161,7 +161,7 @@ class ForeignNode(ChildlessNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the behaviour; its descendants that it yields are visits, too."""
         cells, behaviour, visits = ticker.cells, self.behaviour, ticker.visits
-        self.show(ticker.cells)
+        self.write_status(ticker.cells)
         try:
             for node in behaviour.tick():
                 if visits is not None and node is not behaviour:
@@ -169,17 +169,17 @@ class ForeignNode(ChildlessNode):
                     skipped = status == INVALID or getattr(node, "skipped", False)
                     visits.append(Visit(node, SKIPPED if skipped else status, status))
         finally:
-            cells[self.at] = number_of(behaviour.status)
-        if cells[self.at] == INVALID or getattr(behaviour, "skipped", False):
+            cells[self.status_cell] = number_of(behaviour.status)
+        if cells[self.status_cell] == INVALID or getattr(behaviour, "skipped", False):
             return SKIPPED
-        return cells[self.at]
+        return cells[self.status_cell]
 
     def stop(self, ticker: Ticker) -> None:
         """Stop the behaviour."""
         ticker.reach(self)
-        self.show(ticker.cells)
+        self.write_status(ticker.cells)
         self.behaviour.stop(_INVALID)
-        ticker.cells[self.at] = number_of(self.behaviour.status)
+        ticker.cells[self.status_cell] = number_of(self.behaviour.status)
 
 
 class RememberingNode(LeafNode):
@@ -285,17 +285,17 @@ class ConstantNode(ChildlessNode):
     def begin(self, ticker: Ticker) -> int:
         """Answer."""
         if not self.tells:
-            self.tell(self.outcome)
-        ticker.cells[self.at] = self.outcome
+            self.set_message(self.outcome)
+        ticker.cells[self.status_cell] = self.outcome
         return self.outcome
 
-    def show(self, cells: vec[i32]) -> None:
+    def write_status(self, cells: vec[i32]) -> None:
         """Set the behaviour's status from the cells, and its message."""
-        super().show(cells)
-        if self.tells and cells[self.at] == INVALID:
-            self.tell(INVALID)
+        super().write_status(cells)
+        if self.tells and cells[self.status_cell] == INVALID:
+            self.set_message(INVALID)
 
-    def tell(self, outcome: int) -> None:
+    def set_message(self, outcome: int) -> None:
         """Set the feedback message, which is empty when idle."""
         self.behaviour.feedback_message = WORDS[outcome].lower()
         self.tells = outcome != INVALID
@@ -312,12 +312,12 @@ class UpdateCheckNode(ChildlessNode):
         super().__init__(part)
         self.entry = watched_entry(part.behaviour)
         self.seen = part.cell(keeps=True)
-        part.watch(self.entry, self.seen)
+        part.watch_entry(self.entry, self.seen)
 
     def begin(self, ticker: Ticker) -> int:
         """Check the entry."""
         now = SUCCESS if is_news(self.entry, self.seen, ticker) else FAILURE
-        ticker.cells[self.at] = now
+        ticker.cells[self.status_cell] = now
         return now
 
 

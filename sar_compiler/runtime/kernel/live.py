@@ -64,22 +64,22 @@ class LiveTicker(Ticker):
             self._reached = []
         self._depth += 1
 
-    def leave(self) -> None:
+    def write_statuses(self) -> None:
         """Set the statuses of the reached behaviours from the cells."""
         self._depth -= 1
         for node in self._reached:
-            node.show(self.cells)
+            node.write_status(self.cells)
 
     def reach(self, node: TreeNode) -> None:
         """Copy a node's status from its behaviour, unless the tick has already reached it."""
         if node.reached == self._number:
             return
         if not node.shows_itself:
-            if node.behaviour.status is not STATUSES[self.cells[node.at]]:
+            if node.behaviour.status is not STATUSES[self.cells[node.status_cell]]:
                 self.take_over()
             self._reached.append(node)
         node.reached = self._number
-        if node.index != node.at:
+        if node.index != node.status_cell:
             # They share one cell, and either node's result is newer than both behaviours.
             self.reach(node.children[0])
 
@@ -91,17 +91,17 @@ class LiveTicker(Ticker):
         cells, changed = self.cells, False
         nodes = [node for node in self._nodes if node.reached != self._number]
         for node in nodes:
-            if not node.shows_itself and node.behaviour.status is not STATUSES[cells[node.at]]:
-                rests = cells[node.at] & ENDED and node.behaviour.status is STATUSES[INVALID]
-                cells[node.at] = number_of(node.behaviour.status)
+            if not node.shows_itself and node.behaviour.status is not STATUSES[cells[node.status_cell]]:
+                rests = cells[node.status_cell] & ENDED and node.behaviour.status is STATUSES[INVALID]
+                cells[node.status_cell] = number_of(node.behaviour.status)
                 if rests:
-                    node.rest(self)
+                    node.reset_outcome(self)
                 else:
-                    node.forget(self)
+                    node.reset_cells(self)
                 changed = True
         if changed:
             for node in nodes:
-                cells[node.at] = number_of(node.behaviour.status)
+                cells[node.status_cell] = number_of(node.behaviour.status)
 
 
 class LiveTree:
@@ -118,7 +118,7 @@ class LiveTree:
     """
 
     def __init__(self, root: Any, *, is_strict: bool = False, former: "LiveTree | None" = None) -> None:
-        self._flat = flat_tree(root, _node_of, _below)
+        self._flat = flat_tree(root, _node_of, _ticked_children)
         self.ticker = LiveTicker(self._flat)
         self.ticker.is_strict = is_strict
         self._parents = [
@@ -133,7 +133,7 @@ class LiveTree:
         self.ticker.take_over()
         for node in self._flat.nodes:
             if is_strict and isinstance(node, ForeignNode):
-                node.insist()
+                node.require_statuses()
             if isinstance(node.behaviour, EngineBehaviour) and not isinstance(node, ForeignNode):
                 node.behaviour.place = self, node.index
 
@@ -143,7 +143,7 @@ class LiveTree:
         return self._flat.nodes[0].behaviour
 
     @property
-    def nodes(self) -> list[TreeNode]:
+    def tree_nodes(self) -> list[TreeNode]:
         """The nodes, in pre-order."""
         return self._flat.nodes
 
@@ -176,7 +176,7 @@ class LiveTree:
             outcome = ticker.run(node)
         finally:
             ticker.visits, ticker.by_step = before
-            ticker.leave()
+            ticker.write_statuses()
         if node.is_skippable:
             node.behaviour.skipped = outcome == SKIPPED
         return outcome
@@ -192,7 +192,7 @@ class LiveTree:
         """
         outcome = self.tick(visits)
         root = self._flat.nodes[0]
-        visits.append(Visit(root.behaviour, outcome, self.ticker.cells[root.at]))
+        visits.append(Visit(root.behaviour, outcome, self.ticker.cells[root.status_cell]))
         return outcome
 
     def stop(self, index: int = 0) -> None:
@@ -203,7 +203,7 @@ class LiveTree:
             ticker.take_over()
             self._flat.nodes[index].stop(ticker)
         finally:
-            ticker.leave()
+            ticker.write_statuses()
 
     def _go_on_from(self, former: "LiveTree") -> None:
         """Copy the state of nodes that were part of another tree."""
@@ -216,7 +216,7 @@ class LiveTree:
             children = [child.behaviour for child in old.children]
             if [child.behaviour for child in node.children[: len(children)]] != children:
                 continue
-            here.cells[node.at] = there.cells[old.at]
+            here.cells[node.status_cell] = there.cells[old.status_cell]
             for place in range(node.last_cell - node.first_cell):
                 here.cells[node.first_cell + place] = there.cells[old.first_cell + place]
             here.values[node.first_value : node.last_value] = there.values[old.first_value : old.last_value]
@@ -233,7 +233,7 @@ def _node_of(part: NodeBuilder) -> TreeNode:
     return ForeignNode(part)
 
 
-def _below(behaviour: Any) -> list[Any]:
+def _ticked_children(behaviour: Any) -> list[Any]:
     """Return the children that are ticked by nodes, too."""
     return [] if node_class_of(behaviour) is None else children_of(behaviour)
 

@@ -39,9 +39,9 @@ class RecoveringNode(ControlNode):
         cells = ticker.cells
         number: int = self.behaviour.number_of_retries.get()
         cells[self.wanted] = number if number >= 0 else _USUAL_RETRIES
-        cells[self.at] = RUNNING
+        cells[self.status_cell] = RUNNING
         if cells[self.retries] > cells[self.wanted]:
-            return self.end(ticker, FAILURE)
+            return self.end_with(ticker, FAILURE)
         return self.tick_child(self.children[cells[self.current]], ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
@@ -56,7 +56,7 @@ class RecoveringNode(ControlNode):
         """Continue after the first child has ended or was skipped."""
         cells = ticker.cells
         if outcome != FAILURE or cells[self.retries] == cells[self.wanted]:
-            return self.end(ticker, outcome)
+            return self.end_with(ticker, outcome)
         reset(self.children[0], ticker)
         cells[self.current] = 1
         return self.tick_child(self.children[1], ticker)
@@ -65,20 +65,20 @@ class RecoveringNode(ControlNode):
         """Continue after the second child has ended or was skipped."""
         cells = ticker.cells
         if outcome == FAILURE:
-            return self.end(ticker, FAILURE)
+            return self.end_with(ticker, FAILURE)
         reset(self.children[1], ticker)
         cells[self.current] = 0
         if outcome == SKIPPED:
             cells[self.wanted] = 0
-            return self.come_to(ticker, FAILURE)
+            return self.set_outcome(ticker, FAILURE)
         cells[self.retries] += 1
         if ticker.tells:
             self.behaviour.feedback_message = f"recovery {cells[self.retries]} of {cells[self.wanted]}"
         return self.tick_child(self.children[0], ticker)
 
-    def end(self, ticker: Ticker, outcome: int) -> int:
+    def end_with(self, ticker: Ticker, outcome: int) -> int:
         """End, or be skipped, and reset all cells."""
-        ticker.cells[self.at] = INVALID
+        ticker.cells[self.status_cell] = INVALID
         return self.finish(ticker, outcome)
 
 
@@ -99,7 +99,7 @@ class PipelineNode(InTurnNode):
         self.break_off(ticker)
         return self.resume(ticker, INVALID)
 
-    def take(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Fail if the current child failed, run if the furthest child runs, else continue with the next one."""
         cells, index = ticker.cells, ticker.cells[self.position]
         if outcome == FAILURE:
@@ -107,7 +107,7 @@ class PipelineNode(InTurnNode):
         if outcome == RUNNING and index >= cells[self.furthest]:
             self.break_off(ticker)
             cells[self.furthest] = index
-            return self.come_to(ticker, RUNNING)
+            return self.set_outcome(ticker, RUNNING)
         cells[self.skips] += int(outcome == SKIPPED)
         cells[self.position] = index + 1
         return INVALID
@@ -144,7 +144,7 @@ class RoundRobinNode(InTurnNode):
         is_over = cells[self.failures] + cells[self.skips] >= len(self.children)
         return -1 if is_over else cells[self.position]
 
-    def take(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Succeed or run with the current child, else continue with the next one, if there is one."""
         cells = ticker.cells
         if outcome == RUNNING:
@@ -164,7 +164,7 @@ class RoundRobinNode(InTurnNode):
     def end(self, ticker: Ticker) -> int:
         """End without success; be skipped if all children were."""
         all_skipped = ticker.cells[self.skips] == len(self.children)
-        ticker.cells[self.at] = INVALID
+        ticker.cells[self.status_cell] = INVALID
         return self.finish(ticker, SKIPPED if all_skipped else FAILURE)
 
 
@@ -181,10 +181,10 @@ class NonblockingNode(InTurnNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Begin with the first child."""
-        self.forget(ticker)
+        self.reset_cells(ticker)
         return self.resume(ticker, INVALID)
 
-    def take(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Fail with the current child, else continue with the next one.
 
         Raises:
@@ -205,8 +205,8 @@ class NonblockingNode(InTurnNode):
         """Run if a child does, else succeed."""
         if not ticker.cells[self.runs]:
             return self.finish(ticker, SUCCESS)
-        self.forget(ticker)
-        return self.come_to(ticker, RUNNING)
+        self.reset_cells(ticker)
+        return self.set_outcome(ticker, RUNNING)
 
 
 class PersistentNode(InTurnNode):
@@ -228,7 +228,7 @@ class PersistentNode(InTurnNode):
         ticker.cells[self.position] = place
         return super().begin(ticker)
 
-    def take(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Fail or run with the current child, else continue with the next one."""
         cells = ticker.cells
         if outcome == RUNNING:
@@ -281,7 +281,7 @@ class PauseResumeNode(ControlNode):
         cells = ticker.cells
         if self.starts(ticker):
             cells[self.mode] = _RESUMED
-        cells[self.at] = RUNNING
+        cells[self.status_cell] = RUNNING
         cells[self.asking] = 1
         outcome = self.asked.tick(ticker)
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
@@ -291,12 +291,12 @@ class PauseResumeNode(ControlNode):
         cells = ticker.cells
         if cells[self.asking]:
             cells[self.asking] = 0
-            self.asked.rest(ticker)
+            self.asked.reset_outcome(ticker)
             return self.take_answer(ticker, outcome)
         if outcome == RUNNING:
             return RUNNING
         if outcome == FAILURE or cells[self.mode] == _RESUMED:
-            return self.come_to(ticker, FAILURE if outcome == FAILURE else SUCCESS)
+            return self.set_outcome(ticker, FAILURE if outcome == FAILURE else SUCCESS)
         return self.next_mode(ticker)
 
     def take_answer(self, ticker: Ticker, outcome: int) -> int:

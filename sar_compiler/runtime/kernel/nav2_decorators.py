@@ -24,10 +24,10 @@ class RateNode(DecoratorNode):
         self.timer = Countdown(part)
         self.period = part.value(NO_PERIOD)
 
-    def ways(self, ticker: Ticker) -> int:
+    def branch_count(self, ticker: Ticker) -> int:
         """Return the number of possible results of the timer check."""
-        waits = not self.starts(ticker) and ticker.cells[self.child.at] != RUNNING
-        return self.timer.ways(ticker) if waits else 1
+        waits = not self.starts(ticker) and ticker.cells[self.child.status_cell] != RUNNING
+        return self.timer.branch_count(ticker) if waits else 1
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child if it is due."""
@@ -36,19 +36,19 @@ class RateNode(DecoratorNode):
             rate: float = self.behaviour.hz.get()
             ticker.values[self.period] = 1.0 / rate if rate else math.inf
             self.wait(ticker)
-        elif cells[self.child.at] != RUNNING and not self.timer.is_up(ticker):
+        elif cells[self.child.status_cell] != RUNNING and not self.timer.is_up(ticker):
             self.behaviour.feedback_message = (
-                self.timer.left(ticker) if cells[self.timer.state] == COUNTING else ""
+                self.timer.remaining_message(ticker) if cells[self.timer.state] == COUNTING else ""
             )
-            return self.come_to(ticker, RUNNING)
+            return self.set_outcome(ticker, RUNNING)
         self.behaviour.feedback_message = ""
         return super().begin(ticker)
 
-    def after(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Pass on the outcome; a success begins the next period."""
         if outcome == SUCCESS:
             self.wait(ticker)
-        return self.come_to(ticker, outcome)
+        return self.set_outcome(ticker, outcome)
 
     def wait(self, ticker: Ticker) -> None:
         """Begin a period; an infinite one never ends."""
@@ -58,10 +58,10 @@ class RateNode(DecoratorNode):
         else:
             self.timer.start(period, ticker)
 
-    def rest(self, ticker: Ticker) -> None:
+    def reset_outcome(self, ticker: Ticker) -> None:
         """Reset the node's outcome, and the period."""
-        super().rest(ticker)
-        self.forget(ticker)
+        super().reset_outcome(ticker)
+        self.reset_cells(ticker)
 
 
 class SingleTriggerNode(DecoratorNode):
@@ -80,19 +80,19 @@ class SingleTriggerNode(DecoratorNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the child, unless it has ended."""
         if self.starts(ticker):
-            self.forget(ticker)
-        return self.come_to(ticker, FAILURE) if ticker.cells[self.done] else super().begin(ticker)
+            self.reset_cells(ticker)
+        return self.set_outcome(ticker, FAILURE) if ticker.cells[self.done] else super().begin(ticker)
 
-    def after(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Pass on the outcome."""
         if outcome & ENDED:
             ticker.cells[self.done] = 1
-        return self.come_to(ticker, outcome)
+        return self.set_outcome(ticker, outcome)
 
-    def rest(self, ticker: Ticker) -> None:
+    def reset_outcome(self, ticker: Ticker) -> None:
         """Reset the node's outcome."""
-        super().rest(ticker)
-        self.forget(ticker)
+        super().reset_outcome(ticker)
+        self.reset_cells(ticker)
 
 
 class AskingNode(OwnNode):
@@ -111,7 +111,7 @@ class AskingNode(OwnNode):
         self.asking = part.cell(of_tick=True)
         self.waits = False
 
-    def ask(self, ticker: Ticker) -> int:
+    def tick_query(self, ticker: Ticker) -> int:
         """Tick the leaf; return the decorator's outcome, or CALLED."""
         ticker.cells[self.asking] = 1
         return self.tick_child(self.asked, ticker)
@@ -121,20 +121,20 @@ class AskingNode(OwnNode):
         if ticker.cells[self.asking]:
             ticker.cells[self.asking] = 0
             if outcome != RUNNING or not self.waits:
-                self.asked.rest(ticker)
+                self.asked.reset_outcome(ticker)
             return self.take_answer(ticker, outcome)
         if outcome & ENDED:
-            self.child.rest(ticker)
-        return self.come_to(ticker, outcome)
+            self.child.reset_outcome(ticker)
+        return self.set_outcome(ticker, outcome)
 
     def take_answer(self, ticker: Ticker, outcome: int) -> int:
         """Return the outcome, given the result of the leaf."""
         raise NotImplementedError
 
-    def forget(self, ticker: Ticker) -> None:
+    def reset_cells(self, ticker: Ticker) -> None:
         """Stop querying."""
-        super().forget(ticker)
-        self.asked.rest(ticker)
+        super().reset_cells(ticker)
+        self.asked.reset_outcome(ticker)
 
 
 class WhenDueNode(AskingNode):
@@ -149,10 +149,10 @@ class WhenDueNode(AskingNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the child, or query whether it is due."""
         cells, starts = ticker.cells, self.starts(ticker)
-        cells[self.at] = RUNNING
-        if starts or cells[self.child.at] == RUNNING:
+        cells[self.status_cell] = RUNNING
+        if starts or cells[self.child.status_cell] == RUNNING:
             return self.tick_child(self.child, ticker)
-        return self.ask(ticker)
+        return self.tick_query(ticker)
 
     def take_answer(self, ticker: Ticker, outcome: int) -> int:
         """Tick the child if it is due."""
@@ -177,16 +177,16 @@ class DistanceNode(AskingNode):
     def begin(self, ticker: Ticker) -> int:
         """Query the robot's position."""
         ticker.cells[self.is_first] = int(self.starts(ticker))
-        ticker.cells[self.at] = RUNNING
-        return self.ask(ticker)
+        ticker.cells[self.status_cell] = RUNNING
+        return self.tick_query(ticker)
 
     def take_answer(self, ticker: Ticker, outcome: int) -> int:
         """Tick the child if it is due."""
         cells = ticker.cells
         starts, cells[self.is_first] = cells[self.is_first], 0
         if outcome == FAILURE:
-            return self.come_to(ticker, FAILURE)
-        if starts or cells[self.child.at] == RUNNING or outcome == SUCCESS:
+            return self.set_outcome(ticker, FAILURE)
+        if starts or cells[self.child.status_cell] == RUNNING or outcome == SUCCESS:
             return self.tick_child(self.child, ticker)
         return RUNNING
 
@@ -207,14 +207,14 @@ class LongerPathNode(AskingNode):
     def begin(self, ticker: Ticker) -> int:
         """Query the length of the path, if there is an earlier path to compare it with."""
         cells = ticker.cells
-        cells[self.at] = RUNNING
+        cells[self.status_cell] = RUNNING
         if cells[self.seen]:
-            return self.ask(ticker)
+            return self.tick_query(ticker)
         cells[self.seen] = 1
-        return self.come_to(ticker, SUCCESS)
+        return self.set_outcome(ticker, SUCCESS)
 
     def take_answer(self, ticker: Ticker, outcome: int) -> int:
         """Tick the child if the path has become longer."""
         if outcome == SUCCESS:
             return self.tick_child(self.child, ticker)
-        return self.come_to(ticker, SUCCESS)
+        return self.set_outcome(ticker, SUCCESS)

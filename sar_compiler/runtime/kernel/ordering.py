@@ -15,7 +15,7 @@ class OrderedNode(InTurnNode):
         super().__init__(part, keeps=part.behaviour.keeps_place)
         self.hands_over: int = part.behaviour.hands_over
 
-    def tell(self, ticker: Ticker, index: int, outcome: int) -> None:
+    def report_decision(self, ticker: Ticker, index: int, outcome: int) -> None:
         """Report which child has decided, as the feedback message."""
         if not ticker.tells:
             return
@@ -39,12 +39,12 @@ class ResumingNode(OrderedNode):
     def begin(self, ticker: Ticker) -> int:
         """Begin with the current child."""
         cells = ticker.cells
-        if cells[self.at] != RUNNING:
+        if cells[self.status_cell] != RUNNING:
             cells[self.skips] = 0
             self.behaviour.feedback_message = ""
         return super().begin(ticker)
 
-    def take(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Continue after a child that hands over or is skipped; any other outcome decides."""
         if outcome == RUNNING:
             return RUNNING
@@ -59,12 +59,12 @@ class ResumingNode(OrderedNode):
     def decide(self, ticker: Ticker, outcome: int) -> int:
         """End because of the current child."""
         cells, index = ticker.cells, ticker.cells[self.position]
-        self.tell(ticker, index, outcome)
+        self.report_decision(ticker, index, outcome)
         cells[self.skips] = 0
         if self.goes_back:
             cells[self.position] = index = 0
         reset_all(self.children[index:], ticker)
-        return self.come_to(ticker, outcome)
+        return self.set_outcome(ticker, outcome)
 
     def end(self, ticker: Ticker) -> int:
         """End because no child has decided."""
@@ -89,15 +89,15 @@ class PausingNode(ResumingNode):
         """Return the index of the current child, whose status is stored."""
         index = super().next_child(ticker)
         if index >= 0:
-            ticker.cells[self.before] = ticker.cells[self.children[index].at]
+            ticker.cells[self.before] = ticker.cells[self.children[index].status_cell]
         return index
 
-    def take(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Pause after a child that hands over at once."""
         cells = ticker.cells
         at_once = cells[self.before] != RUNNING
         cells[self.before] = INVALID
-        answer = super().take(ticker, outcome)
+        answer = super().on_child_outcome(ticker, outcome)
         if outcome == self.hands_over and at_once and cells[self.position] < len(self.children):
             self.behaviour.wake()
             return RUNNING
@@ -118,27 +118,27 @@ class ReactiveNode(OrderedNode):
     def begin(self, ticker: Ticker) -> int:
         """Begin with the first child."""
         cells = ticker.cells
-        if cells[self.at] != RUNNING:
+        if cells[self.status_cell] != RUNNING:
             self.behaviour.feedback_message = ""
         cells[self.position] = 0
         cells[self.so_far] = SKIPPED
         return super().begin(ticker)
 
-    def take(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Halt the other children if one runs; continue after one that hands over, or is skipped."""
         cells, children = ticker.cells, self.children
         index = cells[self.position]
         if outcome == RUNNING:
             reset_all(children[:index], ticker)
             reset_all(children[index + 1 :], ticker)
-            self.forget(ticker)
+            self.reset_cells(ticker)
             return RUNNING
         if outcome == SKIPPED:
             reset(children[index], ticker)
         else:
             cells[self.so_far] = outcome
             if outcome != self.hands_over:
-                self.tell(ticker, index, outcome)
+                self.report_decision(ticker, index, outcome)
                 return self.finish(ticker, outcome)
         cells[self.position] = index + 1
         return INVALID

@@ -43,24 +43,24 @@ class AgainNode(DecoratorNode):
     def begin(self, ticker: Ticker) -> int:
         """Read the maximum number, and tick the child."""
         wanted: int = self.fixed if self.is_fixed else self.times.get()
-        ticker.cells[self.at] = RUNNING
-        return self.go_on(ticker, wanted)
+        ticker.cells[self.status_cell] = RUNNING
+        return self.tick_again(ticker, wanted)
 
-    def go_on(self, ticker: Ticker, wanted: int) -> int:
+    def tick_again(self, ticker: Ticker, wanted: int) -> int:
         """Tick the child if the maximum number is not reached yet."""
         cells = ticker.cells
         if not self.is_short(ticker, wanted):
-            return self.end(ticker, self.goes_on)
-        self.tell(ticker, wanted)
+            return self.end_with(ticker, self.goes_on)
+        self.report_repetitions(ticker, wanted)
         cells[self.wanted] = wanted + 2
-        cells[self.before] = cells[self.child.at]
+        cells[self.before] = cells[self.child.status_cell]
         return self.tick_child(self.child, ticker)
 
     def is_short(self, ticker: Ticker, wanted: int) -> bool:
         """Return whether the child has to be ticked once more."""
         return wanted == _ENDLESS or ticker.cells[self.done] < wanted
 
-    def after(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Count an end, and tick the child again."""
         cells = ticker.cells
         wanted, was_running = cells[self.wanted] - 2, cells[self.before] == RUNNING
@@ -71,19 +71,19 @@ class AgainNode(DecoratorNode):
             reset(self.child, ticker)
             return SKIPPED
         if outcome != self.goes_on:
-            return self.end(ticker, outcome)
-        self.count(ticker)
+            return self.end_with(ticker, outcome)
+        self.count_repetition(ticker)
         wanted = self.read_again(wanted)
         if not was_running and self.is_short(ticker, wanted):
             self.behaviour.wake()
             return RUNNING
-        return self.go_on(ticker, wanted)
+        return self.tick_again(ticker, wanted)
 
     def read_again(self, wanted: int) -> int:
         """Return the maximum number after another repetition."""
         return wanted
 
-    def tell(self, ticker: Ticker, wanted: int) -> None:
+    def report_repetitions(self, ticker: Ticker, wanted: int) -> None:
         """Report the number of repetitions as the feedback message."""
         if not ticker.tells:
             return
@@ -91,21 +91,21 @@ class AgainNode(DecoratorNode):
         limit = "" if wanted < 0 else f" of {wanted}"
         self.behaviour.feedback_message = f"{self.noun} {number}{limit}"
 
-    def count(self, ticker: Ticker) -> None:
+    def count_repetition(self, ticker: Ticker) -> None:
         """Count one more repetition."""
         if self.endless:
             self.told += 1
         else:
             ticker.cells[self.done] += 1
 
-    def end(self, ticker: Ticker, outcome: int) -> int:
+    def end_with(self, ticker: Ticker, outcome: int) -> int:
         """End with an outcome."""
-        self.forget(ticker)
-        return self.come_to(ticker, outcome)
+        self.reset_cells(ticker)
+        return self.set_outcome(ticker, outcome)
 
-    def forget(self, ticker: Ticker) -> None:
+    def reset_cells(self, ticker: Ticker) -> None:
         """Reset the number of repetitions."""
-        super().forget(ticker)
+        super().reset_cells(ticker)
         self.told = 0
 
 
@@ -158,16 +158,16 @@ class LoopNode(DecoratorNode):
             return self.end(ticker)
         return super().begin(ticker)
 
-    def after(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Fail if the child failed, else run."""
         ticker.cells[self.child_runs] = int(outcome == RUNNING)
-        return self.come_to(ticker, FAILURE if outcome == FAILURE else RUNNING)
+        return self.set_outcome(ticker, FAILURE if outcome == FAILURE else RUNNING)
 
     def end(self, ticker: Ticker) -> int:
         """Return the configured outcome when no item is left."""
         behaviour = self.behaviour
         behaviour.feedback_message = "no item left"
-        return self.come_to(ticker, number_of(behaviour.if_empty.get().status) or SKIPPED)
+        return self.set_outcome(ticker, number_of(behaviour.if_empty.get().status) or SKIPPED)
 
     def next_item(self, ticker: Ticker) -> bool:
         """Write the next item to the output, if there is one."""

@@ -23,21 +23,21 @@ class StockNode(TreeNode):
         super().__init__(part)
         self.pointed = _NOWHERE
 
-    def forget(self, ticker: Ticker) -> None:
+    def reset_cells(self, ticker: Ticker) -> None:
         """Reset the node's position, because other code may have stopped the behaviour."""
-        super().forget(ticker)
+        super().reset_cells(ticker)
         self.pointed = _NOWHERE
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Return the children that are not idle."""
         self.behaviour.current_child = None
         cells = ticker.cells
-        return [child for child in reversed(self.children) if cells[child.at] != INVALID]
+        return [child for child in reversed(self.children) if cells[child.status_cell] != INVALID]
 
     def stop_last(self, ticker: Ticker) -> None:
         """Reset the current child, and the node's outcome."""
-        self.forget(ticker)
-        ticker.cells[self.at] = INVALID
+        self.reset_cells(ticker)
+        ticker.cells[self.status_cell] = INVALID
 
     def point_at(self, ticker: Ticker, index: int) -> None:
         """Make a child the current one; with -1, the last one."""
@@ -61,7 +61,7 @@ class StockSequenceNode(StockNode):
     def begin(self, ticker: Ticker) -> int:
         """Begin with the running child, or with the first one."""
         cells = ticker.cells
-        if cells[self.at] != RUNNING:
+        if cells[self.status_cell] != RUNNING:
             stop_all(self.children, ticker)
             cells[self.position] = 0
             self.pointed = _NOWHERE
@@ -79,13 +79,13 @@ class StockSequenceNode(StockNode):
             child = children[index]
             if outcome == INVALID and child.tick(ticker) == CALLED:
                 return CALLED
-            outcome, status = INVALID, cells[child.at]
+            outcome, status = INVALID, cells[child.status_cell]
             if status != SUCCESS:
                 break
             index += 1
-        return self.end(ticker, status)
+        return self.end_tick(ticker, status)
 
-    def end(self, ticker: Ticker, status: int) -> int:
+    def end_tick(self, ticker: Ticker, status: int) -> int:
         """End the tick with a status."""
         cells, index = ticker.cells, ticker.cells[self.position]
         self.point_at(ticker, index)
@@ -96,7 +96,7 @@ class StockSequenceNode(StockNode):
             return SKIPPED
         if status != RUNNING or not self.memory:
             cells[self.position] = 0
-        cells[self.at] = status
+        cells[self.status_cell] = status
         return SKIPPED if status == INVALID else status
 
     def break_off(self, ticker: Ticker) -> None:
@@ -120,13 +120,13 @@ class StockSelectorNode(StockNode):
     def begin(self, ticker: Ticker) -> int:
         """Begin with the running child, or with the first one."""
         cells = ticker.cells
-        if cells[self.at] != RUNNING:
+        if cells[self.status_cell] != RUNNING:
             self.pointed = _NOWHERE
             self.point_at(ticker, 0)
         previous = cells[self.position]
         if self.memory:
             for child in self.children[:previous]:
-                if IS_2_3 or cells[child.at] != INVALID:
+                if IS_2_3 or cells[child.status_cell] != INVALID:
                     child.stop(ticker)
         cells[self.current] = previous if self.memory else 0
         return self.resume(ticker, INVALID)
@@ -140,13 +140,13 @@ class StockSelectorNode(StockNode):
             cells[self.current] = index
             if outcome == INVALID and child.tick(ticker) == CALLED:
                 return CALLED
-            outcome, status = INVALID, cells[child.at]
+            outcome, status = INVALID, cells[child.status_cell]
             if status not in (INVALID, FAILURE):
                 return self.decide(ticker, status)
             index += 1
         self.point_at(ticker, -1)
-        self.forget(ticker)
-        cells[self.at] = FAILURE
+        self.reset_cells(ticker)
+        cells[self.status_cell] = FAILURE
         return FAILURE
 
     def decide(self, ticker: Ticker, status: int) -> int:
@@ -157,7 +157,7 @@ class StockSelectorNode(StockNode):
             stop_all(self.children[index + 1 :], ticker)
         cells[self.position] = index if status == RUNNING else 0
         cells[self.current] = 0
-        cells[self.at] = status
+        cells[self.status_cell] = status
         return status
 
 
@@ -188,7 +188,7 @@ class StockParallelNode(StockNode):
     def begin(self, ticker: Ticker) -> int:
         """Begin with the first child."""
         cells = ticker.cells
-        if cells[self.at] != RUNNING:
+        if cells[self.status_cell] != RUNNING:
             stop_all(self.children, ticker)
             self.pointed, self.behaviour.current_child = _NOWHERE, None
         if self.synchronise:
@@ -196,20 +196,20 @@ class StockParallelNode(StockNode):
             for child in self.children:
                 ticker.reach(child)
         cells[self.current] = 0
-        return self.go_on(ticker)
+        return self.tick_unfinished(ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - the status is used
         """Continue after the current child."""
         ticker.cells[self.current] += 1
-        return self.go_on(ticker)
+        return self.tick_unfinished(ticker)
 
-    def go_on(self, ticker: Ticker) -> int:
+    def tick_unfinished(self, ticker: Ticker) -> int:
         """Tick the children from the current one on, then decide."""
         cells = ticker.cells
         index = cells[self.current]
         for child in self.children[index:]:
             cells[self.current] = index
-            succeeded = self.synchronise and cells[child.at] == SUCCESS
+            succeeded = self.synchronise and cells[child.status_cell] == SUCCESS
             if not succeeded and child.tick(ticker) == CALLED:
                 return CALLED
             index += 1
@@ -217,27 +217,27 @@ class StockParallelNode(StockNode):
         status = self.decide(ticker)
         if status != RUNNING:
             for child in self.children:
-                if cells[child.at] == RUNNING:
+                if cells[child.status_cell] == RUNNING:
                     child.stop(ticker)
-        cells[self.at] = status
+        cells[self.status_cell] = status
         return status
 
     def decide(self, ticker: Ticker) -> int:
         """Return the status after all children were ticked; the decisive child is the current one."""
         cells, children = ticker.cells, self.children
         for index, child in enumerate(children):
-            if cells[child.at] == FAILURE:
+            if cells[child.status_cell] == FAILURE:
                 self.point_at(ticker, index)
                 return FAILURE
         if self.one_is_enough:
             for index in range(len(children) - 1, -1, -1):
-                if cells[children[index].at] == SUCCESS:
+                if cells[children[index].status_cell] == SUCCESS:
                     self.point_at(ticker, index)
                     return SUCCESS
             self.point_at(ticker, -1)
             return RUNNING if children else SUCCESS
         for child in self.needed:
-            if cells[child.at] != SUCCESS:
+            if cells[child.status_cell] != SUCCESS:
                 self.point_at(ticker, -1)
                 return RUNNING
         self.pointed = _NOWHERE
@@ -248,13 +248,13 @@ class StockParallelNode(StockNode):
         """Return the children that are not idle, the running ones first."""
         cells = ticker.cells
         children = super().stop_first(ticker)
-        ended = [child for child in children if cells[child.at] != RUNNING]
-        return ended + [child for child in children if cells[child.at] == RUNNING]
+        ended = [child for child in children if cells[child.status_cell] != RUNNING]
+        return ended + [child for child in children if cells[child.status_cell] == RUNNING]
 
 
 def stop_all(children: list[TreeNode], ticker: Ticker) -> None:
     """Stop the children that are not idle."""
     cells = ticker.cells
     for child in children:
-        if cells[child.at] != INVALID:
+        if cells[child.status_cell] != INVALID:
             child.stop(ticker)

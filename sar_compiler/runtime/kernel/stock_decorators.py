@@ -63,7 +63,7 @@ class StockDecoratorNode(TreeNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Start, unless the node runs, and tick the child."""
-        if ticker.cells[self.at] != RUNNING:
+        if ticker.cells[self.status_cell] != RUNNING:
             self.start(ticker)
         outcome = self.child.tick(ticker)
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
@@ -76,9 +76,9 @@ class StockDecoratorNode(TreeNode):
             self.terminate(ticker, status)
             if status == INVALID:
                 child.stop(ticker)
-            if cells[child.at] == RUNNING:
+            if cells[child.status_cell] == RUNNING:
                 child.stop(ticker)
-        cells[self.at] = status
+        cells[self.status_cell] = status
         return SKIPPED if status == INVALID else status
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
@@ -88,14 +88,14 @@ class StockDecoratorNode(TreeNode):
 
     def stop_last(self, ticker: Ticker) -> None:
         """Reset the node's outcome."""
-        ticker.cells[self.at] = INVALID
+        ticker.cells[self.status_cell] = INVALID
 
     def start(self, ticker: Ticker) -> None:
         """Do the work of its class's `initialise`."""
 
     def update(self, ticker: Ticker) -> int:
         """Return the result of its class's `update` for the child's status."""
-        status = ticker.cells[self.child.at]
+        status = ticker.cells[self.child.status_cell]
         if not self.turns:
             return self.call_update(ticker, status)
         if ticker.tells:
@@ -154,7 +154,7 @@ class StockCountingNode(StockDecoratorNode):
         cells = ticker.cells
         if ticker.tells:
             return self.count_on(ticker, attribute)
-        place = int(cells[self.count]) * len(STATUSES) + int(cells[self.child.at])
+        place = int(cells[self.count]) * len(STATUSES) + int(cells[self.child.status_cell])
         known = self.known.get(place, -1)
         if known < 0:
             status = self.count_on(ticker, attribute)
@@ -171,7 +171,7 @@ class StockCountingNode(StockDecoratorNode):
 
     def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
         """Reset the count."""
-        self.forget(ticker)
+        self.reset_cells(ticker)
 
 
 class StockRepeatNode(StockCountingNode):
@@ -197,9 +197,9 @@ class StockGuardNode(StockDecoratorNode):
         """Tick the child if the condition is true."""
         if self.holds():
             return super().begin(ticker)
-        if ticker.cells[self.child.at] == RUNNING:
+        if ticker.cells[self.child.status_cell] == RUNNING:
             self.child.stop(ticker)
-        ticker.cells[self.at] = FAILURE
+        ticker.cells[self.status_cell] = FAILURE
         return FAILURE
 
     def holds(self) -> bool:
@@ -231,14 +231,14 @@ class StockOneShotNode(StockDecoratorNode):
         final = ticker.cells[self.final]
         if final == INVALID:
             return super().begin(ticker)
-        if ticker.cells[self.child.at] == RUNNING:
+        if ticker.cells[self.child.status_cell] == RUNNING:
             self.child.stop(ticker)
-        ticker.cells[self.at] = final
+        ticker.cells[self.status_cell] = final
         return final
 
     def update(self, ticker: Ticker) -> int:
         """Return the child's status, as its class does before there is a final outcome."""
-        return super().update(ticker) if ticker.tells else ticker.cells[self.child.at]
+        return super().update(ticker) if ticker.tells else ticker.cells[self.child.status_cell]
 
     def terminate(self, ticker: Ticker, status: int) -> None:
         """Keep a final outcome."""
@@ -271,9 +271,9 @@ class StockForEachNode(StockDecoratorNode):
             )
             raise TypeError(message)
         ticker.values[self.waiting] = tuple(freeze(item) for item in items)
-        self.advance(ticker)
+        self.write_next_item(ticker)
 
-    def advance(self, ticker: Ticker) -> None:
+    def write_next_item(self, ticker: Ticker) -> None:
         """Write the next item, if there is one."""
         cells, values = ticker.cells, ticker.values
         cells[self.has_item] = 0
@@ -289,15 +289,15 @@ class StockForEachNode(StockDecoratorNode):
         cells = ticker.cells
         if not cells[self.has_item]:
             return SUCCESS
-        if cells[self.child.at] == SUCCESS:
-            self.advance(ticker)
+        if cells[self.child.status_cell] == SUCCESS:
+            self.write_next_item(ticker)
             if cells[self.has_item]:
                 return RUNNING
-        return cells[self.child.at]
+        return cells[self.child.status_cell]
 
     def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
         """Remove the items."""
-        self.forget(ticker)
+        self.reset_cells(ticker)
 
 
 class StockTimeoutNode(StockDecoratorNode):
@@ -314,16 +314,16 @@ class StockTimeoutNode(StockDecoratorNode):
 
     def update(self, ticker: Ticker) -> int:
         """Fail if the child runs and the time has expired."""
-        behaviour, status = self.behaviour, ticker.cells[self.child.at]
+        behaviour, status = self.behaviour, ticker.cells[self.child.status_cell]
         if status != RUNNING:
             behaviour.feedback_message = ""
             return status
         if self.timer.is_up(ticker):
             behaviour.feedback_message = "timed out"
             return FAILURE
-        behaviour.feedback_message = self.timer.left(ticker)
+        behaviour.feedback_message = self.timer.remaining_message(ticker)
         return RUNNING
 
     def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
         """Stop the timer."""
-        self.forget(ticker)
+        self.reset_cells(ticker)

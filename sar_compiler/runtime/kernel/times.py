@@ -7,7 +7,7 @@ from typing import Any
 class Times:
     """The timers of a tree's nodes; the state of a timer is its token, which a cell holds."""
 
-    def ways(self) -> int:
+    def branch_count(self) -> int:
         """Return the number of possible results of checking a running timer."""
         return 1
 
@@ -27,7 +27,7 @@ class Times:
         """Return whether a node's timer has expired."""
         raise NotImplementedError
 
-    def remaining(self, index: int, token: Any) -> float:
+    def remaining_sec(self, index: int, token: Any) -> float:
         """Return the remaining seconds, 0 at the end; called only if the nodes' messages are read."""
         raise NotImplementedError
 
@@ -72,7 +72,7 @@ class ClockTimes(Times):
         """Return whether a node's timer has expired."""
         return bool(self._now(index) >= token)
 
-    def remaining(self, index: int, token: Any) -> float:
+    def remaining_sec(self, index: int, token: Any) -> float:
         """Return the remaining seconds, 0 at the end."""
         return max(float(token) - self._now(index), 0.0)
 

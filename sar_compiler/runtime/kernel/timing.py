@@ -62,15 +62,15 @@ class Countdown:
             self.stop(ticker, UP)
         return ticker.cells[self.state] == UP
 
-    def ways(self, ticker: Ticker) -> int:
+    def branch_count(self, ticker: Ticker) -> int:
         """Return the number of possible results of the next check."""
-        return ticker.times.ways() if ticker.cells[self.state] == COUNTING else 1
+        return ticker.times.branch_count() if ticker.cells[self.state] == COUNTING else 1
 
-    def left(self, ticker: Ticker) -> str:
+    def remaining_message(self, ticker: Ticker) -> str:
         """Return the feedback message about the remaining time."""
         if not ticker.tells:
             return ""
-        seconds = ticker.times.remaining(self.index, ticker.values[self.token])
+        seconds = ticker.times.remaining_sec(self.index, ticker.values[self.token])
         tenths = int(seconds * _TENTHS + _HALF)
         # Halfway between two tenths, the printed digits depend on more than this sum.
         if tenths != self.tenths or abs(seconds * _TENTHS + _HALF - tenths) < _CLOSE:
@@ -90,9 +90,9 @@ class TimedNode(DecoratorNode):
         super().__init__(part)
         self.timer = Countdown(part)
 
-    def ways(self, ticker: Ticker) -> int:
+    def branch_count(self, ticker: Ticker) -> int:
         """Return the number of possible results of the timer check."""
-        return self.timer.ways(ticker)
+        return self.timer.branch_count(ticker)
 
 
 class DelayNode(TimedNode):
@@ -109,14 +109,14 @@ class DelayNode(TimedNode):
         elif timer.is_up(ticker):
             behaviour.feedback_message = ""
             return self.tick_child(self.child, ticker)
-        behaviour.feedback_message = timer.left(ticker)
-        return self.come_to(ticker, RUNNING)
+        behaviour.feedback_message = timer.remaining_message(ticker)
+        return self.set_outcome(ticker, RUNNING)
 
-    def after(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Pass on the outcome; after an end, the next start waits again."""
         if outcome & ENDED:
             self.timer.stop(ticker)
-        return self.come_to(ticker, outcome)
+        return self.set_outcome(ticker, outcome)
 
 
 class TimeoutNode(TimedNode):
@@ -128,11 +128,11 @@ class TimeoutNode(TimedNode):
         if cells[timer.state] == OFF:
             self.start(ticker)
         elif timer.is_up(ticker):
-            if cells[self.child.at] == RUNNING:
+            if cells[self.child.status_cell] == RUNNING:
                 return self.time_out(ticker)
             self.start(ticker)
         limited = cells[timer.state] == COUNTING
-        self.behaviour.feedback_message = timer.left(ticker) if limited else ""
+        self.behaviour.feedback_message = timer.remaining_message(ticker) if limited else ""
         return self.tick_child(self.child, ticker)
 
     def start(self, ticker: Ticker) -> None:
@@ -142,21 +142,21 @@ class TimeoutNode(TimedNode):
             self.timer.start(seconds, ticker)
         else:
             self.timer.stop(ticker, UNLIMITED)
-        ticker.cells[self.at] = RUNNING
+        ticker.cells[self.status_cell] = RUNNING
 
     def time_out(self, ticker: Ticker) -> int:
         """Halt the child, and fail."""
         self.timer.stop(ticker)
         reset(self.child, ticker)
         self.behaviour.feedback_message = "timed out"
-        return self.come_to(ticker, FAILURE)
+        return self.set_outcome(ticker, FAILURE)
 
-    def after(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Pass on the outcome."""
         if outcome & ENDED:
             self.timer.stop(ticker)
             self.behaviour.feedback_message = ""
-        return self.come_to(ticker, outcome)
+        return self.set_outcome(ticker, outcome)
 
 
 class SleepNode(ChildlessNode):
@@ -166,39 +166,39 @@ class SleepNode(ChildlessNode):
         super().__init__(part)
         self.timer = Countdown(part)
 
-    def ways(self, ticker: Ticker) -> int:
+    def branch_count(self, ticker: Ticker) -> int:
         """Return the number of possible results of the timer check; the time may expire at the start."""
-        return ticker.times.ways()
+        return ticker.times.branch_count()
 
     def begin(self, ticker: Ticker) -> int:
         """Check the time."""
         cells, timer = ticker.cells, self.timer
-        if cells[self.at] != RUNNING:
+        if cells[self.status_cell] != RUNNING:
             timer.start(self.seconds(), ticker)
         if timer.is_up(ticker):
-            self.tell(ticker, "")
+            self.set_message(ticker, "")
             timer.stop(ticker)
-            cells[self.at] = SUCCESS
+            cells[self.status_cell] = SUCCESS
             return SUCCESS
-        self.tell(ticker, timer.left(ticker))
-        cells[self.at] = RUNNING
+        self.set_message(ticker, timer.remaining_message(ticker))
+        cells[self.status_cell] = RUNNING
         return RUNNING
 
     def stop(self, ticker: Ticker) -> None:
         """Stop waiting."""
         super().stop(ticker)
-        self.silence()
+        self.clear_message()
 
     def seconds(self) -> float:
         """Return the waiting time, in seconds."""
         return seconds_of(self.behaviour, "msec")
 
-    def tell(self, ticker: Ticker, left: str) -> None:
+    def set_message(self, ticker: Ticker, left: str) -> None:
         """Set the feedback message to the remaining time; empty at the end."""
         if ticker.tells:
             self.behaviour.feedback_message = left
 
-    def silence(self) -> None:
+    def clear_message(self) -> None:
         """Clear the message, because the node is stopped."""
         self.behaviour.feedback_message = ""
 
@@ -210,12 +210,12 @@ class TimerNode(SleepNode):
         """Return the time to run, in seconds."""
         return float(self.behaviour.duration)
 
-    def tell(self, ticker: Ticker, left: str) -> None:
+    def set_message(self, ticker: Ticker, left: str) -> None:
         """Set the feedback message."""
         if not ticker.tells:
             return
         behaviour = self.behaviour
         behaviour.feedback_message = "still running" if left else f"timer ran out [{behaviour.duration}]"
 
-    def silence(self) -> None:
+    def clear_message(self) -> None:
         """Keep the message."""

@@ -29,10 +29,10 @@ class FlatTree:
         self.nodes = nodes
         self._layout = layout
         # The nodes that share the status of another node.
-        self._shared: list[TreeNode] = [node for node in nodes if node.index != node.at]
+        self._shared: list[TreeNode] = [node for node in nodes if node.index != node.status_cell]
         watched: dict[tuple[Any, str], list[int]] = {}
         for entry, cell in layout.watched:
-            entry.board.watch(entry.name)
+            entry.board.watch_entry(entry.name)
             watched.setdefault((entry.board, entry.name), []).append(cell)
         self._watched = watched
 
@@ -61,11 +61,11 @@ class FlatTree:
                     cells[number] = _LONG_AGO
             board.restamp(name, stamp)
 
-    def share(self, ticker: Ticker) -> None:
+    def copy_shared_statuses(self, ticker: Ticker) -> None:
         """Copy the statuses of nodes that share one with another."""
         cells = ticker.cells
         for node in self._shared:
-            cells[node.index] = cells[node.at]
+            cells[node.index] = cells[node.status_cell]
 
 
 def children_of(behaviour: Any) -> list[Any]:
@@ -100,7 +100,7 @@ def flat_tree(
     for index in range(len(behaviours) - 1, -1, -1):
         behaviour, inner = behaviours[index], children[index]
         inner.reverse()
-        at = inner[0].at if inner and getattr(behaviour, "is_its_child", False) else index
+        at = inner[0].status_cell if inner and getattr(behaviour, "is_its_child", False) else index
         cells, values = len(layout.cells), len(layout.values)
         node = node_of(NodeBuilder(index, at, behaviour, inner, layout))
         node.first_cell, node.last_cell = cells, len(layout.cells)

@@ -48,7 +48,7 @@ class NodeBuilder:
         self, index: int, at: int, behaviour: Any, children: "list[TreeNode]", layout: CellLayout
     ) -> None:
         self.index = index
-        self.at = at
+        self.status_cell = at
         self.behaviour = behaviour
         self.children = children
         self.layout = layout
@@ -86,7 +86,7 @@ class NodeBuilder:
             self.forgotten_values.append((len(values) - 1, first))
         return len(values) - 1
 
-    def watch(self, entry: Any, cell: int) -> None:
+    def watch_entry(self, entry: Any, cell: int) -> None:
         """Register a cell with the entry's number of writes at the node's last check."""
         self.layout.watched.append((entry, cell))
 
@@ -113,12 +113,12 @@ class TreeNode:
 
     def __init__(self, part: NodeBuilder) -> None:
         self.index = part.index
-        self.at = part.at
+        self.status_cell = part.status_cell
         self.behaviour = part.behaviour
         self.children = part.children
-        self.around: TreeNode | None = None
+        self.parent: TreeNode | None = None
         for child in part.children:
-            child.around = self
+            child.parent = self
         self.is_skippable: bool = hasattr(part.behaviour, "skipped")
         self.heeds_end = self.shows_itself = False
         self.reached = 0
@@ -131,7 +131,7 @@ class TreeNode:
         ticker.called = self
         return CALLED
 
-    def ways(self, ticker: "Ticker") -> int:  # noqa: ARG002
+    def branch_count(self, ticker: "Ticker") -> int:  # noqa: ARG002
         """Return the number of ways in which the node may begin a tick, if known in advance; only an optimisation."""
         return 1
 
@@ -169,7 +169,7 @@ class TreeNode:
         """Stop a node with children, after its children."""
         raise NotImplementedError
 
-    def forget(self, ticker: "Ticker") -> None:
+    def reset_cells(self, ticker: "Ticker") -> None:
         """Reset the node's own cells, except for those that keep their values."""
         cells = ticker.cells
         for cell in self._forgotten:
@@ -177,15 +177,15 @@ class TreeNode:
         for place, first in self._forgotten_values:
             ticker.values[place] = first
 
-    def rest(self, ticker: "Ticker") -> None:
+    def reset_outcome(self, ticker: "Ticker") -> None:
         """Reset the node's outcome."""
-        ticker.cells[self.at] = INVALID
+        ticker.cells[self.status_cell] = INVALID
         if ticker.is_live:
             self.behaviour.status = _INVALID
 
-    def show(self, cells: vec[i32]) -> None:
+    def write_status(self, cells: vec[i32]) -> None:
         """Set the behaviour's status from the cells."""
-        status: Any = STATUSES[cells[self.at]]
+        status: Any = STATUSES[cells[self.status_cell]]
         if self.behaviour.status is not status:
             self.behaviour.status = status
 
@@ -203,8 +203,8 @@ class ChildlessNode(TreeNode):
     def stop(self, ticker: "Ticker") -> None:
         """Reset the node, whatever its status is."""
         ticker.reach(self)
-        self.forget(ticker)
-        ticker.cells[self.at] = INVALID
+        self.reset_cells(ticker)
+        ticker.cells[self.status_cell] = INVALID
 
 
 class ChoosingNode(TreeNode):
@@ -212,7 +212,7 @@ class ChoosingNode(TreeNode):
 
     def tick(self, ticker: "Ticker") -> int:
         """Tick the node, unless it has several possible continuations."""
-        return super().tick(ticker) if self.ways(ticker) > 1 else self.begin(ticker)
+        return super().tick(ticker) if self.branch_count(ticker) > 1 else self.begin(ticker)
 
 
 class Visit:
@@ -283,7 +283,7 @@ class Ticker:
                 if not waiting:
                     return outcome
                 if self.visits is not None:
-                    self.note(node, outcome)
+                    self.record_visit(node, outcome)
                 node = waiting.pop()
                 outcome = node.resume(self, outcome)
         except BaseException:
@@ -334,22 +334,22 @@ class Ticker:
             )
         return number
 
-    def note(self, node: TreeNode, outcome: int) -> None:
+    def record_visit(self, node: TreeNode, outcome: int) -> None:
         """Record that a node was ticked."""
         visits, behaviour = self.visits, node.behaviour
         if node.is_skippable:
             behaviour.skipped = outcome == SKIPPED
         if visits is not None:
-            visits.append(Visit(behaviour, outcome, self.cells[node.at]))
+            visits.append(Visit(behaviour, outcome, self.cells[node.status_cell]))
 
 
 def reset(child: TreeNode, ticker: Ticker) -> None:
     """Reset a child: halt it if it is running, else only reset its outcome."""
-    status = ticker.cells[child.at]
+    status = ticker.cells[child.status_cell]
     if status == RUNNING:
         child.stop(ticker)
     elif status != INVALID:
-        child.rest(ticker)
+        child.reset_outcome(ticker)
 
 
 def reset_all(children: list[TreeNode], ticker: Ticker) -> None:
@@ -358,15 +358,15 @@ def reset_all(children: list[TreeNode], ticker: Ticker) -> None:
         reset(child, ticker)
 
 
-def running(children: list[TreeNode], ticker: Ticker) -> list[TreeNode]:
+def running_children(children: list[TreeNode], ticker: Ticker) -> list[TreeNode]:
     """Return the running children, the last one first, and reset the others."""
     found: list[TreeNode] = []
     for child in children:
-        status = ticker.cells[child.at]
+        status = ticker.cells[child.status_cell]
         if status == RUNNING:
             found.append(child)
         elif status != INVALID:
-            child.rest(ticker)
+            child.reset_outcome(ticker)
     found.reverse()
     return found
 
@@ -390,38 +390,38 @@ class OwnNode(TreeNode):
 
     def starts(self, ticker: Ticker) -> bool:
         """Return whether a tick is the first one of an activation."""
-        status = ticker.cells[self.at]
+        status = ticker.cells[self.status_cell]
         return status == INVALID or (status != RUNNING and not self.is_reset)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Reset the node's position; return its running children, and reset the others."""
-        if ticker.cells[self.at] != RUNNING:
-            self.rest(ticker)
+        if ticker.cells[self.status_cell] != RUNNING:
+            self.reset_outcome(ticker)
             return []
-        self.forget(ticker)
-        return running(self.children, ticker)
+        self.reset_cells(ticker)
+        return running_children(self.children, ticker)
 
     def stop_last(self, ticker: Ticker) -> None:
         """Reset the node's message and outcome."""
         self.behaviour.feedback_message = ""
-        ticker.cells[self.at] = INVALID
+        ticker.cells[self.status_cell] = INVALID
 
     def tick_child(self, child: TreeNode, ticker: Ticker) -> int:
         """Tick a child, and continue after it; return the outcome of the node, or CALLED."""
         outcome = child.tick(ticker)
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 
-    def come_to(self, ticker: Ticker, outcome: int) -> int:
+    def set_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Return an outcome, which becomes the node's status unless it is SKIPPED."""
         if outcome != SKIPPED:
-            ticker.cells[self.at] = outcome
+            ticker.cells[self.status_cell] = outcome
         return outcome
 
     def finish(self, ticker: Ticker, outcome: int) -> int:
         """End the node with an outcome: reset its position and its children."""
-        self.forget(ticker)
+        self.reset_cells(ticker)
         reset_all(self.children, ticker)
-        return self.come_to(ticker, outcome)
+        return self.set_outcome(ticker, outcome)
 
 
 class ControlNode(OwnNode):
@@ -440,7 +440,7 @@ class ControlNode(OwnNode):
 
 
 class InTurnNode(ControlNode):
-    """A control that ticks one child after the other: `next_child` chooses it, and `take` handles its outcome.
+    """A control that ticks one child after the other: `next_child` chooses it, and `on_child_outcome` handles its outcome.
 
     Args:
         part: The builder.
@@ -457,7 +457,7 @@ class InTurnNode(ControlNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Begin with the current child."""
-        ticker.cells[self.at] = RUNNING
+        ticker.cells[self.status_cell] = RUNNING
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
@@ -474,7 +474,7 @@ class InTurnNode(ControlNode):
                 outcome = child.tick(ticker)
                 if outcome == CALLED:
                     return CALLED
-            outcome = self.take(ticker, outcome)
+            outcome = self.on_child_outcome(ticker, outcome)
             if outcome != INVALID:
                 return outcome
 
@@ -483,7 +483,7 @@ class InTurnNode(ControlNode):
         index = ticker.cells[self.position]
         return index if index < len(self.children) else -1
 
-    def take(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Handle the outcome of the current child; return the node's outcome if it is decided, else INVALID."""
         raise NotImplementedError
 
@@ -493,7 +493,7 @@ class InTurnNode(ControlNode):
 
 
 class DecoratorNode(OwnNode):
-    """A decorator: `begin` decides whether its child is ticked, and `after` converts the outcome."""
+    """A decorator: `begin` decides whether its child is ticked, and `on_child_outcome` converts the outcome."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
@@ -501,18 +501,18 @@ class DecoratorNode(OwnNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child."""
-        ticker.cells[self.at] = RUNNING
+        ticker.cells[self.status_cell] = RUNNING
         return self.tick_child(self.child, ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Continue after the child, which is reset if it has ended."""
         if outcome & ENDED:
-            self.child.rest(ticker)
-        return self.after(ticker, outcome)
+            self.child.reset_outcome(ticker)
+        return self.on_child_outcome(ticker, outcome)
 
-    def after(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Return the node's outcome for that of the child, by default unchanged."""
-        return self.come_to(ticker, outcome)
+        return self.set_outcome(ticker, outcome)
 
 
 def is_reset(behaviour: Any) -> bool:

@@ -22,9 +22,9 @@ class TurningNode(DecoratorNode):
         turned: list[int] = [WORDS.index(word) for word in part.behaviour.turned]
         self.turned = [INVALID, RUNNING, *turned]
 
-    def after(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Replace the outcome."""
-        return self.come_to(ticker, self.turned[outcome])
+        return self.set_outcome(ticker, self.turned[outcome])
 
 
 class SubTreeNode(DecoratorNode):
@@ -32,8 +32,8 @@ class SubTreeNode(DecoratorNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child."""
-        if ticker.cells[self.at] == INVALID:
-            ticker.cells[self.at] = RUNNING
+        if ticker.cells[self.status_cell] == INVALID:
+            ticker.cells[self.status_cell] = RUNNING
         return self.tick_child(self.child, ticker)
 
 
@@ -54,12 +54,12 @@ class RunOnceNode(DecoratorNode):
         if answer == INVALID:
             return super().begin(ticker)
         self.behaviour.feedback_message = "has run"
-        return SKIPPED if then_skip else self.come_to(ticker, answer)
+        return SKIPPED if then_skip else self.set_outcome(ticker, answer)
 
-    def after(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Keep the outcome if it is an end."""
         if outcome & ENDED:
-            ticker.cells[self.answer] = ticker.cells[self.at] = outcome
+            ticker.cells[self.answer] = ticker.cells[self.status_cell] = outcome
         return outcome
 
 
@@ -83,20 +83,20 @@ class GuardedNode(DecoratorNode):
             self.behaviour.feedback_message = ""
             return self.tick_child(self.child, ticker)
         self.behaviour.feedback_message = self.why_not
-        return self.come_to(ticker, self.otherwise())
+        return self.set_outcome(ticker, self.blocked_outcome())
 
     def may_start(self, ticker: Ticker) -> bool:
         """Return whether the child may start."""
         raise NotImplementedError
 
-    def otherwise(self) -> int:
+    def blocked_outcome(self) -> int:
         """Return the outcome if the child may not start."""
         raise NotImplementedError
 
-    def after(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Pass on the outcome."""
         ticker.cells[self.child_runs] = int(outcome == RUNNING)
-        return self.come_to(ticker, outcome)
+        return self.set_outcome(ticker, outcome)
 
 
 class PreconditionNode(GuardedNode):
@@ -114,7 +114,7 @@ class PreconditionNode(GuardedNode):
         """Return whether the condition is true."""
         return bool(self.script.holds())
 
-    def otherwise(self) -> int:
+    def blocked_outcome(self) -> int:
         """Return the configured outcome for a false condition."""
         return number_of(self.behaviour.else_.get().status) or SKIPPED
 
@@ -134,13 +134,13 @@ class UpdateGuardNode(GuardedNode):
         self.unless_written = WORDS.index(part.behaviour.unless_written)
         self.entry = watched_entry(part.behaviour)
         self.seen = part.cell(keeps=True)
-        part.watch(self.entry, self.seen)
+        part.watch_entry(self.entry, self.seen)
 
     def may_start(self, ticker: Ticker) -> bool:
         """Return whether the entry was written."""
         return is_news(self.entry, self.seen, ticker)
 
-    def otherwise(self) -> int:
+    def blocked_outcome(self) -> int:
         """Return the outcome if the entry was not written."""
         return self.unless_written
 
@@ -197,56 +197,60 @@ class ConditionsNode(DecoratorNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the node, unless a condition decides."""
-        outcome = self.decided(ticker)
-        return self.tick_child(self.child, ticker) if outcome == INVALID else self.after(ticker, outcome)
+        outcome = self.check_preconditions(ticker)
+        return (
+            self.tick_child(self.child, ticker)
+            if outcome == INVALID
+            else self.on_child_outcome(ticker, outcome)
+        )
 
-    def decided(self, ticker: Ticker) -> int:
+    def check_preconditions(self, ticker: Ticker) -> int:
         """Return the result of the pre-conditions in this tick; INVALID if the node has to be ticked."""
-        behaviour, status = self.behaviour, ticker.cells[self.at]
+        behaviour, status = self.behaviour, ticker.cells[self.status_cell]
         if status == RUNNING:
             if self.goes_on is None or self.goes_on.holds():
                 return INVALID
             self.stop(ticker)
-            return self.tell("halted by _while", SKIPPED)
+            return self.report_decision("halted by _while", SKIPPED)
         if self.has_told:
             behaviour.feedback_message, self.has_told = "", False
         if not self.starts(ticker):
             return INVALID
         for script, attribute, outcome in self.before:
             if script.holds():
-                return self.tell(f"decided by {attribute}", outcome)
+                return self.report_decision(f"decided by {attribute}", outcome)
         if self.goes_on is not None and not self.goes_on.holds():
-            return self.tell("decided by _while", SKIPPED)
+            return self.report_decision("decided by _while", SKIPPED)
         return INVALID
 
-    def tell(self, message: str, outcome: int) -> int:
+    def report_decision(self, message: str, outcome: int) -> int:
         """Report the decisive condition, and return the outcome."""
         self.behaviour.feedback_message, self.has_told = message, True
         return outcome
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Continue after the node."""
-        return self.after(ticker, outcome)
+        return self.on_child_outcome(ticker, outcome)
 
-    def after(self, ticker: Ticker, outcome: int) -> int:
+    def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Run the post-conditions, and pass on the outcome."""
         if self.runs_after and outcome & ENDED:
             self.behaviour.run_after(outcome)
-        return self.come_to(ticker, outcome)
+        return self.set_outcome(ticker, outcome)
 
-    def show(self, cells: vec[i32]) -> None:
+    def write_status(self, cells: vec[i32]) -> None:
         """Set the behaviour's status if a condition has decided; the node sets any other."""
         if self.has_told:
-            super().show(cells)
+            super().write_status(cells)
 
-    def rest(self, ticker: Ticker) -> None:
+    def reset_outcome(self, ticker: Ticker) -> None:
         """Reset the shared outcome of both nodes."""
-        super().rest(ticker)
-        self.child.rest(ticker)
+        super().reset_outcome(ticker)
+        self.child.reset_outcome(ticker)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Return the node, if it runs."""
-        self.was_running = ticker.cells[self.at] == RUNNING
+        self.was_running = ticker.cells[self.status_cell] == RUNNING
         return super().stop_first(ticker)
 
     def stop_last(self, ticker: Ticker) -> None:

@@ -81,13 +81,13 @@ class UserNode(OwnNode):
         self._tick = Tick(self)
         self._has_current = hasattr(part.behaviour, "current_child")
 
-    def ways(self, ticker: Ticker) -> int:
+    def branch_count(self, ticker: Ticker) -> int:
         """Return the number of possible results of the timer check."""
-        return self.timer.ways(ticker)
+        return self.timer.branch_count(ticker)
 
     def begin(self, ticker: Ticker) -> int:
         """Query the behaviour for the first child."""
-        ticker.cells[self.at] = RUNNING
+        ticker.cells[self.status_cell] = RUNNING
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
@@ -102,7 +102,7 @@ class UserNode(OwnNode):
                 self._compare(before)
             place: int = self._places.get(id(answer), -1)
             if place < 0:
-                return self._come_to(ticker, answer, "begin" if begins else "resume")
+                return self._apply_outcome(ticker, answer, "begin" if begins else "resume")
             if self.claim is not None and not begins and place == ticker.cells[self.in_hand] + 1:
                 self.claim.check_order(self, place, outcome)
             outcome = self._child(place, ticker).tick(ticker)
@@ -115,11 +115,11 @@ class UserNode(OwnNode):
         cells[self.in_hand] = place
         if self._has_current:
             self.behaviour.current_child = child.behaviour
-        if cells[child.at] & ENDED:
-            child.rest(ticker)
+        if cells[child.status_cell] & ENDED:
+            child.reset_outcome(ticker)
         return child
 
-    def _come_to(self, ticker: Ticker, answer: Any, method: str) -> int:
+    def _apply_outcome(self, ticker: Ticker, answer: Any, method: str) -> int:
         """Return the outcome that the behaviour has chosen; any other than RUNNING ends it."""
         outcome = number_of(answer)
         if outcome == INVALID:
@@ -130,7 +130,7 @@ class UserNode(OwnNode):
             self.claim.check_outcome(self, outcome)
         if outcome == RUNNING:
             return RUNNING
-        ticker.cells[self.at] = INVALID
+        ticker.cells[self.status_cell] = INVALID
         return self.finish(ticker, outcome)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
@@ -189,7 +189,7 @@ class Tick:
         self.ticker.values[self._node.own[cell.number]] = value
 
     @property
-    def place(self) -> int:
+    def child_index(self) -> int:
         """The index of the child that was ticked last; 0 at the start."""
         place: int = self.ticker.cells[self._node.in_hand]
         return place

@@ -22,14 +22,14 @@ class OwnSequence(Control):
         self.ran = self.cell()
 
     def begin(self, tick: Tick) -> Next:
-        return self.children[tick.place]
+        return self.children[tick.child_index]
 
     def resume(self, tick: Tick, outcome: Status) -> Next:
         tick[self.ran] = tick[self.ran] or outcome is not SKIPPED
         if outcome not in (self.going_on, SKIPPED):
             return outcome
-        if tick.place + 1 < len(self.children):
-            return self.children[tick.place + 1]
+        if tick.child_index + 1 < len(self.children):
+            return self.children[tick.child_index + 1]
         return self.going_on if tick[self.ran] else SKIPPED
 
 
@@ -52,7 +52,7 @@ class OwnReactiveFallback(OwnFallback):
         found = super().resume(tick, outcome)
         if found is Status.RUNNING:
             for child in self.children:
-                if child is not self.children[tick.place]:
+                if child is not self.children[tick.child_index]:
                     tick.halt(child)
         return found
 
@@ -71,13 +71,13 @@ class OwnRecovery(Control):
         self.tried = self.cell()
 
     def begin(self, tick: Tick) -> Next:
-        return self.children[tick.place]
+        return self.children[tick.child_index]
 
     def resume(self, tick: Tick, outcome: Status) -> Next:
-        if tick.place and outcome is Status.SUCCESS:
+        if tick.child_index and outcome is Status.SUCCESS:
             tick[self.tried] += 1
             return self.children[0]
-        if not tick.place and outcome is Status.FAILURE and tick[self.tried] < self.retries:
+        if not tick.child_index and outcome is Status.FAILURE and tick[self.tried] < self.retries:
             return self.children[1]
         return outcome
 

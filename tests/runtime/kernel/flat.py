@@ -14,19 +14,19 @@ def tick(flat: FlatTree, ticker: Ticker) -> int:
     try:
         return ticker.run(flat.nodes[0])
     finally:
-        flat.share(ticker)
+        flat.copy_shared_statuses(ticker)
 
 
 def stop(flat: FlatTree, ticker: Ticker, index: int = 0) -> None:
     """Stop a node as `Behaviour.stop(Status.INVALID)` does; by default the root."""
     flat.nodes[index].stop(ticker)
-    flat.share(ticker)
+    flat.copy_shared_statuses(ticker)
 
 
 def put_to_rest(flat: FlatTree, ticker: Ticker, index: int) -> None:
     """Forget how a node has ended that is not running."""
-    ticker.cells[flat.nodes[index].at] = INVALID
-    flat.share(ticker)
+    ticker.cells[flat.nodes[index].status_cell] = INVALID
+    flat.copy_shared_statuses(ticker)
 
 
 def cells_of(ticker: Ticker) -> Cells:

@@ -251,7 +251,7 @@ class FlatStage(Stage):
             self.entries = EntryCells()
             NumberedBoard.from_board(self.tree.board, self.entries)
         self.flat.renumber(self.ticker)
-        self.entries.settle()
+        self.entries.update_contents()
         return Saved(cells_of(self.ticker), self.entries.now[:], self.clock.now())
 
     def restore(self, saved: Saved) -> None:
@@ -265,5 +265,5 @@ class FlatStage(Stage):
 
     def seen(self, outcome: str) -> Seen:
         for node in self.flat.nodes:
-            node.show(self.ticker.cells)
+            node.write_status(self.ticker.cells)
         return super().seen(outcome)

@@ -197,7 +197,7 @@ class TestLeaves:
         class Telling(TreeNode):
             def tick(self, ticker: Ticker) -> int:
                 ticked.append(self.behaviour.name)
-                ticker.cells[self.at] = SUCCESS
+                ticker.cells[self.status_cell] = SUCCESS
                 return SUCCESS
 
         def node_of(part: NodeBuilder) -> TreeNode:
@@ -282,7 +282,7 @@ class TestViews:
                 clock.advance(1.0)
             if form == "flat":
                 for node in flat.nodes:
-                    node.show(ticker.cells)
+                    node.write_status(ticker.cells)
             drawings.append(unicode_tree(root, show_status=True))
         assert drawings[0] == drawings[1]
         assert "remaining: 2.0s" in drawings[0]
@@ -310,7 +310,7 @@ class Asked(Times):
         assert (index, token) == (self.started[-1][0], len(self.started))
         return self.answers.pop(0)
 
-    def remaining(self, index: int, token: Hashable) -> float:
+    def remaining_sec(self, index: int, token: Hashable) -> float:
         return 0.0
 
 
@@ -343,10 +343,10 @@ class TestTimers:
         times = timed_by(clock)
         token = times.start(0, 2.0)
         clock.advance(1.0)
-        assert times.remaining(0, token) == 1.0
+        assert times.remaining_sec(0, token) == 1.0
         clock.advance(-50.0)
-        assert times.remaining(0, token) == 1.0
+        assert times.remaining_sec(0, token) == 1.0
         assert not times.is_up(0, token)
         clock.advance(1.0)
         assert times.is_up(0, token)
-        assert times.remaining(0, token) == 0.0
+        assert times.remaining_sec(0, token) == 0.0
