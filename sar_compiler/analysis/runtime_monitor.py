@@ -206,13 +206,13 @@ class RuntimeMonitor:
         if event.what == TICKED:
             self.end_tick(event.status)
             return
-        self.looks(event.number)
+        self.on_before_event(event.number)
         if event.what == ANSWERED:
-            self.answers(event.number, event.status, event.label)
+            self.on_status(event.number, event.status, event.label)
         elif event.what == STARTED:
-            self.starts(event.number)
+            self.on_start(event.number)
         elif event.what == HALTED:
-            self.halts(event.number)
+            self.on_halt(event.number)
 
     def raise_fact(self, name: str, by: int) -> None:
         """Increase a fact of the tree because of an event outside of leaves, such as a command."""
@@ -221,20 +221,20 @@ class RuntimeMonitor:
         if isinstance(known, int | float):
             entry.write(known + by)
 
-    def looks(self, number: int) -> None:
+    def on_before_event(self, number: int) -> None:
         """Evaluate the conditions on a leaf's next event, before it changes the state."""
         for look in self._looks.get(number, ()):
             look.evaluate()
 
-    def starts(self, number: int) -> None:
+    def on_start(self, number: int) -> None:
         """Process the start of a leaf."""
         self._add_leaf_event(number, STARTED)
 
-    def halts(self, number: int) -> None:
+    def on_halt(self, number: int) -> None:
         """Process the halt of a running leaf."""
         self._add_leaf_event(number, HALTED)
 
-    def answers(self, number: int, status: str, label: str = "") -> None:
+    def on_status(self, number: int, status: str, label: str = "") -> None:
         """Process an outcome of a leaf.
 
         Args:

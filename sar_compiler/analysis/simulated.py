@@ -58,7 +58,7 @@ class Simulated:
         return self.run.root
 
     @property
-    def current_facts(self) -> Mapping[str, object]:
+    def facts(self) -> Mapping[str, object]:
         """The current facts."""
         return self.run.simulated.fact_values()
 

@@ -207,10 +207,10 @@ class PropertyWatch(RunExtension):
         """Check that the leaves execute the possible commands."""
         self._orders.require()
 
-    def looks(self, number: int) -> None:
+    def on_before_event(self, number: int) -> None:
         """Handle the start of a leaf's activity."""
         self._call_monitor(self._take_commands)
-        self._call_monitor(self._watch.looks, number)
+        self._call_monitor(self._watch.on_before_event, number)
 
     def _take_commands(self) -> None:
         """Apply the changes of facts by commands since the last event."""
@@ -220,21 +220,21 @@ class PropertyWatch(RunExtension):
                 self._watch.raise_fact(name, count - self._added.get(name, 0))
         self._added = added
 
-    def starts(self, number: int) -> None:
+    def on_start(self, number: int) -> None:
         """Handle the start of a leaf."""
-        self._call_monitor(self._watch.starts, number)
+        self._call_monitor(self._watch.on_start, number)
 
-    def answers(self, number: int, status: str) -> None:
+    def on_status(self, number: int, status: str) -> None:
         """Handle the status that a leaf returned."""
         self._call_monitor(self._take_answer, number, status)
 
     def _take_answer(self, number: int, status: str) -> None:
         said = getattr(self._leaves[number], "answer_label", "")
-        self._watch.answers(number, status, self._answers[number].label(status, said))
+        self._watch.on_status(number, status, self._answers[number].label(status, said))
 
-    def halts(self, number: int) -> None:
+    def on_halt(self, number: int) -> None:
         """Handle the halt of a leaf."""
-        self._call_monitor(self._watch.halts, number)
+        self._call_monitor(self._watch.on_halt, number)
 
     def on_last_tick(self, *, is_over: bool) -> None:
         """Evaluate the end of the run, before the tree is halted."""

@@ -130,7 +130,7 @@ class RobotEstimate:
         """Register a callback that is called once when the robot stands still."""
         self._awaiting.append(listener)
 
-    def remove_listener(self, listener: Callable[[], None]) -> None:
+    def cancel_call(self, listener: Callable[[], None]) -> None:
         """Remove a callback of `call_when_it_stands`; no effect after its call."""
         with suppress(ValueError):
             self._awaiting.remove(listener)
@@ -341,4 +341,4 @@ class Standstill:
 
     def give_up(self) -> None:
         """Stop waiting, and do not request a tick when the robot stands still."""
-        self._robot.remove_listener(self._wake)
+        self._robot.cancel_call(self._wake)

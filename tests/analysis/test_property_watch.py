@@ -49,9 +49,9 @@ class Told:
 
     def __init__(self, watch, leaves):
         self._watch, self._leaves = watch, leaves
-        self.looks, self.starts, self.halts = watch.on_before_event, watch.on_start, watch.on_halt
+        self.on_before_event, self.on_start, self.on_halt = watch.on_before_event, watch.on_start, watch.on_halt
 
-    def answers(self, number, status):
+    def on_status(self, number, status):
         self._watch.on_status(number, status, self._leaves[number].answer_label)
 
 

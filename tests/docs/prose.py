@@ -15,7 +15,7 @@ from tests.docs.markdown import prose, tables
 
 GLOSSARY = Path("docs/glossary.md")
 PACKAGES = (Path("sar_compiler"), Path("search_and_rescue"))
-WORD_CEILINGS = {"pages": 3, "docstrings": 82, "messages": 15, "options": 0, "names": 15}
+WORD_CEILINGS = {"pages": 3, "docstrings": 82, "messages": 15, "options": 0, "names": 6}
 """The number of texts with a word that the glossary does not use."""
 MARK_CEILINGS = {"pages": 2.0, "docstrings": 2.2, "messages": 1.6}
 """The percentage of marked sentences. ruff, Nav2 and py_trees have 1 %, trio has 3 %."""

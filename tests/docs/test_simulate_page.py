@@ -58,4 +58,4 @@ def test_the_leaf_that_says_what_it_can_answer_can_be_played(tmp_path, monkeypat
     monkeypatch.syspath_prepend(str(tmp_path))
     run = simulate(tmp_path / "grab.xml", registry=load_registry(["page_of_leaves"])).tick(3)
     run.expect(order=["GrabSample grabbed", "GrabSample grabbed", "GrabSample nothing there"])
-    assert run.current_facts == {"samples_left": 0, "held_by_GrabSample": True}
+    assert run.facts == {"samples_left": 0, "held_by_GrabSample": True}

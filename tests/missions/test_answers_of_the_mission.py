@@ -47,7 +47,7 @@ def test_what_the_search_finds_decides_what_follows(found, expected):
 
 def test_a_new_search_forgets_what_the_last_one_found():
     run = simulate(TREE, DetectSurvivor=["found", {"answer": "nothing", "after": "1s"}]).tick(2)
-    assert run.current_facts["found_by_DetectSurvivor"] is False
+    assert run.facts["found_by_DetectSurvivor"] is False
 
 
 def test_nobody_reports_what_nobody_found():
@@ -58,8 +58,8 @@ def test_nobody_reports_what_nobody_found():
 
 def test_a_robot_that_drives_is_nowhere_until_it_arrives():
     run = simulate(TREE, NavigateToZone={"answer": "arrived", "after": "1s"}).tick()
-    assert run.current_facts["at"] == ""
-    assert run.tick(2).current_facts["at"] == "zone"
+    assert run.facts["at"] == ""
+    assert run.tick(2).facts["at"] == "zone"
 
 
 def test_a_simulated_tree_is_made_of_the_same_classes_as_a_run():

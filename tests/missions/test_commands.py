@@ -148,10 +148,10 @@ class CommandedMission:
             added = self.search.facts_added()
             self.watch.raise_fact("zones_left", added["zones_left"] - self.added.get("zones_left", 0))
             self.added = added
-            self.watch.looks(number)
+            self.watch.on_before_event(number)
             leaf.tick_once()
             label = _DECLARED[tag].label(leaf.status.value, leaf.answer_label) or ""
-            self.watch.answers(number, leaf.status.value, label)
+            self.watch.on_status(number, leaf.status.value, label)
             answers.append((leaf.status.value, label, leaf.feedback_message))
             if leaf.status is Status.FAILURE:
                 break

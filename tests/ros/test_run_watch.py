@@ -22,13 +22,13 @@ class Broken:
         self.file = None
         self.properties = SimpleNamespace(names=("one", "two"), left_out=())
 
-    def looks(self, _number: int) -> None:
+    def on_before_event(self, _number: int) -> None:
         self.taken.append("looks")
 
-    def starts(self, _number: int) -> None:
+    def on_start(self, _number: int) -> None:
         self.taken.append("starts")
 
-    def answers(self, *_what: object) -> None:
+    def on_status(self, *_what: object) -> None:
         self.taken.append("answers")
         raise LookupError("no such thing")
 

@@ -69,7 +69,7 @@ class Lingering(Probe):
         super().terminate(new_status)
         self.stopped_at = time.monotonic()
 
-    def settled(self) -> bool:
+    def is_settled(self) -> bool:
         return time.monotonic() - self.stopped_at >= self.linger_sec
 
 

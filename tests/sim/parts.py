@@ -379,7 +379,7 @@ def _make_part(
     if name == AMCL:
         return _Localiser(host, robot, navigation.occupancy, localised=localised)
     if name == CONTROLLER:
-        return Controller(host, robot, navigation, robot.poses)
+        return Controller(host, robot, navigation, robot.place)
     return Navigator(host, robot)
 
 

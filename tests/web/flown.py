@@ -87,7 +87,7 @@ def fly(journal: Journal, scene: str) -> None:
 class Deaf:
     """Heeds every order, and does nothing."""
 
-    def give(self, *_):
+    def send(self, *_):
         answer: Future[tuple[bool, str]] = Future()
         answer.set_result((True, "done"))
         return answer

@@ -26,7 +26,7 @@ class Crew:
         self.reasons = []
         self.seen = []
 
-    def give(self, verb, values, giver):
+    def send(self, verb, values, giver):
         self.given.append((verb, giver.name))
         self.seen.append(giver.seen)
         self.reasons.append(giver.reason)
@@ -351,7 +351,7 @@ class Team:
         journal.begin(ABOUT, {"node": f"/robot{robot + 1}/patrol"})
         return journal
 
-    def give(self, verb, values, giver):
+    def send(self, verb, values, giver):
         self.given.append((verb, giver.robot))
         answer: Future[tuple[bool, str]] = Future()
         answer.set_result((giver.robot == 0, "" if giver.robot == 0 else "not now"))

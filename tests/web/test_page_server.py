@@ -32,7 +32,7 @@ class Operator:
         self.given = []
         self.givers = []
 
-    def give(self, verb, values, giver):
+    def send(self, verb, values, giver):
         if verb != "pause":
             message = f"there is no order '{verb}'"
             raise SarError(message)
@@ -268,7 +268,7 @@ def test_of_an_order_without_an_answer_it_is_said_whether_it_was_given(
         order.set_running_or_notify_cancel()
 
     class Slow(Operator):
-        def give(self, *_):
+        def send(self, *_):
             return order
 
     found, text = live(orders=Slow()).order("pause", {})

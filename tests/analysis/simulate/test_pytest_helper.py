@@ -27,7 +27,7 @@ def test_leaves_with_any_name_can_be_scripted():
     run = simulate(
         TREE, leaves={"ZonesRemaining?": "some left", "HandleDetection/NotifyBase": "refused"}
     ).tick(2)
-    assert (run.root, run.current_facts["zones_left"]) == ("SUCCESS", 1)
+    assert (run.root, run.facts["zones_left"]) == ("SUCCESS", 1)
     assert "NotifyBase           refused (FAILURE)" in run.trace
     assert len(run.run.ticks) == 2
 

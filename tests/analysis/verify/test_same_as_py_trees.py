@@ -30,7 +30,7 @@ def looked_at(simulated):
     return (
         tuple(node.status for node in simulated.root.iterate()),
         values(simulated.compiled.board),
-        values(simulated.current_facts.board),
+        values(simulated.facts.board),
     )
 
 
@@ -62,7 +62,7 @@ class Explored:
         return (
             tuple(STATUSES[cells[index]] for index in self._order),
             values(self._simulated.compiled.board),
-            values(self._simulated.current_facts.board),
+            values(self._simulated.facts.board),
         )
 
 
