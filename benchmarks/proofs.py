@@ -27,9 +27,9 @@ answers:
 _ORDER = """
 import sys
 import numpy as np
-from search_and_rescue.search_theory import Area
+from search_and_rescue.search_theory import SearchExpectation
 from search_and_rescue.zone_manager import ZoneManager
-from search_and_rescue.zone_order import ordered
+from search_and_rescue.zone_order import order_areas
 
 count = int(sys.argv[1])
 chance = np.random.default_rng(count)
@@ -38,9 +38,9 @@ places = chance.uniform(0.0, 500.0, (count, 2)).tolist()
 zones = [{"id": name, "x": x, "y": y, "yaw": 0.0} for name, (x, y) in zip(names, places, strict=True)]
 shares = 1.0 + chance.pareto(1.2, count)
 expected = zip(0.9 * shares / shares.sum(), chance.uniform(0.5, 0.95, count), chance.uniform(5, 60, count), strict=True)
-areas = {name: Area(*map(float, each)) for name, each in zip(names, expected, strict=True)}
+areas = {name: SearchExpectation(*map(float, each)) for name, each in zip(names, expected, strict=True)}
 plan = ZoneManager(zones, {"x": 0.0, "y": 0.0, "yaw": 0.0}, areas=areas, speed_mps=0.5)
-assert len(ordered("expected_find", plan.tour(plan.eligible_zones()))) == count
+assert len(order_areas("expected_find", plan.tour(plan.eligible_zones()))) == count
 """
 
 

@@ -60,7 +60,7 @@ node = rclpy.create_node("robot")
 tree = sar_compiler.load("mission.xml").compile(node=node, parameters={"n": 3})
 """
 RUNNING = f"""{START}
-with sar_compiler.running(tree, node) as runner:
+with sar_compiler.running_tree(tree, node) as runner:
     runner.tick_tock(period_ms=50)
 """
 ALONE = f"""{START}
@@ -205,7 +205,7 @@ FEW += [("a thread of its own", signal.SIGHUP)]
 
 def test_every_program_of_the_documentation_that_ticks_a_tree_is_ended_by_running():
     assert DOCUMENTED
-    assert [name for name, text in DOCUMENTED.items() if "sar_compiler.running(" not in text] == []
+    assert [name for name, text in DOCUMENTED.items() if "sar_compiler.running_tree(" not in text] == []
 
 
 @pytest.mark.parametrize(("name", "number", "busy"), matrix(NAMED, FEW), indirect=["busy"])

@@ -172,7 +172,7 @@ def test_a_leaf_may_ask_for_the_journal_of_its_run(start, tmp_path):
         "        self.journal = journal\n"
         "    def update(self):\n"
         "        if self.journal is not None:\n"
-        "            self.journal.note('written', by=self.name)\n"
+        "            self.journal.record_event('written', by=self.name)\n"
         "        return Status.SUCCESS\n",
         encoding="utf-8",
     )

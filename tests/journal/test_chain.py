@@ -288,9 +288,9 @@ from sar_compiler.journal.journal_opening import open_journal
 journal = open_journal(Path(sys.argv[1]))
 journal.begin({}, {})
 for number in range(100):
-    journal.watch("pose", x=1.0)
-    journal.note("zone_visited", zone="a")
-    journal.watch("pose", x=2.0)
+    journal.record_observation("pose", x=1.0)
+    journal.record_event("zone_visited", zone="a")
+    journal.record_observation("pose", x=2.0)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 

@@ -112,7 +112,7 @@ file._patience._steps = 10 ** 18
 signal.signal(signal.SIGALRM, signal.default_int_handler)
 signal.setitimer(signal.ITIMER_REAL, 0.1)
 try:
-    with file._reading():
+    with file._limit_reading():
         file._connection.execute("{ENDLESS} SELECT max(x) FROM n").fetchall()
 except KeyboardInterrupt:
     print("ended")
