@@ -122,13 +122,13 @@ def test_facts_and_keys_are_shown_after_each_tick_with_the_changed_ones():
 def test_a_played_run_is_saved_as_a_scenario_that_holds(tmp_path):
     path = Path(shutil.copy(SHIPPED, tmp_path))
     studio = Studio(path)
-    studio.answer("play", {"text": TEXT, "ticks": 4, "leaves": {"NavigateToZone": ["driving", "aborted"]}})
-    saved: Any = studio.answer("record", {"name": "../aborted.yaml"})
+    studio.answer_question("play", {"text": TEXT, "ticks": 4, "leaves": {"NavigateToZone": ["driving", "aborted"]}})
+    saved: Any = studio.answer_question("record", {"name": "../aborted.yaml"})
     assert saved["name"] == "aborted.yaml"
     assert "NavigateToZone aborted" in saved["text"]
     assert_scenario_holds(path, tmp_path / "aborted.yaml")
-    assert "exists already" in str(studio.answer("record", {"name": "aborted.yaml"}))
-    assert "does not end with .yaml" in str(studio.answer("record", {"name": "other.xml"}))
+    assert "exists already" in str(studio.answer_question("record", {"name": "aborted.yaml"}))
+    assert "does not end with .yaml" in str(studio.answer_question("record", {"name": "other.xml"}))
 
 
 def test_a_proof_says_how_many_states_it_has_found_and_is_stopped():
@@ -137,12 +137,12 @@ def test_a_proof_says_how_many_states_it_has_found_and_is_stopped():
 
     def stop(states):
         seen.append(states)
-        studio.answer("stop", {})
+        studio.answer_question("stop", {})
 
     studio = Studio(SHIPPED, on_progress=stop)
-    proof: Any = studio.answer("verify", {"text": text})
+    proof: Any = studio.answer_question("verify", {"text": text})
     assert (proof["stopped"], proof["complete"]) == ("stopped", False)
-    assert studio.answer("progress", {}) == {"states": seen[-1]}
+    assert studio.answer_question("progress", {}) == {"states": seen[-1]}
     assert {each["verdict"] for each in proof["verdicts"]} == {"not decided"}
 
 
@@ -170,11 +170,11 @@ def project(tmp_path):
 
 def test_the_files_of_a_project_are_opened_by_the_names_that_were_listed(project):
     studio, text = project
-    looked: Any = studio.answer("look", {"text": text})
+    looked: Any = studio.answer_question("look", {"text": text})
     assert looked["files"] == ["main.xml", "parts/leave.xml"]
-    opened: Any = studio.answer("open", {"file": "parts/leave.xml"})
+    opened: Any = studio.answer_question("open", {"file": "parts/leave.xml"})
     assert (opened["name"], "Leave" in opened["text"]) == ("leave.xml", True)
-    assert studio.answer("open", {"file": "../secret.xml"}) == {
+    assert studio.answer_question("open", {"file": "../secret.xml"}) == {
         "error": "the project has no file '../secret.xml'"
     }
 
@@ -182,15 +182,15 @@ def test_the_files_of_a_project_are_opened_by_the_names_that_were_listed(project
 def test_an_included_file_that_changes_is_read_again(project, tmp_path):
     studio, text = project
     version = studio.document.load()["version"]
-    assert studio.answer("look", {"text": text})["findings"] == []
-    assert studio.answer("compare", {"version": version}) == {
+    assert studio.answer_question("look", {"text": text})["findings"] == []
+    assert studio.answer_question("compare", {"version": version}) == {
         "has_changed": False,
         "others_have_changed": False,
     }
     part = tmp_path / "parts/leave.xml"
     part.write_text(part.read_text().replace("AlwaysSuccess", "AlwaysSucess"))
-    assert studio.answer("compare", {"version": version})["others_have_changed"]
-    assert [each["file"] for each in studio.answer("look", {"text": text})["findings"]] == [str(part)]
+    assert studio.answer_question("compare", {"version": version})["others_have_changed"]
+    assert [each["file"] for each in studio.answer_question("look", {"text": text})["findings"]] == [str(part)]
 
 
 def test_a_leaf_has_the_outcomes_that_are_chosen_for_it():
