@@ -143,7 +143,7 @@ class FileContent(NamedTuple):
     def __repr__(self) -> str:
         return f"<content of {self.path}>"
 
-    def read_bytes(self) -> bytes:
+    def all_bytes(self) -> bytes:
         """Return the bytes of the whole file.
 
         Raises:
@@ -163,7 +163,7 @@ class FileContent(NamedTuple):
             UnreadableFileError: If it is larger than its kind's limit, or not UTF-8.
         """
         try:
-            return self.read_bytes().decode("utf-8-sig")
+            return self.all_bytes().decode("utf-8-sig")
         except UnicodeDecodeError as error:
             raise UnreadableFileError(self.path, f"it is not UTF-8 text (byte {error.start})") from error
 

@@ -49,14 +49,14 @@ def test_a_content_comes_with_where_it_lies_and_which_file_it_is(folder):
 
 def test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on():
     Path("file").write_bytes(b"x" * 10)
-    assert read_file("file", SMALL).read_bytes() == b"x" * 10
+    assert read_file("file", SMALL).all_bytes() == b"x" * 10
     Path("file").write_bytes(b"x" * 1000)
     content = read_file("file", SMALL)
     assert len(content.data) == 11
     with pytest.raises(
         UnreadableFileError, match=r"cannot read file: it is larger than 0 MiB, the limit of a small file"
     ):
-        content.read_bytes()
+        content.all_bytes()
 
 
 def test_a_text_is_utf_8_without_its_mark_or_says_which_byte_is_not():

@@ -88,7 +88,7 @@ class Fingerprint(NamedTuple):
             _files_of(tree),
             _mission_parameters(reader.parameters),
             _sums(reader.files),
-            "" if properties is None else _sum(read_file(properties, PROPERTIES).read_bytes()),
+            "" if properties is None else _sum(read_file(properties, PROPERTIES).all_bytes()),
         )
 
     @property

@@ -147,10 +147,10 @@ def check_schema(
     )
     elements = [*tree_file.root.iterate()]
     if tree_file.source.form is not Form.XML:  # children may precede attributes
-        elements.sort(key=attrgetter("place"))
+        elements.sort(key=attrgetter("position"))
     for line, message in errors:
         # The last element that starts in the line or before it.
-        index = max(0, bisect.bisect_left(elements, (line + 1, 0), key=attrgetter("place")) - 1)
+        index = max(0, bisect.bisect_left(elements, (line + 1, 0), key=attrgetter("position")) - 1)
         element, last = elements[index], line
         if tree_file.source.form is not Form.XML:
             # Attributes are on lines of their own, up to the next element.

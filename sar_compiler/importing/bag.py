@@ -106,7 +106,7 @@ def _changes(data: bytes) -> Iterator[tuple[int, str, int, int]]:
         at += size
         return int(value)
 
-    def read_text() -> str:
+    def cell_text() -> str:
         nonlocal at
         length = number("I", 4)
         at += length
@@ -118,6 +118,6 @@ def _changes(data: bytes) -> Iterator[tuple[int, str, int, int]]:
     number("I", 4)
     for _ in range(number("I", 4)):
         time = number("i", 4) * 1_000_000 + number("I", 4) // 1000
-        name, uid = read_text(), number("H", 2)
-        read_text()
-        yield time, name, uid, WORDS.index(read_text())
+        name, uid = cell_text(), number("H", 2)
+        cell_text()
+        yield time, name, uid, WORDS.index(cell_text())

@@ -58,7 +58,7 @@ def read_refusal(journal: Path) -> RefusedStart | None:
     with suppress(SarError, ValueError, TypeError, RecursionError):
         place = _marker_path(journal)
         wall, status, reason = json.loads(
-            read_file(NamedPath.confined_to(place, [place.parent.resolve()]), DOCUMENT).read_bytes()
+            read_file(NamedPath.confined_to(place, [place.parent.resolve()]), DOCUMENT).all_bytes()
         )
         return RefusedStart(float(wall), int(status), str(reason))
     return None

@@ -64,7 +64,7 @@ class ConfigurationCode:
         sums = {}
         for path in inside:
             with suppress(UnreadableFileError):
-                sums[Path(path)] = hashlib.sha256(read_file(path, MODULE).read_bytes()).digest()
+                sums[Path(path)] = hashlib.sha256(read_file(path, MODULE).all_bytes()).digest()
         return cls(configuration, packages, sums)
 
     @property
@@ -153,7 +153,7 @@ class _SourceLoader(SourceFileLoader):
             ImportError: If it has changed since it was trusted.
         """
         source = self.get_filename(fullname)
-        code = read_file(source, MODULE).read_bytes()
+        code = read_file(source, MODULE).all_bytes()
         if hashlib.sha256(code).digest() != self._sums[Path(source)]:
             raise ImportError(f"{source} has changed since it was trusted", name=fullname)
         return self.source_to_code(code, source)

@@ -186,7 +186,7 @@ class CheckCache:
 
     def _load(self) -> None:
         content = read_file(self._path, _KIND)
-        checksum, _, text = content.read_bytes().partition(b"\n")
+        checksum, _, text = content.all_bytes().partition(b"\n")
         if digest(text) != checksum.decode() or not _is_own(content.identity):
             return
         data = json_value(text.decode("utf-8", "surrogatepass"))

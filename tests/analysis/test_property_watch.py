@@ -49,7 +49,11 @@ class Told:
 
     def __init__(self, watch, leaves):
         self._watch, self._leaves = watch, leaves
-        self.on_before_event, self.on_start, self.on_halt = watch.on_before_event, watch.on_start, watch.on_halt
+        self.on_before_event, self.on_start, self.on_halt = (
+            watch.on_before_event,
+            watch.on_start,
+            watch.on_halt,
+        )
 
     def on_status(self, number, status):
         self._watch.on_status(number, status, self._leaves[number].answer_label)

@@ -309,7 +309,7 @@ SURFACES = {
     "the metadata of a package": Surface(("nodes/installed.py:_metadata_in",), metadata, "toml", is_sought=True),
 }  # fmt: skip
 ELSEWHERE = {
-    "tree/forest.py:_Loader._near": "tests/tree/test_forest.py: the files beside a missing one, which are only named",
+    "tree/forest.py:_Loader._intended_path": "tests/tree/test_forest.py: the files beside a missing one, which are only named",
     "resources.py:require_tree_file": "tests/cli/test_kept_results.py: of a file that is not there, which says why",
     "validation/check_cache.py:CheckCache._load": "tests/cli/test_kept_results.py: damaged results",
     "validation/check_cache.py:add_modules": "tests/cli/test_kept_results.py: modules that are imported already",

@@ -122,7 +122,9 @@ def test_facts_and_keys_are_shown_after_each_tick_with_the_changed_ones():
 def test_a_played_run_is_saved_as_a_scenario_that_holds(tmp_path):
     path = Path(shutil.copy(SHIPPED, tmp_path))
     studio = Studio(path)
-    studio.answer_question("play", {"text": TEXT, "ticks": 4, "leaves": {"NavigateToZone": ["driving", "aborted"]}})
+    studio.answer_question(
+        "play", {"text": TEXT, "ticks": 4, "leaves": {"NavigateToZone": ["driving", "aborted"]}}
+    )
     saved: Any = studio.answer_question("record", {"name": "../aborted.yaml"})
     assert saved["name"] == "aborted.yaml"
     assert "NavigateToZone aborted" in saved["text"]
@@ -190,7 +192,9 @@ def test_an_included_file_that_changes_is_read_again(project, tmp_path):
     part = tmp_path / "parts/leave.xml"
     part.write_text(part.read_text().replace("AlwaysSuccess", "AlwaysSucess"))
     assert studio.answer_question("compare", {"version": version})["others_have_changed"]
-    assert [each["file"] for each in studio.answer_question("look", {"text": text})["findings"]] == [str(part)]
+    assert [each["file"] for each in studio.answer_question("look", {"text": text})["findings"]] == [
+        str(part)
+    ]
 
 
 def test_a_leaf_has_the_outcomes_that_are_chosen_for_it():

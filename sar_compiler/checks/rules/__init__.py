@@ -142,16 +142,16 @@ class CheckContext:
 
     def _find_nodes_with_errors(self) -> Iterator[BoundNode]:
         nodes: dict[str, list[BoundNode]] = {}
-        for tree in sorted(self.bound_forest.trees, key=attrgetter("element.place")):
+        for tree in sorted(self.bound_forest.trees, key=attrgetter("element.position")):
             nodes.setdefault(tree.element.source.path, []).extend(tree.nodes)
         for of_file in nodes.values():
             if (
                 of_file and of_file[0].element.source.form is not Form.XML
             ):  # in YAML, a node's children may precede it
-                of_file.sort(key=attrgetter("element.place"))
+                of_file.sort(key=attrgetter("element.position"))
         for finding in self._errors:
             of_file = nodes.get(finding.source.path, [])
-            index = bisect.bisect_right(of_file, finding.span[:2], key=attrgetter("element.place"))
+            index = bisect.bisect_right(of_file, finding.span[:2], key=attrgetter("element.position"))
             if index:
                 yield of_file[index - 1]
         # If a child is missing, the bound children are not the first, second and last of the file.

@@ -107,7 +107,7 @@ def key_accesses_of(tree: BoundTree) -> KeyAccesses:
     if tree.wrappers:
         involved.update(dict.fromkeys(node for node in tree.nodes if node.conditions))
     accesses = [access for bound in involved for access in _node_accesses(bound)]
-    accesses.sort(key=attrgetter("bound.element.place"))
+    accesses.sort(key=attrgetter("bound.element.position"))
     return KeyAccesses(tuple(accesses), any(_is_open(bound) for bound in involved))
 
 
