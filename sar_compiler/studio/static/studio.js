@@ -64,7 +64,7 @@ function changed(changes) {
   if (changes) folded = folded.map((offset) => changes.mapPos(offset, 1));
   at("save").disabled = !isDirty();
   clearTimeout(waiting);
-  waiting = setTimeout(look, 60);
+  waiting = setTimeout(look, 30);
 }
 
 // Numbers of elements are those of the text that was looked at last: a key waits until that is the present one.
