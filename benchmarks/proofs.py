@@ -16,12 +16,12 @@ _RESILIENT = "search_and_rescue_resilient"
 _SHIPPED = ("search_and_rescue", _RESILIENT, "search_areas")
 _OWN = 17
 _PROBABILITIES = """
-answers:
-  NavigateToZone: [{answer: arrived, p: 0.7, sec: 30}, {answer: aborted, p: 0.25, sec: 5}, {answer: unavailable, p: 0.05}]
-  DetectSurvivor: [{answer: found, p: 0.3, sec: 2}, {answer: nothing, p: 0.6, sec: 2}, {answer: no answer, p: 0.1, sec: 5}]
-  NotifyBase: [{answer: acknowledged, p: 0.9, sec: 1}, {answer: refused, p: 0.1, sec: 1}]
-  NavigateToBase: [{answer: arrived, p: 0.9, sec: 30}, {answer: aborted, p: 0.07, sec: 5}, {answer: unavailable, p: 0.03}]
-  DeliverReports: [{answer: delivered, p: 0.8, sec: 1}, {answer: refused, p: 0.1, sec: 1}, {answer: all but one delivered, p: 0.1, sec: 1}]
+outcomes:
+  NavigateToZone: [{outcome: arrived, p: 0.7, sec: 30}, {outcome: aborted, p: 0.25, sec: 5}, {outcome: unavailable, p: 0.05}]
+  DetectSurvivor: [{outcome: found, p: 0.3, sec: 2}, {outcome: nothing, p: 0.6, sec: 2}, {outcome: no answer, p: 0.1, sec: 5}]
+  NotifyBase: [{outcome: acknowledged, p: 0.9, sec: 1}, {outcome: refused, p: 0.1, sec: 1}]
+  NavigateToBase: [{outcome: arrived, p: 0.9, sec: 30}, {outcome: aborted, p: 0.07, sec: 5}, {outcome: unavailable, p: 0.03}]
+  DeliverReports: [{outcome: delivered, p: 0.8, sec: 1}, {outcome: refused, p: 0.1, sec: 1}, {outcome: all but one delivered, p: 0.1, sec: 1}]
 """
 # One leaf does not say how often it was called; a process of its own tells its memory.
 _ORDER = """
@@ -103,7 +103,7 @@ def _large_row(_folder: Path, effort: Effort) -> Measured:
 def _predict_row(folder: Path, effort: Effort) -> Measured:
     zones = 5 if effort.share == 1 else 1
     words: list[str | Path] = [
-        "--answers",
+        "--outcomes",
         folder / "probabilities.yaml",
         "--set",
         f"zones_left={zones}",

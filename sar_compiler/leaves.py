@@ -54,10 +54,10 @@ if TYPE_CHECKING:
     from sar_compiler.ros.robot_estimate import RobotEstimate as RobotEstimate
     from sar_compiler.ros.robot_estimate import Standstill as Standstill
     from sar_compiler.ros.robot_estimate import robot_estimate as robot_estimate
-    from sar_compiler.runtime.answers import Answer as Answer
     from sar_compiler.runtime.clock import Clock as Clock
     from sar_compiler.runtime.clock import WallClock as WallClock
     from sar_compiler.runtime.kernel.user_nodes import Tick as Tick
+    from sar_compiler.runtime.outcomes import Outcome as Outcome
     from sar_compiler.runtime.ports import InOut as InOut
     from sar_compiler.runtime.ports import Input as Input
     from sar_compiler.runtime.ports import Output as Output

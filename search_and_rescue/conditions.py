@@ -3,7 +3,7 @@
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.leaves import Answer, Kind, register
+from sar_compiler.leaves import Kind, Outcome, register
 from search_and_rescue.actions.survivors import DetectSurvivor
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.zone_manager import ZoneManager
@@ -14,9 +14,9 @@ _COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at 
 @register(
     "ZonesRemaining",
     kind=Kind.CONDITION,
-    answers=(
-        Answer("SUCCESS", "some left", "zones_left > 0"),
-        Answer("FAILURE", "none left", "zones_left == 0"),
+    outcomes=(
+        Outcome("SUCCESS", "some left", "zones_left > 0"),
+        Outcome("FAILURE", "none left", "zones_left == 0"),
     ),
     facts={"zones_left": 3},
 )
@@ -42,9 +42,9 @@ class ZonesRemaining(Behaviour):
 @register(
     "IsSurvivorDetected",
     kind=Kind.CONDITION,
-    answers=(
-        Answer("SUCCESS", "yes", "found_by_{detect_node}"),
-        Answer("FAILURE", "no", "!found_by_{detect_node}"),
+    outcomes=(
+        Outcome("SUCCESS", "yes", "found_by_{detect_node}"),
+        Outcome("FAILURE", "no", "!found_by_{detect_node}"),
     ),
     facts={"found_by_{detect_node}": False},
 )
@@ -68,9 +68,9 @@ class IsSurvivorDetected(Behaviour):
 @register(
     "MissionComplete",
     kind=Kind.CONDITION,
-    answers=(
-        Answer("SUCCESS", "complete", _COMPLETE),
-        Answer("FAILURE", "incomplete", f"!({_COMPLETE})"),
+    outcomes=(
+        Outcome("SUCCESS", "complete", _COMPLETE),
+        Outcome("FAILURE", "incomplete", f"!({_COMPLETE})"),
     ),
     facts={"zones_left": 3, "zones_abandoned": 0, "reports_kept": 0, "at": ""},
 )

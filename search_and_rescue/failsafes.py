@@ -7,9 +7,9 @@ from typing import Annotated, Any
 from py_trees.common import Status
 
 from sar_compiler.leaves import (
-    Answer,
     Clock,
     Kind,
+    Outcome,
     RobotEstimate,
     RosLeaf,
     Seconds,
@@ -95,7 +95,7 @@ class _CommandCondition(_Failsafe):
 @register(
     "NotAborted",
     kind=Kind.CONDITION,
-    answers=(Answer("SUCCESS", "not aborted"), Answer("FAILURE", "aborted")),
+    outcomes=(Outcome("SUCCESS", "not aborted"), Outcome("FAILURE", "aborted")),
 )
 class NotAborted(_CommandCondition):
     """Check that the operator has not aborted the mission: FAILURE once the service `~/abort` (`std_srvs/srv/Trigger`) was called."""
@@ -106,7 +106,7 @@ class NotAborted(_CommandCondition):
 @register(
     "NotRecalled",
     kind=Kind.CONDITION,
-    answers=(Answer("SUCCESS", "not recalled"), Answer("FAILURE", "recalled")),
+    outcomes=(Outcome("SUCCESS", "not recalled"), Outcome("FAILURE", "recalled")),
 )
 class NotRecalled(_CommandCondition):
     """Check that the operator has not called the robot home: FAILURE once `~/go_home` (`std_srvs/srv/Trigger`) was called."""
@@ -117,9 +117,9 @@ class NotRecalled(_CommandCondition):
 @register(
     "NavigationAvailable",
     kind=Kind.CONDITION,
-    answers=(
-        Answer("SUCCESS", "available", "!navigation_lost"),
-        Answer("FAILURE", "unavailable", "navigation_lost"),
+    outcomes=(
+        Outcome("SUCCESS", "available", "!navigation_lost"),
+        Outcome("FAILURE", "unavailable", "navigation_lost"),
     ),
     facts={"navigation_lost": False},
 )
@@ -142,7 +142,7 @@ class NavigationAvailable(_Failsafe):
     "BatterySuffices",
     kind=Kind.CONDITION,
     uses=(Use.topic("{topic}"),),
-    answers=(Answer("SUCCESS", "enough"), Answer("FAILURE", "low")),
+    outcomes=(Outcome("SUCCESS", "enough"), Outcome("FAILURE", "low")),
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class BatterySuffices(_Failsafe, TopicLeaf):
@@ -206,7 +206,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
 @register(
     "InsideFence",
     kind=Kind.CONDITION,
-    answers=(Answer("SUCCESS", "inside"), Answer("FAILURE", "outside")),
+    outcomes=(Outcome("SUCCESS", "inside"), Outcome("FAILURE", "outside")),
 )
 @dataclass(eq=False, repr=False)
 class InsideFence(_Failsafe):
@@ -246,7 +246,7 @@ class InsideFence(_Failsafe):
 @register(
     "MissionTimeLeft",
     kind=Kind.CONDITION,
-    answers=(Answer("SUCCESS", "time left"), Answer("FAILURE", "time is up")),
+    outcomes=(Outcome("SUCCESS", "time left"), Outcome("FAILURE", "time is up")),
 )
 @dataclass(eq=False, repr=False)
 class MissionTimeLeft(_Failsafe):
@@ -278,9 +278,9 @@ class MissionTimeLeft(_Failsafe):
     "BaseInReach",
     kind=Kind.CONDITION,
     uses=(Use.service("{service}"),),
-    answers=(
-        Answer("SUCCESS", "in reach", then="base_lost = false"),
-        Answer("FAILURE", "lost", "base_lost || losses_left > 0", _BASE_LOST),
+    outcomes=(
+        Outcome("SUCCESS", "in reach", then="base_lost = false"),
+        Outcome("FAILURE", "lost", "base_lost || losses_left > 0", _BASE_LOST),
     ),
     facts={"base_lost": False, "losses_left": 1},
 )

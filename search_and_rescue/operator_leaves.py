@@ -8,8 +8,8 @@ from typing import Any
 from py_trees.common import Status
 
 from sar_compiler.leaves import (
-    Answer,
     Kind,
+    Outcome,
     RosLeaf,
     Standstill,
     UnusableValueError,
@@ -28,11 +28,11 @@ _SKIPPED = "orders_left -= 1; zones_left -= 1; zones_abandoned += 1"
 @register(
     "NotHeld",
     kind=Kind.CONDITION,
-    answers=(
-        Answer("SUCCESS", "free"),
-        Answer("FAILURE", "held", "orders_left > 0", "orders_left -= 1"),
-        Answer("FAILURE", "zone skipped", "orders_left > 0 && zones_left > 0", _SKIPPED),
-        Answer("FAILURE", "plan changed", "orders_left > 0", "orders_left -= 1"),
+    outcomes=(
+        Outcome("SUCCESS", "free"),
+        Outcome("FAILURE", "held", "orders_left > 0", "orders_left -= 1"),
+        Outcome("FAILURE", "zone skipped", "orders_left > 0 && zones_left > 0", _SKIPPED),
+        Outcome("FAILURE", "plan changed", "orders_left > 0", "orders_left -= 1"),
     ),
     facts={"orders_left": 1, "zones_left": 3, "zones_abandoned": 0},
 )
@@ -85,9 +85,9 @@ class NotHeld(RosLeaf):
             self.feedback_message = f"the plan has changed: {orders.plan_change}"
             orders.plan_change, orders.has_skipped = "", False
             self._wake()
-            return self.answer(Status.FAILURE, label)
+            return self.outcome(Status.FAILURE, label)
         self.feedback_message = orders.describe("pause") if orders.held else ""
-        return self.answer(Status.FAILURE, "held") if self.orders.held else Status.SUCCESS
+        return self.outcome(Status.FAILURE, "held") if self.orders.held else Status.SUCCESS
 
     def shutdown(self) -> None:
         """Withdraw the services."""
@@ -151,7 +151,7 @@ class NotHeld(RosLeaf):
 @register(
     "AwaitStandstill",
     kind=Kind.ACTION,
-    answers=(Answer("SUCCESS", "stands"), Answer("RUNNING", "moves")),
+    outcomes=(Outcome("SUCCESS", "stands"), Outcome("RUNNING", "moves")),
 )
 class AwaitStandstill(RosLeaf):
     """Wait until the odometry shows that the robot stands still: RUNNING for `settle_timeout_sec` at most, then SUCCESS with a warning.

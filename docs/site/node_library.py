@@ -192,7 +192,7 @@ def _statuses(shown: Shown) -> Iterator[str]:
     """Yield the statuses of a node: by its child, by its first two children, or, of a leaf, the outcomes that it declares."""
     spec = shown.spec
     if spec.kind.is_leaf:
-        outcomes = [f"{each.status} `{each.label}`" if each.label else each.status for each in spec.answers]
+        outcomes = [f"{each.status} `{each.label}`" if each.label else each.status for each in spec.outcomes]
         yield f"Returns {', '.join(outcomes)}."
     elif spec.kind is Kind.DECORATOR:
         rows = [f"| {each.upper()} | {_returned(shown, [each])} |" for each in STATUSES]

@@ -1,4 +1,4 @@
-"""Read the assumptions in a scenario or properties file: `facts:`, `answers:` and `controls:`.
+"""Read the assumptions in a scenario or properties file: `facts:`, `outcomes:` and `controls:`.
 
 `controls:` names replacements for nodes whose behaviour is unknown.
 """
@@ -18,13 +18,13 @@ from sar_compiler.analysis.simulated_tree import (
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.answers import SELF, find_script_error, is_fact_name, placeholders
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.models import described_specs
+from sar_compiler.nodes.outcomes import SELF, find_script_error, is_fact_name, placeholders
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import NodeSpec, ParameterRole
-from sar_compiler.runtime.answers import STATUSES, Answer, Fact
 from sar_compiler.runtime.expressions import name_uses
+from sar_compiler.runtime.outcomes import STATUSES, Fact, Outcome
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
 from sar_compiler.runtime.variables import UNKNOWN
@@ -72,18 +72,18 @@ def start_assumptions(start: StartValues, simulated: SimulatedTree) -> Assumptio
 
 
 def read_assumptions(
-    document: Document, facts: Value | None, answers: Value | None, simulated: SimulatedTree
+    document: Document, facts: Value | None, outcomes: Value | None, simulated: SimulatedTree
 ) -> Assumptions:
     """Read the assumptions of a file; errors become findings of the document.
 
     Args:
         document: The file.
         facts: The value of its `facts:`, if it has any.
-        answers: The value of its `answers:`, if it has any.
+        outcomes: The value of its `outcomes:`, if it has any.
         simulated: The tree, simulated without these assumptions.
     """
-    said = {} if answers is None else _read_answers(answers, LeafVocabulary(document, simulated))
-    used = {use for options in said.values() for answer in options for use in _names_in(answer)}
+    said = {} if outcomes is None else _read_outcomes(outcomes, LeafVocabulary(document, simulated))
+    used = {use for options in said.values() for outcome in options for use in _names_in(outcome)}
     values = {} if facts is None else _read_facts(document, facts, simulated.fact_values(), used)
     return Assumptions(values, said)
 
@@ -110,12 +110,12 @@ def _read_facts(
     return facts
 
 
-def _read_answers(value: Value, words: LeafVocabulary) -> dict[str, tuple[Answer, ...]]:
-    said: dict[str, tuple[Answer, ...]] = {}
+def _read_outcomes(value: Value, words: LeafVocabulary) -> dict[str, tuple[Outcome, ...]]:
+    said: dict[str, tuple[Outcome, ...]] = {}
     for key, inner in value.entries or ():
         leaves = words.find(key)
         specs = list({id(spec): spec for spec in map(words.spec, leaves)}.values())
-        kept = [item for item in inner.as_list if "answer" in item.mapping]
+        kept = [item for item in inner.as_list if "outcome" in item.mapping]
         options = [_parse_outcome(words.document, item, specs) for item in inner.as_list if item not in kept]
         declared = _declared_outcomes(words, key, kept, leaves, specs) if kept else ()
         found = tuple(dict.fromkeys((*declared, *(option for option in options if option is not None))))
@@ -130,30 +130,30 @@ def _declared_outcomes(
     items: Sequence[Value],
     leaves: Sequence[StubLeaf],
     specs: Sequence[NodeSpec],
-) -> tuple[Answer, ...]:
+) -> tuple[Outcome, ...]:
     """Return the declared outcomes of leaves, with a file's probabilities and times."""
     if len(specs) != 1:
         message = f"'{key.text}' names leaves that declare different outcomes"
         if specs:
             words.document.report("wrong-value", message, key, hint="list each of them by its path or tag")
         return ()
-    answers = list(specs[0].answers)
+    outcomes = list(specs[0].outcomes)
     said: set[int] = set()
     for item in items:
         for part in item.mapping.keys() & {"status", "label", "when", "then"}:
-            message = f"'answer' refers to a declared outcome, which has its own '{part}'"
+            message = f"'outcome' refers to a declared outcome, which has its own '{part}'"
             words.document.report("conflicting-keys", message, item.mapping[part])
-        name = words.parse_outcome(item.mapping["answer"], leaves)
-        for place, answer in enumerate(answers):
-            if name is not None and name in (answer.label, answer.status):
+        name = words.parse_outcome(item.mapping["outcome"], leaves)
+        for place, outcome in enumerate(outcomes):
+            if name is not None and name in (outcome.label, outcome.status):
                 if place in said:
                     message = f"the outcome '{name}' is listed twice here"
-                    words.document.report("wrong-value", message, item.mapping["answer"])
+                    words.document.report("wrong-value", message, item.mapping["outcome"])
                 said.add(place)
                 p, sec = _probability(words.document, item.mapping)
-                answers[place] = replace(answer, p=p, sec=sec)
+                outcomes[place] = replace(outcome, p=p, sec=sec)
                 break
-    return tuple(answers)
+    return tuple(outcomes)
 
 
 def _probability(
@@ -172,10 +172,10 @@ def _interval(document: Document, value: Value | None) -> tuple[float, float] | 
     return numbers[0], numbers[-1]
 
 
-def _check_probabilities(document: Document, value: Value, answers: Sequence[Answer]) -> None:
+def _check_probabilities(document: Document, value: Value, outcomes: Sequence[Outcome]) -> None:
     """Report impossible sums of probabilities, and times of a leaf that never runs."""
-    ending = [answer for answer in answers if answer.status != "RUNNING"]
-    known = [answer.p for answer in ending if answer.p is not None]
+    ending = [outcome for outcome in outcomes if outcome.status != "RUNNING"]
+    known = [outcome.p for outcome in ending if outcome.p is not None]
     least, most = sum(p[0] for p in known), sum(p[1] for p in known)
     if least > 1.0 + _ROUNDING:
         document.report(
@@ -186,18 +186,18 @@ def _check_probabilities(document: Document, value: Value, answers: Sequence[Ans
             f"the probabilities p of these outcomes add up to {most:g} at most, but one of them must occur"
         )
         document.report("wrong-value", message, value)
-    if any(answer.sec[1] for answer in ending) and len(ending) == len(answers):
+    if any(outcome.sec[1] for outcome in ending) and len(ending) == len(outcomes):
         hint = "omit sec, or add an outcome that is RUNNING"
         document.report(
             "wrong-value", "none of these outcomes is RUNNING, so they take no time", value, hint=hint
         )
 
 
-def check_answers(value: Value | None, words: LeafVocabulary) -> None:
+def check_outcomes(value: Value | None, words: LeafVocabulary) -> None:
     """Report unknown names in the assumed outcomes of leaves.
 
     Args:
-        value: The value of the file's `answers:`, if it has any.
+        value: The value of the file's `outcomes:`, if it has any.
         words: The vocabulary of the tree, simulated with all its assumptions.
     """
     items = [item for _, inner in (value.entries if value else None) or () for item in inner.as_list]
@@ -216,27 +216,27 @@ def check_answers(value: Value | None, words: LeafVocabulary) -> None:
                         )
 
 
-def _parse_outcome(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answer | None:
+def _parse_outcome(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Outcome | None:
     outcomes = [status for status in STATUSES if all(_can_return(spec, status) for spec in specs)]
     parts = value.mapping or {"status": value}
     status = parse_word(document, parts["status"], outcomes, "the status of an outcome")
     label, when, then = (
         parts[part].text or "" if part in parts else "" for part in ("label", "when", "then")
     )
-    answer = Answer(status or "", label, when, then, *_probability(document, parts))
-    usable = all(_scripts_fit(document, parts, answer, spec) for spec in specs)
-    return answer if status is not None and usable else None
+    outcome = Outcome(status or "", label, when, then, *_probability(document, parts))
+    usable = all(_scripts_fit(document, parts, outcome, spec) for spec in specs)
+    return outcome if status is not None and usable else None
 
 
 def _can_return(spec: NodeSpec, status: str) -> bool:
     """Return whether a leaf can return `status`; a leaf without declared outcomes can return any default."""
-    return status in (spec.outcomes or ("SUCCESS", "FAILURE", "RUNNING"))
+    return status in (spec.statuses or ("SUCCESS", "FAILURE", "RUNNING"))
 
 
-def _scripts_fit(document: Document, parts: Mapping[str, Value], answer: Answer, spec: NodeSpec) -> bool:
+def _scripts_fit(document: Document, parts: Mapping[str, Value], outcome: Outcome, spec: NodeSpec) -> bool:
     known = [SELF, *(p.name for p in spec.parameters.values() if p.role is ParameterRole.REFERENCE)]
     mistake = find_script_error(
-        answer, known, [p.name for p in spec.parameters.values() if p.is_integer_parameter]
+        outcome, known, [p.name for p in spec.parameters.values() if p.is_integer_parameter]
     )
     if mistake is not None:
         part, _, error = mistake
@@ -244,9 +244,9 @@ def _scripts_fit(document: Document, parts: Mapping[str, Value], answer: Answer,
     return mistake is None
 
 
-def _names_in(answer: Answer) -> set[str]:
+def _names_in(outcome: Outcome) -> set[str]:
     """Return the names in an outcome's scripts, except for those with placeholders."""
-    scripts = [parse(text) for text in (answer.when, answer.then) if text and not placeholders(text)]
+    scripts = [parse(text) for text in (outcome.when, outcome.then) if text and not placeholders(text)]
     return {use.name for script in scripts for use in name_uses(script)}
 
 

@@ -215,12 +215,12 @@ def _run_text(ticks: list[list[Event]]) -> str:
     if not any(ticks):
         return f"in tick {len(ticks)}"
     last = list(enumerate(ticks, 1))[-_MOST_TOLD:]
-    answers = {
+    outcomes = {
         number: ", ".join(f"'{each.leaf}' {each.status}" for each in events) for number, events in last
     }
     if len(ticks) == 1:
-        return f"in tick 1: {answers[1]}"
-    said = (f"tick {number}: {words}" for number, words in answers.items() if words)
+        return f"in tick 1: {outcomes[1]}"
+    said = (f"tick {number}: {words}" for number, words in outcomes.items() if words)
     return f"in tick {len(ticks)}: {', '.join(said)}"
 
 

@@ -37,7 +37,7 @@ from sar_compiler.analysis.verify.recorded_runs import (
 )
 from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.journal.recorded_ticks import LoggedTick, TickSource
-from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
+from sar_compiler.runtime.events import HALTED, RETURNED, STARTED, Event
 
 _RUNNING, _HALTED = "RUNNING", "HALTED"
 _MOST_TOLD = 12
@@ -141,7 +141,7 @@ def conform(
         simulated: The tree with stub leaves, whose facts start as in the recorded run; it is used up.
         file: The properties; None for none.
         tags: The tags of leaves that a tree can have.
-        record: The events of leaves, which are read several times. Repeated answers may be left out, and ticks with no other events.
+        record: The events of leaves, which are read several times. Repeated outcomes may be left out, and ticks with no other events.
         names: The names of the nodes that ran, in pre-order.
         is_over: Whether the run met its own end condition, so that nothing follows. If it was stopped or continues, obligations stay pending.
 
@@ -235,7 +235,7 @@ class _ReplayedRun:
         led: list[Event] = []
         last: dict[int, str] = {}
         for event in takewhile(lambda each: each.tick <= tick, self.record):
-            if event.what in (ANSWERED, HALTED) and event.number in self._leaves:
+            if event.what in (RETURNED, HALTED) and event.number in self._leaves:
                 # A leaf that keeps running has another entry for each new message.
                 if event.status != "RUNNING" or last.get(event.number) != event.action:
                     led.append(event)
@@ -276,14 +276,14 @@ class _ReplayedRun:
         most = max((each.common for each in tried), default=0)
         best = [each for each in tried if each.common == most]
         if most < len(noted):
-            number, said, possible, why = self._wrong_answer(noted, most, best)
+            number, said, possible, why = self._wrong_outcome(noted, most, best)
         else:
-            number, said, possible, why = self._missing_answer(lost, best)
+            number, said, possible, why = self._missing_outcome(lost, best)
         run = self.led_to(lost.number, number)
         listed = tuple(dict.fromkeys(possible))
         return ImpossibleEvent(lost.number, lost.time_sec, said, self.node_location(number), listed, why, run)
 
-    def _wrong_answer(
+    def _wrong_outcome(
         self, noted: Sequence[Event], most: int, best: "Sequence[_Attempt]"
     ) -> tuple[int, str, list[str], str]:
         """Return the description of an impossible outcome: leaf, event, possible events, and reason."""
@@ -292,8 +292,8 @@ class _ReplayedRun:
         own = [
             (each, place)
             for each in best
-            for place, answer in enumerate(each.way.answers[: each.place + 1])
-            if answer.number == event.number and (place == each.place or not is_again)
+            for place, outcome in enumerate(each.way.outcomes[: each.place + 1])
+            if outcome.number == event.number and (place == each.place or not is_again)
         ]
         if not own:
             return (
@@ -304,7 +304,7 @@ class _ReplayedRun:
             )
         attempt, place = own[0]
         self.runs.restore_before(attempt.state, attempt.way, place)
-        possible = [event_text(each.way.answers[place]) for each, place in own]
+        possible = [event_text(each.way.outcomes[place]) for each, place in own]
         return (
             event.number,
             event_text(event),
@@ -312,14 +312,14 @@ class _ReplayedRun:
             _violated_assumption(self._leaves[event.number], event),
         )
 
-    def _missing_answer(self, lost: LostTick, best: "Sequence[_Attempt]") -> tuple[int, str, list[str], str]:
+    def _missing_outcome(self, lost: LostTick, best: "Sequence[_Attempt]") -> tuple[int, str, list[str], str]:
         """Return the description of an event that is missing in the record."""
         end, root = lost.events[-1], self.runs.names[0]
         fitting = [each.way for each in best if each.is_whole and each.way.root == end.status]
         going_on = [each for each in best if not each.is_whole]
         if going_on and not fitting:
             state, way, _, place = going_on[0]
-            missing, told = way.answers[place], lost.told
+            missing, told = way.outcomes[place], lost.told
             number, was = missing.number, told.statuses.get(missing.number, "")
             possible = [each.next for each in going_on]
             if not was:
@@ -368,14 +368,14 @@ class _Attempt(NamedTuple):
     @property
     def is_whole(self) -> bool:
         """Whether all of its outcomes were recorded."""
-        return self.place == len(self.way.answers)
+        return self.place == len(self.way.outcomes)
 
     @property
     def next(self) -> str:
         """Its next event."""
         if self.is_whole:
             return f"the tick ends with {self.way.root}"
-        return event_text(self.way.answers[self.place])
+        return event_text(self.way.outcomes[self.place])
 
 
 def event_text(event: Event) -> str:
@@ -385,7 +385,9 @@ def event_text(event: Event) -> str:
 
 def _violated_assumption(leaf: StubLeaf, event: Event) -> str:
     """Describe the assumption that forbids an outcome now; empty if the outcome is possible."""
-    known = [each for each in leaf.answers if each.status == event.status and event.label in ("", each.label)]
+    known = [
+        each for each in leaf.outcomes if each.status == event.status and event.label in ("", each.label)
+    ]
     if not known:
         return f"it is assumed that {describe_undeclared_outcome(leaf, event.status, event.label)}"
     return (

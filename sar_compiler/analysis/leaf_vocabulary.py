@@ -12,10 +12,10 @@ from sar_compiler.checks.rules.entry_accesses import entry_table_of
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.nodes.values import require_value_type
-from sar_compiler.runtime.answers import STATUSES, Fact
 from sar_compiler.runtime.blackboard import ROOT_SIGN
-from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
+from sar_compiler.runtime.events import HALTED, RETURNED, STARTED, Event
 from sar_compiler.runtime.expressions import Access, Script, name_uses
+from sar_compiler.runtime.outcomes import STATUSES, Fact
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
 from sar_compiler.tree.guessing import nearest
@@ -108,7 +108,9 @@ def names_of(simulated: SimulatedTree) -> ConditionNames:
     effects = (
         entry.name
         for leaf in simulated.leaves
-        for entry in leaf.entries(f"{name} := 0" for a in leaf.answers if a.then for name in _made_by(a.then))
+        for entry in leaf.entries(
+            f"{name} := 0" for a in leaf.outcomes if a.then for name in _made_by(a.then)
+        )
     )
     for name in (*top.scope.board.names(), *effects):
         key = name.removeprefix(prefix)
@@ -181,20 +183,20 @@ class EventPattern:
     Attributes:
         text: The pattern as written.
         leaves: The leaves that it matches.
-        what: `STARTED`, `ANSWERED` or `HALTED`.
-        answer: For `ANSWERED`: the label or the status.
+        what: `STARTED`, `RETURNED` or `HALTED`.
+        outcome: For `RETURNED`: the label or the status.
     """
 
     text: str
     leaves: tuple[StubLeaf, ...]
     what: str
-    answer: str = ""
+    outcome: str = ""
 
     def matches(self, event: Event) -> bool:
         """Return whether an event matches this pattern."""
         if event.what != self.what or all(leaf.number != event.number for leaf in self.leaves):
             return False
-        return self.what != ANSWERED or self.answer in (event.label, event.status)
+        return self.what != RETURNED or self.outcome in (event.label, event.status)
 
 
 class LeafVocabulary:
@@ -229,10 +231,10 @@ class LeafVocabulary:
 
     def parse_outcome(self, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
         """Return a label or a status that all of some leaves can return; report any other value."""
-        text, known = value.text or "", answer_words(leaves)
+        text, known = value.text or "", outcome_words(leaves)
         if text not in known:
             message = f"'{leaves[0].name}' never returns '{text}'. It returns {', '.join(known)}"
-            self.document.report("unknown-answer", message, value, suggestion=nearest(text, known))
+            self.document.report("unknown-outcome", message, value, suggestion=nearest(text, known))
             return None
         return text
 
@@ -269,7 +271,9 @@ class LeafVocabulary:
         known = self.leaves_for_key(text)
         if known:
             message = f"'{text}' is a leaf. Add its event"
-            self.document.report("wrong-value", message, value, hint=f"write {text} {answer_words(known)[0]}")
+            self.document.report(
+                "wrong-value", message, value, hint=f"write {text} {outcome_words(known)[0]}"
+            )
         else:
             self._report_unknown(value, words[0])
         return None
@@ -280,13 +284,13 @@ class LeafVocabulary:
         text, rest = texts
         if rest in _DEEDS:
             return EventPattern(text, leaves, _DEEDS[rest])
-        known = answer_words(leaves)
+        known = outcome_words(leaves)
         if rest in known:
-            return EventPattern(text, leaves, ANSWERED, rest)
+            return EventPattern(text, leaves, RETURNED, rest)
         message = f"'{leaves[0].name}' has no event '{rest}'. It has {', '.join([*known, *_DEEDS])}"
         near = nearest(rest, [*known, *_DEEDS])
         part = (len(text) - len(rest), len(text))
-        self.document.report("unknown-answer", message, value, part, suggestion=near)
+        self.document.report("unknown-outcome", message, value, part, suggestion=near)
         return None
 
     def _report_unknown(self, value: Value, key: str) -> None:
@@ -295,8 +299,8 @@ class LeafVocabulary:
         self.document.report("unknown-leaf", message, value, suggestion=nearest(key, names))
 
 
-def answer_words(leaves: Iterable[StubLeaf]) -> list[str]:
+def outcome_words(leaves: Iterable[StubLeaf]) -> list[str]:
     """Return the labels of some leaves' possible outcomes, then the statuses."""
-    labels = [answer.label for leaf in leaves for answer in leaf.answers if answer.label]
-    statuses = {answer.status for leaf in leaves for answer in leaf.answers}
+    labels = [outcome.label for leaf in leaves for outcome in leaf.outcomes if outcome.label]
+    statuses = {outcome.status for leaf in leaves for outcome in leaf.outcomes}
     return [*dict.fromkeys(labels), *(status for status in STATUSES if status in statuses)]

@@ -9,7 +9,7 @@ from typing import TypeVar
 from sar_compiler.analysis.assumptions import (
     StartValues,
     apply_controls,
-    check_answers,
+    check_outcomes,
     raise_disputes,
     read_assumptions,
     start_assumptions,
@@ -24,7 +24,7 @@ from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.opener import allow_reading
 from sar_compiler.parts import is_part_installed
 from sar_compiler.project.project_tree import ProjectTree
-from sar_compiler.runtime.answers import Fact
+from sar_compiler.runtime.outcomes import Fact
 from sar_compiler.tree.diagnostic import Diagnostic
 
 SearchResult = TypeVar("SearchResult")
@@ -39,12 +39,12 @@ def search_runs(
     facts: Mapping[str, object] | Document | None,
     start: StartValues,
     search: TreeSearch[SearchResult],
-    answers: Iterable[str | Path] = (),
+    outcomes: Iterable[str | Path] = (),
 ) -> SearchResult:
     """Search the runs of a bound tree with a properties file, and return the results."""
     path = default_properties(tree, binding) if properties is None else properties
     file = None if path is None else read_property_file(path)
-    others = [read_property_file(each) for each in answers]
+    others = [read_property_file(each) for each in outcomes]
     parameters = {**start.parameters, **({} if file is None else file.parameters)}
     # The findings about the file are raised together.
     with contextlib.nullcontext() if file is None else file.document.prefer_findings():
@@ -55,10 +55,10 @@ def search_runs(
         simulated = compiled()
         assumed = start_assumptions(start, simulated)
         for each in others:
-            assumed |= read_assumptions(each.document, each.facts, each.answers, simulated)
+            assumed |= read_assumptions(each.document, each.facts, each.outcomes, simulated)
             each.document.raise_findings()
         if file is not None:
-            assumed |= read_assumptions(file.document, file.facts, file.answers, simulated)
+            assumed |= read_assumptions(file.document, file.facts, file.outcomes, simulated)
         if facts:
             # The file may declare additional facts.
             assumed |= _of_the_user(facts, compiled(assumed))
@@ -68,7 +68,7 @@ def search_runs(
         for each in others if file is None else [file, *others]:
             tree.report_warnings(each.document.warnings)
         if file is not None:
-            check_answers(file.answers, LeafVocabulary(file.document, simulated))
+            check_outcomes(file.outcomes, LeafVocabulary(file.document, simulated))
         return search(simulated, file, {spec.tag for spec in tree.project.registry if spec.kind.is_leaf})
 
 

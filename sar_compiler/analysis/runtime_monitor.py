@@ -1,6 +1,6 @@
 """Monitor a run for violations of properties and of proofs' assumptions.
 
-A leaf's answer determines the facts, exactly as in a proof: its script `then` is run on facts that start as in the run. The
+A leaf's outcome determines the facts, exactly as in a proof: its script `then` is run on facts that start as in the run. The
 monitors are those of the search, and receive the same events in the same order. So a run violates a property here at the
 event at which `verify` reports it.
 """
@@ -20,11 +20,11 @@ from sar_compiler.analysis.verify.properties import ConditionError, Properties, 
 from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
 from sar_compiler.analysis.verify.state import EventAlphabet, PreparedTree
 from sar_compiler.compiler import CompiledTree
-from sar_compiler.runtime.answers import Answer
-from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, TICKED, Event
+from sar_compiler.runtime.events import HALTED, RETURNED, STARTED, TICKED, Event
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
+from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.variables import ScriptValue, VariableError
 from sar_compiler.runtime.walking import pre_order
@@ -72,7 +72,7 @@ class WatchAlarm(NamedTuple):
         event: The event, `OpenDoor opened`; empty for none.
         tick: The number of the tick, from 1.
         number: The leaf's number; None for no leaf.
-        run: The last events that led there, in order: answers and halts without repetitions, and events of properties.
+        run: The last events that led there, in order: outcomes and halts without repetitions, and events of properties.
     """
 
     cause: AlarmCause
@@ -196,7 +196,7 @@ class RuntimeMonitor:
         return [name for number, name in enumerate(self.properties.names) if owed >> number & 1]
 
     def _guard_state(self, event: int, guard: Guarded) -> Guarded:
-        leaf, _ = self._alphabet.answers[event]
+        leaf, _ = self._alphabet.outcomes[event]
         look = _HeldCondition(guard.holds, self._cannot_judge)
         self._looks.setdefault(leaf.number, []).append(look)
         return replace(guard, holds=lambda: look.held)
@@ -207,7 +207,7 @@ class RuntimeMonitor:
             self.end_tick(event.status)
             return
         self.on_before_event(event.number)
-        if event.what == ANSWERED:
+        if event.what == RETURNED:
             self.on_status(event.number, event.status, event.label)
         elif event.what == STARTED:
             self.on_start(event.number)
@@ -240,29 +240,29 @@ class RuntimeMonitor:
         Args:
             number: The leaf's number.
             status: The status.
-            label: The label of the answer; empty if unknown.
+            label: The label of the outcome; empty if unknown.
         """
-        numbers = self._numbers.get((number, ANSWERED, status, label))
+        numbers = self._numbers.get((number, RETURNED, status, label))
         if numbers is None:
-            self._answers_unknown(number, status, label)
+            self._returns_unknown(number, status, label)
             return
         left = self._spending.spend(number, label or status)
         self._process_outcome(number, numbers, label or status)
         self._spending.restore(left)
 
-    def _process_outcome(self, number: int, numbers: Sequence[tuple[int, Answer | None]], deed: str) -> None:
+    def _process_outcome(self, number: int, numbers: Sequence[tuple[int, Outcome | None]], deed: str) -> None:
         """Process a declared outcome, which may be one of several."""
-        (event, answer), excluded = numbers[0], None
-        if len(numbers) > 1 or (answer is not None and answer.when):
-            (event, answer), excluded = self._possible(number, numbers)
+        (event, outcome), excluded = numbers[0], None
+        if len(numbers) > 1 or (outcome is not None and outcome.when):
+            (event, outcome), excluded = self._possible(number, numbers)
         self._add_event(number, deed, is_heard=event in self._hears)
         if excluded is not None:
             self._report_assumption(number, *excluded)
         self._trail.add_event(event)
         if self._trail.broken:
             self._report_violation(number, deed)
-        if answer is not None and answer.then:
-            self._change(self._leaves[number], answer)
+        if outcome is not None and outcome.then:
+            self._change(self._leaves[number], outcome)
 
     def end_tick(self, root: str) -> None:
         """Process the end of a tick with the root's status; empty for an unfinished tick."""
@@ -300,37 +300,39 @@ class RuntimeMonitor:
                 self._report_violation(number, what)
 
     def _possible(
-        self, number: int, numbers: Sequence[tuple[int, Answer | None]]
-    ) -> tuple[tuple[int, Answer | None], tuple[str, str] | None]:
-        """Return the possible answer; if none is possible now, the first one with the reason (`describe_condition`)."""
+        self, number: int, numbers: Sequence[tuple[int, Outcome | None]]
+    ) -> tuple[tuple[int, Outcome | None], tuple[str, str] | None]:
+        """Return the possible outcome; if none is possible now, the first one with the reason (`describe_condition`)."""
         leaf = self._leaves[number]
         try:
-            for event, answer in numbers:
-                if answer is None or leaf.is_possible(answer):
-                    return (event, answer), None
+            for event, outcome in numbers:
+                if outcome is None or leaf.is_possible(outcome):
+                    return (event, outcome), None
         except StubLeafError as error:
             self._cannot_judge(str(error))
             return numbers[0], None
-        return numbers[0], describe_condition(leaf, [answer for _, answer in numbers if answer is not None])
+        return numbers[0], describe_condition(
+            leaf, [outcome for _, outcome in numbers if outcome is not None]
+        )
 
-    def _answers_unknown(self, number: int, status: str, label: str) -> None:
+    def _returns_unknown(self, number: int, status: str, label: str) -> None:
         """Process an outcome that a leaf has not declared or not identified."""
         self._add_event(number, label or status)
         leaf = self._leaves.get(number)
         if leaf is None:
             return
-        known = [each for each in leaf.answers if each.status == status]
+        known = [each for each in leaf.outcomes if each.status == status]
         if label or not known:
             self._report_assumption(number, describe_undeclared_outcome(leaf, status, label))
         else:
-            listed = ", ".join(dict.fromkeys(answer.name for answer in known))
+            listed = ", ".join(dict.fromkeys(outcome.name for outcome in known))
             self._report_assumption(
                 number, f"'{leaf.name}' reports which of its outcomes it returns: {listed}"
             )
 
-    def _change(self, leaf: StubLeaf, answer: Answer) -> None:
+    def _change(self, leaf: StubLeaf, outcome: Outcome) -> None:
         try:
-            leaf.change(answer)
+            leaf.change(outcome)
         except StubLeafError as error:
             self._cannot_judge(str(error))
 
@@ -372,12 +374,12 @@ class RuntimeMonitor:
         self.alarms.append(WatchAlarm(cause, about, event, self._tick, number, run))
 
 
-def describe_condition(leaf: StubLeaf, answers: Sequence[Answer]) -> tuple[str, str]:
+def describe_condition(leaf: StubLeaf, outcomes: Sequence[Outcome]) -> tuple[str, str]:
     """Describe when a leaf can return outcomes that are impossible now, and the current values."""
-    whens = dict.fromkeys(answer.when for answer in answers)
+    whens = dict.fromkeys(outcome.when for outcome in outcomes)
     names = dict.fromkeys(use.name for when in whens for use in name_uses(parse(when)))
     values = ", ".join(f"{name} is {_value(leaf, name)}" for name in names)
-    return f"'{leaf.name}' returns '{answers[0].name}' only when {' or '.join(whens)}", f"; {values}"
+    return f"'{leaf.name}' returns '{outcomes[0].name}' only when {' or '.join(whens)}", f"; {values}"
 
 
 def _value(leaf: StubLeaf, name: str) -> str:
@@ -389,7 +391,7 @@ def _value(leaf: StubLeaf, name: str) -> str:
 
 def describe_undeclared_outcome(leaf: StubLeaf, status: str, label: str) -> str:
     """Describe the declared outcomes of a leaf that has returned a different one."""
-    listed = ", ".join(dict.fromkeys(answer.name for answer in leaf.answers))
+    listed = ", ".join(dict.fromkeys(outcome.name for outcome in leaf.outcomes))
     return f"'{leaf.name}' returns {listed}, but returned {label or status}"
 
 
@@ -409,18 +411,18 @@ def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:
         leaf.variables = _OwnKeys(simulated.facts, scope, leaf.variables.enums)
 
 
-def _numbers(alphabet: EventAlphabet) -> Mapping[tuple[int, str, str, str], list[tuple[int, Answer | None]]]:
+def _numbers(alphabet: EventAlphabet) -> Mapping[tuple[int, str, str, str], list[tuple[int, Outcome | None]]]:
     """Return the indices of outcome events, by the leaf's number, event, status and label.
 
-    If a status has only one answer, a leaf need not identify it.
+    If a status has only one outcome, a leaf need not identify it.
     """
-    numbers: dict[tuple[int, str, str, str], list[tuple[int, Answer | None]]] = {}
+    numbers: dict[tuple[int, str, str, str], list[tuple[int, Outcome | None]]] = {}
     labels: dict[tuple[int, str], set[str]] = {}
-    for number, (event, (_, answer)) in enumerate(zip(alphabet.events, alphabet.answers, strict=True)):
+    for number, (event, (_, outcome)) in enumerate(zip(alphabet.events, alphabet.outcomes, strict=True)):
         key = event.number, event.what, event.status, event.label
-        numbers.setdefault(key, []).append((number, answer))
+        numbers.setdefault(key, []).append((number, outcome))
         labels.setdefault((event.number, event.status), set()).add(event.label)
     for (leaf, status), known in labels.items():
         if status and len(known) == 1:
-            numbers[leaf, ANSWERED, status, ""] = numbers[leaf, ANSWERED, status, known.pop()]
+            numbers[leaf, RETURNED, status, ""] = numbers[leaf, RETURNED, status, known.pop()]
     return numbers

@@ -1,7 +1,7 @@
 """A tree with stub leaves, which runs without a robot.
 
 Controls, decorators and the leaves of the language itself are real, on a simulated clock. Every other leaf, installed or only
-described, is a `StubLeaf`: an outcome policy chooses among its possible answers.
+described, is a `StubLeaf`: an outcome policy chooses among its possible outcomes.
 """
 
 import math
@@ -17,7 +17,6 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.analysis.stub_leaf import FactVariables, OutcomePolicy, StubLeaf
 from sar_compiler.compiler import Arguments, Builder, CompiledTree, Construction, compile_with
 from sar_compiler.errors import SarError, UndecidableError
-from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, fill_outcome, fill_placeholders, number_text
 from sar_compiler.nodes.binding.bound import (
     Binding,
     BoundNode,
@@ -29,11 +28,18 @@ from sar_compiler.nodes.binding.instances import TreeInstance
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.language import leaves as language
 from sar_compiler.nodes.outcome_sets import ALLOWED, WORD_OF, F, R, S
+from sar_compiler.nodes.outcomes import (
+    NOBODY,
+    SELF,
+    Identifiers,
+    fill_outcome,
+    fill_placeholders,
+    number_text,
+)
 from sar_compiler.nodes.palettes import palettes_containing
 from sar_compiler.nodes.semantics import AccessKind, Order, Semantics
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
 from sar_compiler.runtime import stock
-from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.blackboard import Board, Entry, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.context import preview_of
@@ -43,6 +49,7 @@ from sar_compiler.runtime.kernel.table import is_known_class
 from sar_compiler.runtime.kernel.timing import TimeoutNode
 from sar_compiler.runtime.kernel.turning import SubTreeNode, TurningNode
 from sar_compiler.runtime.leaf_protocol import NoStatusError
+from sar_compiler.runtime.outcomes import Fact, Outcome
 from sar_compiler.runtime.parents import EngineParent
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
@@ -137,7 +144,7 @@ def _sequence_substitute(bound: BoundNode, means: Semantics) -> Substitute | Non
 
 def _mapping_substitute(bound: BoundNode, means: Semantics) -> Substitute | None:
     assert means.possible is not None  # noqa: S101 - the caller has seen to it
-    turned = [WORD_OF.get(means.possible(bound, [answer], ALLOWED)) for answer in (S, F, R)]
+    turned = [WORD_OF.get(means.possible(bound, [outcome], ALLOWED)) for outcome in (S, F, R)]
     if not means.steady or turned[2] != "RUNNING" or None in turned:
         return None
     return partial(behaviour_class(OwnDecorator, TurningNode), turned=(*turned[:2], "SKIPPED"))
@@ -169,7 +176,7 @@ def replace_nodes(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
                 tree.skips = tree.skips or is_skippable_itself(node)
 
 
-# A leaf of the language that answers randomly would make every run different.
+# A leaf of the language that outcomes randomly would make every run different.
 _BY_CHANCE = "py_trees.behaviours:ProbabilisticBehaviour"
 _LANGUAGE = {(each.tag, each.class_path) for each in language.SPECS if each.class_path != _BY_CHANCE}
 
@@ -185,16 +192,16 @@ class Assumptions:
 
     Attributes:
         facts: Facts with their values at the start; they replace those of the leaves, or add to them.
-        answers: The possible answers of leaves, by a leaf's path (`Patrol/MoveTo`), its name or its tag. If several match,
+        outcomes: The possible outcomes of leaves, by a leaf's path (`Patrol/MoveTo`), its name or its tag. If several match,
             the path precedes the name, and the name precedes the tag.
     """
 
     facts: Mapping[str, Fact] = field(default_factory=dict)
-    answers: Mapping[str, tuple[Answer, ...]] = field(default_factory=dict)
+    outcomes: Mapping[str, tuple[Outcome, ...]] = field(default_factory=dict)
 
     def __or__(self, other: "Assumptions") -> "Assumptions":
         """Return the combination of both, in which the other one has precedence."""
-        return Assumptions({**self.facts, **other.facts}, {**self.answers, **other.answers})
+        return Assumptions({**self.facts, **other.facts}, {**self.outcomes, **other.outcomes})
 
 
 @dataclass(eq=False)
@@ -369,7 +376,9 @@ class SimulationBuilder(Builder):
         super().__init__(binding, arguments, collector)
         self._stand_ins = arguments.stand_ins
         said = [
-            key for key, answers in assumptions.answers.items() if any(a.status == "SKIPPED" for a in answers)
+            key
+            for key, outcomes in assumptions.outcomes.items()
+            if any(a.status == "SKIPPED" for a in outcomes)
         ]
         skipped = [node for node in binding.all_nodes() if needs_stub(node.spec) and _may_name(said, node)]
         if skipped:
@@ -382,7 +391,7 @@ class SimulationBuilder(Builder):
         self._places = NodePaths(binding)
         self._identifiers = Identifiers()
         self._names: dict[tuple[TreeInstance, BoundNode], str] = {}
-        self._said: dict[tuple[TreeInstance, BoundNode], tuple[Answer, ...]] = {}
+        self._said: dict[tuple[TreeInstance, BoundNode], tuple[Outcome, ...]] = {}
         self._numbers: dict[tuple[TreeInstance, BoundNode], dict[str, str]] = {}
         self._start: dict[str, tuple[Fact, str]] = {}
 
@@ -393,13 +402,17 @@ class SimulationBuilder(Builder):
                 self._names[instance, bound] = self._identifiers.assign(bound.name)
             if needs_stub(bound.spec) or bound.spec.has_world_leaf:
                 path = self._places.path(instance, bound)
-                said = self._said[instance, bound] = answers_for(self._assumptions.answers, path, bound.spec)
+                said = self._said[instance, bound] = outcomes_for(
+                    self._assumptions.outcomes, path, bound.spec
+                )
                 self._numbers[instance, bound] = self._numbers_in(said, instance, bound)
         super().prepare(instance)
 
-    def _numbers_in(self, said: Sequence[Answer], instance: TreeInstance, bound: BoundNode) -> dict[str, str]:
+    def _numbers_in(
+        self, said: Sequence[Outcome], instance: TreeInstance, bound: BoundNode
+    ) -> dict[str, str]:
         """Return the integers in the scripts of some outcomes, by their placeholders."""
-        scripts = [script for answer in said for script in (answer.when, answer.then)]
+        scripts = [script for outcome in said for script in (outcome.when, outcome.then)]
         return {
             parameter.name: number_text(self._source.fixed_value(instance, bound, parameter))
             for parameter in bound.spec.parameters.values()
@@ -448,8 +461,8 @@ class SimulationBuilder(Builder):
         enums = self._source.enums
         outputs = _Outputs(instance.scope, bound)
         variables = FactVariables(self.facts, instance.scope, enums, bound.name, outputs.named)
-        answers = outputs.with_unknown_outputs([fill_outcome(answer, names) for answer in said])
-        leaf = StubLeaf(bound.name, bound.spec.tag, answers, variables, enums)
+        outcomes = outputs.with_unknown_outputs([fill_outcome(outcome, names) for outcome in said])
+        leaf = StubLeaf(bound.name, bound.spec.tag, outcomes, variables, enums)
         leaf.path = path
         self.constructions.append(Construction(leaf.id, instance, bound))
         return leaf
@@ -466,7 +479,7 @@ class SimulationBuilder(Builder):
 class _Outputs:
     """The keys that a leaf writes in a real run, in ports and within values.
 
-    The written values are unknown, unless the scripts of its answers define them.
+    The written values are unknown, unless the scripts of its outcomes define them.
 
     Args:
         scope: The keys of its tree.
@@ -494,26 +507,26 @@ class _Outputs:
         self.named[f"_output_{len(self.named)}"] = self._scope.resolve(key)
         self._attributes.append(attribute)
 
-    def with_unknown_outputs(self, answers: list[Answer]) -> list[Answer]:
+    def with_unknown_outputs(self, outcomes: list[Outcome]) -> list[Outcome]:
         """Return the outcomes of the leaf, with unknown values for keys that no outcome writes."""
         if not self.named:
-            return answers
-        uses = (use for answer in answers if answer.then for use in name_uses(parse(answer.then)))
+            return outcomes
+        uses = (use for outcome in outcomes if outcome.then for use in name_uses(parse(outcome.then)))
         said = {self._scope.resolve(use.name).name for use in uses if use.access is not Access.READ}
         written = [
             (attribute, word)
             for attribute, (word, entry) in zip(self._attributes, self.named.items(), strict=True)
             if entry.name not in said
         ]
-        return [self._unknown_after(answer, written) for answer in answers]
+        return [self._unknown_after(outcome, written) for outcome in outcomes]
 
-    def _unknown_after(self, answer: Answer, written: list[tuple[str, str]]) -> Answer:
+    def _unknown_after(self, outcome: Outcome, written: list[tuple[str, str]]) -> Outcome:
         effects = [
             f"{word} := {UNKNOWN}"
             for attribute, word in written
-            if answer.status != "SKIPPED" and (answer.writes is None or attribute in answer.writes)
+            if outcome.status != "SKIPPED" and (outcome.writes is None or attribute in outcome.writes)
         ]
-        return replace(answer, then="; ".join(filter(None, [answer.then.rstrip().rstrip(";"), *effects])))
+        return replace(outcome, then="; ".join(filter(None, [outcome.then.rstrip().rstrip(";"), *effects])))
 
 
 class NodePaths:
@@ -567,9 +580,9 @@ def _may_name(keys: Iterable[str], bound: BoundNode) -> bool:
     return any(key.rpartition("/")[2] in (bound.name, bound.spec.tag) for key in keys)
 
 
-def answers_for(
-    assumed: Mapping[str, tuple[Answer, ...]], path: Sequence[str], spec: NodeSpec
-) -> tuple[Answer, ...]:
+def outcomes_for(
+    assumed: Mapping[str, tuple[Outcome, ...]], path: Sequence[str], spec: NodeSpec
+) -> tuple[Outcome, ...]:
     """Return the possible outcomes of a leaf: the assumed ones, or its declarations."""
     best = max(assumed, key=lambda key: match_rank(key, path, spec.tag), default="")
-    return assumed[best] if best in assumed and match_rank(best, path, spec.tag) else spec.answers
+    return assumed[best] if best in assumed and match_rank(best, path, spec.tag) else spec.outcomes

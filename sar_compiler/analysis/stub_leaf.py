@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 from py_trees.common import Status
 
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.answers import Answer, Outcome, nominal
 from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.evaluation import EvaluationError, Program
-from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event, FactChanges, changes_in
+from sar_compiler.runtime.events import HALTED, RETURNED, STARTED, Event, FactChanges, changes_in
 from sar_compiler.runtime.expressions import Script, name_uses
+from sar_compiler.runtime.outcomes import Outcome, ReturnedStatus, nominal
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.script_code import compile_fast_script
 from sar_compiler.runtime.scripting import ScopeVariables
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-STATUSES: Mapping[str, Status] = {outcome.name: outcome.status for outcome in Outcome}
+STATUSES: Mapping[str, Status] = {outcome.name: outcome.status for outcome in ReturnedStatus}
 """The return value of `update` for the status of an outcome."""
 
 
@@ -46,7 +46,7 @@ class StubLeafError(SarError):
 class OutcomePolicy(Protocol):
     """Chooses the outcomes of leaves."""
 
-    def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:
+    def choose(self, leaf: "StubLeaf", options: Sequence[Outcome]) -> Outcome:
         """Return one of the possible outcomes for this tick."""
         ...
 
@@ -54,7 +54,7 @@ class OutcomePolicy(Protocol):
 class NominalPolicy:
     """Chooses the default outcomes."""
 
-    def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:  # noqa: ARG002 - as the protocol has it
+    def choose(self, leaf: "StubLeaf", options: Sequence[Outcome]) -> Outcome:  # noqa: ARG002 - as the protocol has it
         """Return the first possible outcome that is not RUNNING."""
         return nominal(options)
 
@@ -136,7 +136,7 @@ class FactVariables:
 
         Args:
             program: The program.
-            condition: For a condition, converts its value to the answer.
+            condition: For a condition, converts its value to the result.
         """
         if not all(self.is_fact(use.name) for use in name_uses(program.script)):
             return None
@@ -168,70 +168,70 @@ class StubLeaf(SkippableLeaf):
     Args:
         name: The node's name.
         tag: The tag of the leaf that it stands for.
-        answers: The possible answers of that leaf; no placeholders are left in the scripts.
+        outcomes: The possible outcomes of that leaf; no placeholders are left in the scripts.
         variables: The variables of scripts: facts, and keys of the tree.
         enums: The names that stand for numbers.
 
     Attributes:
         tag: The tag of the leaf that it stands for.
-        answers: What it can answer.
+        outcomes: Its possible outcomes.
         path: The names of its ancestors, from the root down, and its own.
         number: Its number in the tree, from 0 in pre-order.
         variables: What its scripts read and write.
-        policy: Chooses its answers.
+        policy: Chooses its outcomes.
         events: Its events are recorded here; shared by the leaves of a tree.
     """
 
     def __init__(
-        self, name: str, tag: str, answers: Sequence[Answer], variables: FactVariables, enums: Enums
+        self, name: str, tag: str, outcomes: Sequence[Outcome], variables: FactVariables, enums: Enums
     ) -> None:
         super().__init__(name)
         self.tag = tag
-        self.answers = tuple(answers)
+        self.outcomes = tuple(outcomes)
         self.path: tuple[str, ...] = (name,)
         self.number = 0
         self.policy: OutcomePolicy = NominalPolicy()
-        self.answer_label = ""
+        self.outcome_label = ""
         self.events: list[Event] = []
         self.variables = variables
-        self._conditions = {a: Program(parse(a.when), enums.numbers) for a in self.answers if a.when}
-        self._effects = {a: Program(parse(a.then), enums.numbers) for a in self.answers if a.then}
-        self._memos: dict[Answer | None, Memo | None] = {}
+        self._conditions = {a: Program(parse(a.when), enums.numbers) for a in self.outcomes if a.when}
+        self._effects = {a: Program(parse(a.then), enums.numbers) for a in self.outcomes if a.then}
+        self._memos: dict[Outcome | None, Memo | None] = {}
         self._quick: dict[tuple[FactVariables, Program], Callable[[], Any] | None] = {}
 
     @property
     def is_random(self) -> bool:
         """Whether any of its outcomes has a known probability or duration."""
-        return any(answer.p is not None or answer.sec != (0.0, 0.0) for answer in self.answers)
+        return any(outcome.p is not None or outcome.sec != (0.0, 0.0) for outcome in self.outcomes)
 
-    def options(self) -> tuple[Answer, ...]:
+    def options(self) -> tuple[Outcome, ...]:
         """Return the outcomes that are possible now.
 
         Raises:
             StubLeafError: If there is none, or a condition cannot be evaluated.
         """
         if not self._conditions:
-            return self.answers
-        possible = tuple(answer for answer in self.answers if self.is_possible(answer))
+            return self.outcomes
+        possible = tuple(outcome for outcome in self.outcomes if self.is_possible(outcome))
         if not possible:
-            conditions = "; ".join(f"'{answer.name}' when {answer.when}" for answer in self.answers)
+            conditions = "; ".join(f"'{outcome.name}' when {outcome.when}" for outcome in self.outcomes)
             message = f"'{self.name}' ({self.tag}) has no possible outcome now: {conditions}"
             raise StubLeafError(self.name, message)
         return possible
 
-    def change(self, answer: Answer) -> None:
+    def change(self, outcome: Outcome) -> None:
         """Apply the effects of an outcome.
 
         Raises:
             StubLeafError: If its script fails.
         """
-        effect = self._effects.get(answer)
+        effect = self._effects.get(outcome)
         if effect is not None:
             try:
                 quick = self._quick_form(effect)
                 effect.run(self.variables) if quick is None else quick()
             except EvaluationError as error:
-                raise self._unusable(answer, "then", answer.then, error) from error
+                raise self._unusable(outcome, "then", outcome.then, error) from error
 
     def entries(self, scripts: Iterable[str]) -> list[Entry]:
         """Return the entries that scripts of its outcomes can read or write."""
@@ -248,66 +248,66 @@ class StubLeaf(SkippableLeaf):
         """Return the outcome that the policy chooses, and apply its effects.
 
         Raises:
-            StubLeafError: If no answer is possible, or a script fails.
+            StubLeafError: If no outcome is possible, or a script fails.
         """
-        answer = self.policy.choose(self, self._recall(None, self._conditions.values(), self.options))
-        scripts = [self._effects[answer]] if answer in self._effects else []
-        self.events.append(self._recall(answer, scripts, partial(self._apply_outcome, answer)))
-        self.feedback_message, self.answer_label = answer.name, answer.label
-        return STATUSES[answer.status]
+        outcome = self.policy.choose(self, self._recall(None, self._conditions.values(), self.options))
+        scripts = [self._effects[outcome]] if outcome in self._effects else []
+        self.events.append(self._recall(outcome, scripts, partial(self._apply_outcome, outcome)))
+        self.feedback_message, self.outcome_label = outcome.name, outcome.label
+        return STATUSES[outcome.status]
 
     def terminate(self, new_status: Status) -> None:
         """Record an interruption."""
         if new_status is Status.INVALID and self.status is Status.RUNNING:
             self.events.append(self.event(HALTED))
 
-    def event(self, what: str, answer: Answer | None = None, facts: FactChanges = ()) -> Event:
+    def event(self, what: str, outcome: Outcome | None = None, facts: FactChanges = ()) -> Event:
         """Return an event of this leaf."""
-        status, label = ("", "") if answer is None else (answer.status, answer.label)
+        status, label = ("", "") if outcome is None else (outcome.status, outcome.label)
         return Event(self.path, self.number, what, status, label, facts)
 
-    def _recall(self, what: Answer | None, programs: Iterable[Program], run: Callable[[], T]) -> T:
+    def _recall(self, what: Outcome | None, programs: Iterable[Program], run: Callable[[], T]) -> T:
         """Run code that uses some entries; on numbered boards, reuse the result for equal values."""
         if what not in self._memos:
             self._memos[what] = self.variables.memo(each.script for each in programs)
         memo = self._memos[what]
-        answer: T = run() if memo is None else memo.call(run)
-        return answer
+        result: T = run() if memo is None else memo.call(run)
+        return result
 
-    def _apply_outcome(self, answer: Answer) -> Event:
+    def _apply_outcome(self, outcome: Outcome) -> Event:
         """Apply the effects of an outcome, and return its event; an error is also an event."""
-        before = self._facts_of(answer)
+        before = self._facts_of(outcome)
         try:
-            self.change(answer)
+            self.change(outcome)
         except StubLeafError:
-            self.events.append(self._outcome_event(answer, before))
+            self.events.append(self._outcome_event(outcome, before))
             raise
-        return self._outcome_event(answer, before)
+        return self._outcome_event(outcome, before)
 
-    def _outcome_event(self, answer: Answer, before: Mapping[str, object]) -> Event:
-        return self.event(ANSWERED, answer, changes_in(before, self._facts_of(answer)))
+    def _outcome_event(self, outcome: Outcome, before: Mapping[str, object]) -> Event:
+        return self.event(RETURNED, outcome, changes_in(before, self._facts_of(outcome)))
 
-    def _facts_of(self, answer: Answer) -> dict[str, object]:
+    def _facts_of(self, outcome: Outcome) -> dict[str, object]:
         """Return the current facts that an outcome's script uses."""
-        effect = self._effects.get(answer)
+        effect = self._effects.get(outcome)
         return (
             {} if effect is None else self.variables.values_of(use.name for use in name_uses(effect.script))
         )
 
-    def is_possible(self, answer: Answer) -> bool:
+    def is_possible(self, outcome: Outcome) -> bool:
         """Return whether an outcome is possible now.
 
         Raises:
             StubLeafError: If its condition cannot be evaluated.
         """
-        condition = self._conditions.get(answer)
+        condition = self._conditions.get(outcome)
         if condition is None:
             return True
         try:
             quick = self._quick_form(condition, condition.as_condition)
             return condition.holds(self.variables) if quick is None else bool(quick())
         except EvaluationError as error:
-            raise self._unusable(answer, "when", answer.when, error) from error
+            raise self._unusable(outcome, "when", outcome.when, error) from error
 
     def _quick_form(
         self, program: Program, condition: Callable[[ScriptValue], bool] | None = None
@@ -320,7 +320,7 @@ class StubLeaf(SkippableLeaf):
             self._quick[wanted] = self.variables.fast_runner(program, condition)
         return self._quick[wanted]
 
-    def _unusable(self, answer: Answer, part: str, script: str, error: EvaluationError) -> StubLeafError:
+    def _unusable(self, outcome: Outcome, part: str, script: str, error: EvaluationError) -> StubLeafError:
         hint = f"; {error.hint}" if error.hint else ""
-        message = f"'{self.name}' ({self.tag}), answer '{answer.name}': {part} '{script}': {error}{hint}"
+        message = f"'{self.name}' ({self.tag}), outcome '{outcome.name}': {part} '{script}': {error}{hint}"
         return StubLeafError(self.name, message)

@@ -47,7 +47,7 @@ class ScenarioRuns:
         additions: The user's additions to its project.
         scenario: The scenario, as the text of a file.
         path: The name of the file.
-        unusual: The probability with which an unscripted leaf gives another than its default answer.
+        unusual: The probability with which an unscripted leaf gives another than its default outcome.
         counted: The events to count, such as `NotifyBase acknowledged`.
     """
 
@@ -244,7 +244,7 @@ def _groups(player: ScenarioPlayer) -> list[_Group]:
 
 
 def _group(key: str, same: Sequence[DrawnChoice]) -> _Group:
-    step: dict[str, object] = {"answer": same[0].answer}
+    step: dict[str, object] = {"outcome": same[0].outcome}
     if same[0].after_sec:
         step["after"] = same[0].after_sec
     if len(same) > 1:

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 from sar_compiler.analysis.simulate.scenario_run import Failure, NodeCoverage, OutcomeCoverage, ScenarioRun
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.nodes.spec import Kind
-from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord, ValueChange
+from sar_compiler.runtime.events import HALTED, RETURNED, TICKED, Event, TickRecord, ValueChange
 from sar_compiler.tree.plain import as_json, speakable, to_json_value, value_as_script
 
 
@@ -89,7 +89,7 @@ def _is_news(tick: TickRecord, before: TickRecord | None) -> bool:
 
 
 def _visible_events(tick: TickRecord) -> list[Event]:
-    return [event for event in tick.events if event.what in (ANSWERED, HALTED)]
+    return [event for event in tick.events if event.what in (RETURNED, HALTED)]
 
 
 class _Writer:
@@ -246,7 +246,7 @@ def _tick(run: ScenarioRun, tick: TickRecord) -> dict[str, object]:
             {
                 "leaf": "/".join(event.path),
                 "what": event.what,
-                "answer": event.outcome or None,
+                "outcome": event.outcome or None,
                 "status": event.status or None,
             }
             for event in tick.events

@@ -9,7 +9,7 @@ from sar_compiler.analysis.assumptions import StartValues
 from sar_compiler.documents.located import Document
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.project.project_tree import ProjectTree
-from sar_compiler.runtime.answers import Fact
+from sar_compiler.runtime.outcomes import Fact
 
 if TYPE_CHECKING:
     from sar_compiler.analysis.conformance import Conformance
@@ -212,7 +212,7 @@ def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`
     tree: ProjectTree,
     properties: str | Path | None = None,
     *,
-    answers: Iterable[str | Path] = (),
+    outcomes: Iterable[str | Path] = (),
     facts: Mapping[str, object] | Document | None = None,
     params: str | Path | None = None,
     tree_id: str | None = None,
@@ -224,8 +224,8 @@ def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`
 
     Args:
         tree: The tree file.
-        properties: A file with the properties, and with the chances `p` and times `sec` of answers; by default the mission's own.
-        answers: Further files that say how likely answers are; the file of properties overrides them.
+        properties: A file with the properties, and with the chances `p` and times `sec` of outcomes; by default the mission's own.
+        outcomes: Further files that say how likely outcomes are; the file of properties overrides them.
         facts: As for `verify`.
         params: As for `verify`.
         tree_id: As for `verify`.
@@ -244,4 +244,4 @@ def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`
     start = _start_values(tree, params, binding)
     period = period_sec or start.period_sec or PERIOD_SEC
     search = functools.partial(predict, period_sec=period, max_states=max_states, budget=budget)
-    return search_runs(tree, binding, properties, facts, start, search, answers)
+    return search_runs(tree, binding, properties, facts, start, search, outcomes)

@@ -198,7 +198,7 @@ class _ScriptWalk:
         is_made = statement.operator == ":=" or name in known
         if kind is None or not (is_plain_name and is_made) or self._types.setdefault(name, kind) is not kind:
             return None
-        return known | {name} if bound.spec.outcomes == {"SUCCESS"} else known
+        return known | {name} if bound.spec.statuses == {"SUCCESS"} else known
 
     def _type_of(self, value: object, known: frozenset[str]) -> type | None:
         """Return the certain type of a value, an integer, a real number or a string; None if unknown."""

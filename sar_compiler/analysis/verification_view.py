@@ -17,7 +17,7 @@ from sar_compiler.analysis.verify.verdicts import (
     Verification,
     VerificationComparison,
 )
-from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord
+from sar_compiler.runtime.events import HALTED, RETURNED, TICKED, Event, TickRecord
 from sar_compiler.tree.plain import as_json, count_with_noun, to_json_value, value_as_script
 
 _WIDTH = 110
@@ -134,7 +134,7 @@ def _trace_lines(verdict: Verdict, trace: Trace, labels: Mapping[int, str]) -> I
 
 def _tick_lines(number: int, tick: TickRecord, labels: Mapping[int, str]) -> Iterator[str]:
     label = f"{number:5}  "
-    seen = [event for event in tick.events if event.what in (ANSWERED, HALTED)]
+    seen = [event for event in tick.events if event.what in (RETURNED, HALTED)]
     done = [f"{labels[event.number]} {event.action}" for event in seen]
     came_to = [f"root {tick.root}"] if tick.root else []
     values = {**tick.keys, **tick.facts}
@@ -237,6 +237,6 @@ def _tick(tick: TickRecord) -> dict[str, object]:
 
 def _event(event: Event) -> dict[str, object]:
     told: dict[str, object] = {"leaf": event.leaf, "path": "/".join(event.path), "what": event.what}
-    if event.what == ANSWERED:
+    if event.what == RETURNED:
         told |= {"status": event.status, "label": event.label}
     return told

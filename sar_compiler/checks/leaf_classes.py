@@ -193,14 +193,14 @@ def _registration(part: _WrittenClass) -> ast.AST:
 def _undeclared_outcomes(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
     """Yield statuses that `update` returns literally but `outcomes` does not list."""
     for method in part.methods():
-        for node in ast.walk(method) if spec.outcomes and method.name == "update" else ():
+        for node in ast.walk(method) if spec.statuses and method.name == "update" else ():
             status = node.value if isinstance(node, ast.Return) else None
             if (
                 isinstance(status, ast.Attribute)
                 and isinstance(status.value, ast.Name)
                 and status.value.id == "Status"
                 and status.attr in ("SUCCESS", "FAILURE", "RUNNING")
-                and status.attr not in spec.outcomes
+                and status.attr not in spec.statuses
             ):
                 message = f"<{spec.tag}>: update() returns {status.attr}, which 'outcomes' of its registration does not list"
                 hint = f"add Status.{status.attr} to outcomes, or return another status"

@@ -27,7 +27,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "a properties file with the probabilities (p) and times (sec) of outcomes (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     text = "a further file with probabilities and times of outcomes, such as statistics of journals; may be repeated"
-    add("--answers", action="append", default=[], type=YAML_FILE, metavar="A.yaml", help=text)
+    add("--outcomes", action="append", default=[], type=YAML_FILE, metavar="A.yaml", help=text)
     text = "the time between two ticks, seconds (default: that of --params, or 0.5)"
     add("--period", type=tick_period, metavar="SEC", help=text)
     text = f"explore at most N states, and leave the rest undecided (default {MAX_STATES})"
@@ -60,7 +60,7 @@ def predict_file(arguments: argparse.Namespace) -> int:
                 predict_tree,
                 load_checked(arguments, arguments.file)[0],
                 arguments.properties,
-                answers=arguments.answers,
+                outcomes=arguments.outcomes,
                 facts=parse_facts(arguments.set),
                 params=arguments.params,
                 tree_id=arguments.tree,

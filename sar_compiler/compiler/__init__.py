@@ -23,12 +23,12 @@ from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.registry import Registry, is_library_tag
 from sar_compiler.nodes.spec import Direction, Kind, Parameter, ParameterRole, Use
 from sar_compiler.nodes.values import ConversionError
-from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Entry, Scope
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import preview_of
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.language_nodes import Conditions
+from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.ports import InOut, Input, Output
 from sar_compiler.runtime.variables import Enums
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, TreeError
@@ -96,14 +96,14 @@ class Origins(Mapping[UUID, Origin]):
         """Return the construction of a behaviour."""
         return self._by_id[behaviour]
 
-    def declared_outcomes(self) -> dict[UUID, tuple[Answer, ...]]:
+    def declared_outcomes(self) -> dict[UUID, tuple[Outcome, ...]]:
         """Return the declared outcomes of leaves, by their behaviours' ids."""
         return {
-            each.behaviour: each.bound.spec.answers
+            each.behaviour: each.bound.spec.outcomes
             for each in self._in_order
             if each.wrapper is None
             and each.bound.spec.kind.is_leaf
-            and any(answer.label for answer in each.bound.spec.answers)
+            and any(outcome.label for outcome in each.bound.spec.outcomes)
         }
 
     def location(self, behaviour: UUID) -> str | None:

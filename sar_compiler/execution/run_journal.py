@@ -177,8 +177,8 @@ class RunJournal(RunExtension):
         if self.journal.aside is not None:
             logger.info(f"The previous journal is kept as {self.journal.aside}.")
         record_goals(self._node, self.journal)
-        answers = self._tree.origins.declared_outcomes()
-        self._engine.add_visitor(StatusWatch(self._tree.root, self.journal, answers, logger.warning))
+        outcomes = self._tree.origins.declared_outcomes()
+        self._engine.add_visitor(StatusWatch(self._tree.root, self.journal, outcomes, logger.warning))
         RobotObserver(self._node, self.journal)  # the node keeps it
 
     def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - a run that has not started leaves no file

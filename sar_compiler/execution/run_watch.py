@@ -26,8 +26,8 @@ from sar_compiler.missions.mission import CommandError, OperatorCommand
 from sar_compiler.ros.clock import mission_clock
 from sar_compiler.ros.engine import Engine, error_text, log_error
 from sar_compiler.ros.run_extension import RunExtension, UnfitLeavesError
-from sar_compiler.runtime.answers import DeclaredAnswers
 from sar_compiler.runtime.leaf_listener import listen_to_leaf
+from sar_compiler.runtime.outcomes import DeclaredOutcomes
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.display_text import escape_to_one_line
@@ -146,7 +146,7 @@ class PropertyWatch(RunExtension):
     def __init__(self, run: RunSetup) -> None:
         self._run, self._logger = run, run.node.get_logger()
         self._leaves: dict[int, Behaviour] = {}
-        self._answers: dict[int, DeclaredAnswers] = {}
+        self._declared: dict[int, DeclaredOutcomes] = {}
         self._remembered = 0
         self._added: Mapping[str, int] = {}
         self._began = 0.0
@@ -183,7 +183,7 @@ class PropertyWatch(RunExtension):
         for number, behaviour in enumerate(pre_order(tree.root)):
             if behaviour.id in declared and not behaviour.children:
                 self._leaves[number] = behaviour
-                self._answers[number] = DeclaredAnswers(declared[behaviour.id])
+                self._declared[number] = DeclaredOutcomes(declared[behaviour.id])
                 listen_to_leaf(behaviour, number, self)
         engine.add_post_tick_handler(self._end_tick)
 
@@ -229,8 +229,8 @@ class PropertyWatch(RunExtension):
         self._call_monitor(self._take_answer, number, status)
 
     def _take_answer(self, number: int, status: str) -> None:
-        said = getattr(self._leaves[number], "answer_label", "")
-        self._watch.on_status(number, status, self._answers[number].label(status, said))
+        said = getattr(self._leaves[number], "outcome_label", "")
+        self._watch.on_status(number, status, self._declared[number].label(status, said))
 
     def on_halt(self, number: int) -> None:
         """Handle the halt of a leaf."""

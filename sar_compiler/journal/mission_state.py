@@ -118,12 +118,12 @@ class WatchedProperty(NamedTuple):
     event: str = ""
 
 
-def answer_words(status: str, label: str | None) -> str:
+def outcome_words(status: str, label: str | None) -> str:
     """Return a status with its label: `FAILURE (aborted)`.
 
     Args:
         status: The status.
-        label: The label of the answer; empty if several are possible, None if the leaf declares none.
+        label: The label of the outcome; empty if several are possible, None if the leaf declares none.
     """
     if label is None or not status:
         return status
@@ -148,7 +148,7 @@ class NodeState:
         start: The start of the run, in seconds of the mission's clock.
         status: As in the entries; empty if it was never ticked. IDLE and HALTED: it is currently inactive.
         message: Its message; empty while it is inactive.
-        label: The label of a leaf's answer; empty if several are possible, None if it declares none.
+        label: The label of a leaf's outcome; empty if several are possible, None if it declares none.
         changed: The entry of its last change of status; None if it was never ticked.
         tick: The number of the tick of its last change.
     """
@@ -173,7 +173,7 @@ class NodeState:
     @property
     def status_text(self) -> str:
         """Its status with label and message, in words."""
-        return f"{answer_words(self.status, self.label)}{f', {self.message}' if self.message else ''}"
+        return f"{outcome_words(self.status, self.label)}{f', {self.message}' if self.message else ''}"
 
     @property
     def location(self) -> str:

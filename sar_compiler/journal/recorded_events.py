@@ -17,7 +17,7 @@ from sar_compiler.journal.journal_entries import (
 )
 from sar_compiler.journal.mission_state import RUNNING, tree_nodes
 from sar_compiler.journal.node_ends import NodeEnds
-from sar_compiler.runtime.events import ANSWERED, DECIDED, HALTED, RESET, STARTED, TICKED, Event, FactChanges
+from sar_compiler.runtime.events import DECIDED, HALTED, RESET, RETURNED, STARTED, TICKED, Event, FactChanges
 
 GONE = {"HALTED": HALTED, "IDLE": RESET}
 """The events of the statuses of a leaf that is no longer active."""
@@ -141,8 +141,8 @@ class _RecordedRun:
 
     def _add_events(self, leaf: int, status: str, label: str, *, is_unsure: bool) -> None:
         """Add the events of a leaf with a status."""
-        what = GONE.get(status, ANSWERED)
-        if what != ANSWERED:
+        what = GONE.get(status, RETURNED)
+        if what != RETURNED:
             status = label = ""
             self._running.discard(leaf)
         else:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from sar_compiler.journal.journal_entries import ASSUMPTION_FAILED, CHANGED, RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import NodeState
 from sar_compiler.journal.recorded_events import GONE, is_status
-from sar_compiler.runtime.events import ANSWERED, TICKED, Event
+from sar_compiler.runtime.events import RETURNED, TICKED, Event
 
 StatusAndLabel = tuple[str, str]
 """A status, and the label of a leaf's outcome; empty for none."""
@@ -170,11 +170,11 @@ class TickLog(TickSource):
         events = []
         for node, (status, label) in pairs:
             if not self._nodes[node].children:
-                what = GONE.get(status, ANSWERED)
+                what = GONE.get(status, RETURNED)
                 said = "" if label in (RESET_IN_TICK, UNSURE) else label
-                answer = (status, said) if what == ANSWERED else ("", "")
+                outcome = (status, said) if what == RETURNED else ("", "")
                 path = (self._nodes[node].name,)
-                event = Event(path, node, what, *answer, tick=number, time_sec=time_sec)
+                event = Event(path, node, what, *outcome, tick=number, time_sec=time_sec)
                 events.append(event._replace(is_unsure=True) if label == UNSURE else event)
         # In an imported run, another engine may have reset a node in the tick that ours resets later.
         left_out = (RESET_IN_TICK, UNSURE)

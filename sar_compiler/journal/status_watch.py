@@ -11,7 +11,7 @@ from py_trees.visitors import VisitorBase
 
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import STATUS
-from sar_compiler.runtime.answers import Answer, DeclaredAnswers
+from sar_compiler.runtime.outcomes import DeclaredOutcomes, Outcome
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
 
@@ -21,32 +21,32 @@ _STANDING = {Status.RUNNING.value, Status.SUCCESS.value, Status.FAILURE.value}
 class StatusWatch(VisitorBase):
     """Records every ticked node: kind `status`, with `node` (its number), `tick`, `status`, `message`.
 
-    A node has an entry when its status, message or answer differs from its last entry, or when it was not ticked in the
-    tick before. Nodes are numbered from 0 in pre-order, as in the journal's tree. A leaf with declared answers has the
-    `label` of its answer, which is empty if several are possible. HALTED is the status of a node that was stopped while
+    A node has an entry when its status, message or outcome differs from its last entry, or when it was not ticked in the
+    tick before. Nodes are numbered from 0 in pre-order, as in the journal's tree. A leaf with declared outcomes has the
+    `label` of its outcome, which is empty if several are possible. HALTED is the status of a node that was stopped while
     running. IDLE is that of one that had ended and was reset because an ancestor started over or was stopped; `last` is
     then the tick in which it was last ticked.
 
-    The journal asks it which leaf records an event. That leaf's next answer is written even if it is unchanged, so that
-    each event of a tick has the answer that led to it.
+    The journal asks it which leaf records an event. That leaf's next outcome is written even if it is unchanged, so that
+    each event of a tick has the outcome that led to it.
 
     Args:
         root: The tree.
         journal: The journal to write to.
-        answers: The declared answers of leaves, by the ids of their behaviours.
-        warn: Called once with the problem of an `answer_label`.
+        outcomes: The declared outcomes of leaves, by the ids of their behaviours.
+        warn: Called once with the problem of an `outcome_label`.
     """
 
     def __init__(
         self,
         root: Behaviour,
         journal: Journal,
-        answers: Mapping[UUID, Iterable[Answer]] | None = None,
+        outcomes: Mapping[UUID, Iterable[Outcome]] | None = None,
         warn: Callable[[str], object] = lambda _: None,
     ) -> None:
         super().__init__(full=False)
         self._journal = journal
-        self._answers = {id_: DeclaredAnswers(declared) for id_, declared in (answers or {}).items()}
+        self._declared = {id_: DeclaredOutcomes(declared) for id_, declared in (outcomes or {}).items()}
         self._warn, self._warned = warn, set[str]()
         self._behaviours = list(pre_order(root))
         self._numbers = {id(behaviour): number for number, behaviour in enumerate(self._behaviours)}
@@ -113,10 +113,10 @@ class StatusWatch(VisitorBase):
 
     def _label(self, behaviour: Behaviour, status: str) -> str | None:
         """Return the label of a leaf's outcome; empty if several are possible, None if it declares none."""
-        declared = self._answers.get(behaviour.id)
+        declared = self._declared.get(behaviour.id)
         if declared is None:
             return None
-        said = getattr(behaviour, "answer_label", "")
+        said = getattr(behaviour, "outcome_label", "")
         objection = declared.why_invalid(status, said)
         if objection and objection not in self._warned:
             self._warned.add(objection)

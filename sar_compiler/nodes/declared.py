@@ -36,7 +36,7 @@ from sar_compiler.nodes.values import (
     list_type,
     require_value_type,
 )
-from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.outcomes import Outcome
 
 _NAMED = {**PLAIN, **{each.name: each for each in (ANYTHING, MILLISECONDS, NO_VALUE, REAL_NUMBER, SECONDS)}}
 _FROM, _CHOICE, _LIST = "integer.from.", "one_of.", ".list"
@@ -77,9 +77,9 @@ def _as_data(spec: NodeSpec) -> dict[str, object]:
         raise TypeError("its semantics can contain functions")
     return {
         "class": spec.class_path,
-        "outcomes": sorted(spec.outcomes),
+        "statuses": sorted(spec.statuses),
         "uses": [_changed_fields(each) for each in spec.uses],
-        "answers": [_changed_fields(each) for each in spec.answers],
+        "outcomes": [_changed_fields(each) for each in spec.outcomes],
         "parameters": [
             {**_changed_fields(each), "value_type": _type_as_data(each.value_type)}
             for each in spec.parameters.values()
@@ -142,10 +142,10 @@ def _spec(data: Mapping[str, Any]) -> NodeSpec:
         data["tag"],
         data["class"],
         Kind(data["kind"]),
-        frozenset(data["outcomes"]),
+        frozenset(data["statuses"]),
         data.get("effects", ""),
         tuple(Use(**each) for each in data["uses"]),
-        tuple(_make_answer(**each) for each in data["answers"]),
+        tuple(_make_outcome(**each) for each in data["outcomes"]),
         data.get("facts", {}),
         tuple(data.get("reads", ())),
         tuple(data.get("writes", ())),
@@ -154,11 +154,11 @@ def _spec(data: Mapping[str, Any]) -> NodeSpec:
     )
 
 
-def _make_answer(**said: Any) -> Answer:
+def _make_outcome(**said: Any) -> Outcome:
     given: dict[str, Any] = {
         name: tuple(each) if isinstance(each, list) else each for name, each in said.items()
     }
-    return Answer(**given)
+    return Outcome(**given)
 
 
 def _parameters(data: Iterable[Mapping[str, Any]]) -> dict[str, Parameter]:

@@ -21,7 +21,7 @@ from typing import Any
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, ParameterRole, Rule, Signature, Use
 from sar_compiler.nodes.values import ANYTHING, ValueType, port_type_of, require_value_type
-from sar_compiler.runtime.answers import Answer, Fact
+from sar_compiler.runtime.outcomes import Fact, Outcome
 
 NAME = Parameter(
     "name", ParameterRole.NAME, required=False, value_type=require_value_type(str), doc="The node's name."
@@ -30,7 +30,7 @@ NAME = Parameter(
 CHILDREN = Parameter("children", ParameterRole.CHILDREN, required=True)
 CHILD = Parameter("child", ParameterRole.CHILD, required=True)
 """The parameters for the children of controls and the child of decorators."""
-_OUTCOMES = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
+_STATUSES = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
 _STRUCTURE = {Kind.CONTROL: [CHILDREN], Kind.DECORATOR: [CHILD]}
 
 
@@ -73,14 +73,14 @@ def node_spec(
         **more: Further fields of the spec; by default it has all outcomes but SKIPPED.
     """
     signed = signature(kind, doc, *parameters, fixed=fixed, factory=factory)
-    return NodeSpec(tag, path, kind, signature=signed, **{"outcomes": _OUTCOMES, **more})
+    return NodeSpec(tag, path, kind, signature=signed, **{"statuses": _STATUSES, **more})
 
 
 def leaf_spec(  # noqa: PLR0913 - the declarations of a leaf
     path: str,
     doc: str,
     *parameters: Parameter,
-    answers: tuple[Answer, ...],
+    outcomes: tuple[Outcome, ...],
     kind: Kind = Kind.ACTION,
     effects: str = "",
     uses: tuple[Use, ...] = (),
@@ -96,7 +96,7 @@ def leaf_spec(  # noqa: PLR0913 - the declarations of a leaf
         path: The import path of the class (`module:name`).
         doc: The leaf's description, in a sentence or two.
         *parameters: The parameters of the constructor except for the name, in their order.
-        answers: Its outcomes in a run without a robot.
+        outcomes: Its outcomes in a run without a robot.
         kind: An action or a condition.
         effects: Its effect on the world, in a few words.
         uses: The resources that it needs outside the tree.
@@ -110,10 +110,10 @@ def leaf_spec(  # noqa: PLR0913 - the declarations of a leaf
         path.rpartition(":")[2],
         path,
         kind,
-        frozenset(answer.status for answer in answers),
+        frozenset(outcome.status for outcome in outcomes),
         effects,
         uses,
-        answers,
+        outcomes,
         facts or {},
         reads,
         writes,

@@ -15,10 +15,10 @@ from functools import partial, reduce
 from operator import and_, or_
 from typing import TYPE_CHECKING, TypeAlias
 
-from sar_compiler.runtime.answers import Outcome
 from sar_compiler.runtime.constant_conditions import constant_truth
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.operators import equal_texts
+from sar_compiler.runtime.outcomes import ReturnedStatus
 
 if TYPE_CHECKING:
     from py_trees.common import Status
@@ -30,7 +30,7 @@ S, F, R, K = 1, 2, 4, 8
 ALL = S | F | R | K
 BITS = {"SUCCESS": S, "FAILURE": F, "RUNNING": R, "SKIPPED": K}
 WORD_OF = {bit: word for word, bit in BITS.items()}
-ANSWERS = (S, F, R, K)
+RESULTS = (S, F, R, K)
 ALLOWED, SURE = False, True
 """The results to collect: all that a tick may have, or only those that certainly occur in some run."""
 
@@ -47,9 +47,9 @@ def bit_of(status: "Status | int") -> int:
     return status if isinstance(status, int) else BITS.get(status.name, K)
 
 
-def bits(answers: Iterable[str]) -> int:
+def bits(outcomes: Iterable[str]) -> int:
     """Return the set of the results with some letters."""
-    return union(BITS[answer] for answer in answers)
+    return union(BITS[outcome] for outcome in outcomes)
 
 
 def union(sets: Iterable[int]) -> int:
@@ -191,9 +191,9 @@ def _count_all(children: Sequence[int], at_once: Decision, at_the_end: Decision)
     for child in children:
         following = set()
         for succeeded, failed, skipped in counts:
-            for answer in ANSWERS:
-                if child & answer:
-                    now = (succeeded + (answer == S), failed + (answer == F), skipped + (answer == K))
+            for outcome in RESULTS:
+                if child & outcome:
+                    now = (succeeded + (outcome == S), failed + (outcome == F), skipped + (outcome == K))
                     decision = at_once(*now)
                     found |= decision
                     if not decision:
@@ -235,11 +235,11 @@ def passing_results(_bound: "NodeView", children: Sequence[int], _sure: bool) ->
 
 def mapping_results(turns: dict[int, int]) -> Possible:
     """Return the function of a decorator that replaces some results of its child."""
-    return partial(_mapped_results, tuple(turns.get(each, each) for each in ANSWERS))
+    return partial(_mapped_results, tuple(turns.get(each, each) for each in RESULTS))
 
 
 def _mapped_results(turned: tuple[int, ...], bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    turns = dict(zip(ANSWERS, turned, strict=True))
+    turns = dict(zip(RESULTS, turned, strict=True))
     child = _sure_if_interrupted(bound, children[0]) if sure and turns[R] != R else children[0]
     return union(new for old, new in turns.items() if child & old)
 
@@ -351,7 +351,7 @@ def _attribute_results(bound: "NodeView", attribute: str, default: int, sure: bo
     if attribute not in bound.element.attributes:
         return default
     outcome = bound.values.get(attribute)
-    return BITS[outcome.name] if isinstance(outcome, Outcome) else 0 if sure else ALL
+    return BITS[outcome.name] if isinstance(outcome, ReturnedStatus) else 0 if sure else ALL
 
 
 def constant_condition(condition: object) -> bool | None:

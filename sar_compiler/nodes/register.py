@@ -7,11 +7,11 @@ from typing import Any, NoReturn, TypeVar
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.nodes.answers import is_fact_name
 from sar_compiler.nodes.outcome_sets import ALL
+from sar_compiler.nodes.outcomes import is_fact_name
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.spec import CHILD_COUNTS, MARK, Kind, NodeSpec, RegistrationError, Use
-from sar_compiler.runtime.answers import STATUSES, Answer, Fact
+from sar_compiler.runtime.outcomes import STATUSES, Fact, Outcome
 
 C = TypeVar("C", bound=type[Any])
 
@@ -23,10 +23,9 @@ def register(  # noqa: PLR0913 - the declarations of a node
     tag: str,
     *,
     kind: Kind | None = None,
-    outcomes: Iterable[Status] = (),
+    outcomes: Iterable[Status | Outcome] = (),
     effects: str = "",
     uses: Iterable[Use] = (),
-    answers: Iterable[Answer] = (),
     facts: Mapping[str, Fact] | None = None,
     reads: Iterable[str] = (),
     writes: Iterable[str] = (),
@@ -41,11 +40,10 @@ def register(  # noqa: PLR0913 - the declarations of a node
     Args:
         tag: The tag in a tree file.
         kind: The kind of node.
-        outcomes: The statuses that a tick can return, `runtime.skipping.SKIPPED` among them; by default those of *answers*.
+        outcomes: What a tick can return: statuses, `runtime.skipping.SKIPPED` among them, or for a leaf labelled outcomes,
+            the most common one first. A leaf without them may return any status but SKIPPED.
         effects: Its effect on the world, in a few words ("drives the robot"); empty if it has none.
         uses: The actions, services and topics that it needs before the first tick.
-        answers: For a leaf: its possible outcomes in a simulation, the most common one first; by default one for
-            each outcome.
         facts: The facts that the scripts of these outcomes use, with their initial values.
         reads: Further facts or blackboard keys that its behaviour depends on.
         writes: Further facts or blackboard keys that it changes.
@@ -68,10 +66,8 @@ def register(  # noqa: PLR0913 - the declarations of a node
     """
     _require_tag(tag)
     kind = _required_kind(tag, kind)
-    names = _status_names(tag, outcomes)
+    statuses, labelled = _outcomes(tag, outcomes)
     needs = _uses(tag, uses)
-    said = _check_answers(tag, answers, names)
-    names = names or frozenset(answer.status for answer in said)
     known = _facts(tag, facts or {})
     read, written = _members(tag, "reads", reads, '["..."]'), _members(tag, "writes", writes, '["..."]')
 
@@ -82,7 +78,18 @@ def register(  # noqa: PLR0913 - the declarations of a node
         _require_behaviour(tag, cls)
         means = _guard_functions(tag, cls, semantics or Semantics())
         spec = NodeSpec(
-            tag, cls, kind, names, effects, needs, said, known, read, written, means, child_count=numbers
+            tag,
+            cls,
+            kind,
+            statuses,
+            effects,
+            needs,
+            labelled,
+            known,
+            read,
+            written,
+            means,
+            child_count=numbers,
         )
         setattr(cls, MARK, spec)
         return cls
@@ -182,15 +189,31 @@ def _require_behaviour(tag: str, cls: object) -> None:
         )
 
 
-def _status_names(tag: str, outcomes: object) -> frozenset[str]:
-    statuses = _members(tag, "outcomes", outcomes, "{Status.SUCCESS}")
-    for outcome in statuses:
-        if not isinstance(outcome, Status):
-            is_name = outcome in Status.__members__
-            meant = outcome if is_name else "SUCCESS, Status.FAILURE or Status.RUNNING"
-            _refuse(f"<{tag}>: outcomes contains", outcome, f"; write Status.{meant}")
-    # INVALID is `runtime.skipping.SKIPPED`.
-    return frozenset("SKIPPED" if each is Status.INVALID else each.name for each in statuses)
+def _outcomes(tag: str, outcomes: object) -> tuple[frozenset[str], tuple[Outcome, ...]]:
+    """Return the statuses, and all outcomes if one of them has more than a status."""
+    given = _members(tag, "outcomes", outcomes, "{Status.SUCCESS}")
+    possible = tuple(_outcome(tag, each) for each in given)
+    twice = [each.name for index, each in enumerate(possible) if each in possible[:index]]
+    if twice:
+        raise RegistrationError(f"<{tag}>: outcomes contains '{twice[0]}' twice")
+    is_labelled = any(isinstance(each, Outcome) for each in given)
+    return frozenset(each.status for each in possible), possible if is_labelled else ()
+
+
+def _outcome(tag: str, outcome: object) -> Outcome:
+    if isinstance(outcome, Status):
+        # INVALID is `runtime.skipping.SKIPPED`.
+        return Outcome("SKIPPED" if outcome is Status.INVALID else outcome.name)
+    if not isinstance(outcome, Outcome):
+        is_name = isinstance(outcome, str) and outcome in Status.__members__
+        meant = outcome if is_name else "SUCCESS, Status.FAILURE or Status.RUNNING"
+        _refuse(
+            f"<{tag}>: outcomes contains", outcome, f'; write Status.{meant}, or Outcome("SUCCESS", "label")'
+        )
+    if outcome.status not in STATUSES:
+        advice = f"; a status is one of {', '.join(STATUSES)}"
+        _refuse(f"<{tag}>: outcomes contains an outcome with the status", outcome.status, advice)
+    return outcome
 
 
 def _uses(tag: str, uses: object) -> tuple[Use, ...]:
@@ -202,21 +225,6 @@ def _uses(tag: str, uses: object) -> tuple[Use, ...]:
             )
             _refuse(f"<{tag}>: uses contains", use, advice)
     return needs
-
-
-def _check_answers(tag: str, answers: object, outcomes: frozenset[str]) -> tuple[Answer, ...]:
-    said = _members(tag, "answers", answers, '[Answer("SUCCESS")]')
-    possible = sorted(outcomes) or STATUSES
-    for answer in said:
-        if not isinstance(answer, Answer):
-            _refuse(f"<{tag}>: answers contains", answer, '; write Answer("SUCCESS", "what it means")')
-        if answer.status not in possible:
-            advice = f"; the outcomes of this leaf are {', '.join(possible)}"
-            _refuse(f"<{tag}>: answers contains an outcome with the status", answer.status, advice)
-    twice = [answer.name for index, answer in enumerate(said) if answer in said[:index]]
-    if twice:
-        raise RegistrationError(f"<{tag}>: answers contains '{twice[0]}' twice")
-    return said
 
 
 def _facts(tag: str, facts: object) -> Mapping[str, Fact]:

@@ -23,7 +23,7 @@ from sar_compiler.nodes.ros_interfaces import (
 from sar_compiler.nodes.semantics import AccessKind, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Use
 from sar_compiler.nodes.values import Seconds
-from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.tree.diagnostic import Advice, Severity, Span
 from sar_compiler.tree.model import Element
 
@@ -127,11 +127,11 @@ _SPECS = (
         _SCOPE,
         uses=(Use.service("{service}"),),
         effects="calls a service",
-        answers=(
-            Answer("SUCCESS", "answered", writes=_RESULT),
-            Answer("FAILURE", "refused", writes=_RESULT),
-            Answer("FAILURE", "no answer", writes=_NEVER),
-            Answer("RUNNING", "calling", writes=_NEVER),
+        outcomes=(
+            Outcome("SUCCESS", "answered", writes=_RESULT),
+            Outcome("FAILURE", "refused", writes=_RESULT),
+            Outcome("FAILURE", "no answer", writes=_NEVER),
+            Outcome("RUNNING", "calling", writes=_NEVER),
         ),
         semantics=Semantics(keys={"fields": _WRITES}),
         rule=_check("srv", request="Request", success="Response", field="Response", fields="Response"),
@@ -153,11 +153,11 @@ _SPECS = (
         _SCOPE,
         uses=(Use.action("{action}"),),
         effects="executes a goal",
-        answers=(
-            Answer("SUCCESS", "succeeded", writes=_RESULT),
-            Answer("FAILURE", "aborted", writes=_RESULT),
-            Answer("FAILURE", "no result", writes=_NEVER),
-            Answer("RUNNING", "under way", writes=("feedback",)),
+        outcomes=(
+            Outcome("SUCCESS", "succeeded", writes=_RESULT),
+            Outcome("FAILURE", "aborted", writes=_RESULT),
+            Outcome("FAILURE", "no result", writes=_NEVER),
+            Outcome("RUNNING", "under way", writes=("feedback",)),
         ),
         semantics=Semantics(keys={"fields": _WRITES, "feedback": _WRITES}),
         rule=_check("action", goal="Goal", field="Result", fields="Result", feedback="Feedback"),
@@ -190,10 +190,10 @@ _SPECS = (
         ),
         _SCOPE,
         uses=(Use.topic("{topic}"),),
-        answers=(
-            Answer("SUCCESS", "there", writes=_RESULT),
-            Answer("FAILURE", "missing", writes=_NEVER),
-            Answer("RUNNING", "waiting", writes=_NEVER),
+        outcomes=(
+            Outcome("SUCCESS", "there", writes=_RESULT),
+            Outcome("FAILURE", "missing", writes=_NEVER),
+            Outcome("RUNNING", "waiting", writes=_NEVER),
         ),
         kind=Kind.ACTION,
         semantics=Semantics(keys={"fields": _WRITES}),
@@ -220,10 +220,10 @@ _SPECS = (
         attribute("timeout_sec", Seconds, "Time to wait for a subscriber, in seconds; then FAILURE.", 5.0),
         _SCOPE,
         effects="publishes a message",
-        answers=(
-            Answer("SUCCESS", "published"),
-            Answer("FAILURE", "no subscriber"),
-            Answer("RUNNING", "waiting"),
+        outcomes=(
+            Outcome("SUCCESS", "published"),
+            Outcome("FAILURE", "no subscriber"),
+            Outcome("RUNNING", "waiting"),
         ),
         rule=_check("msg", message=""),
     ),
@@ -240,10 +240,10 @@ _SPECS = (
         output_port("yaw", float, "The key for the rotation about z, in rad.", None),
         *(output_port(f"q{part}", float, f"The key for the quaternion's {part}.", None) for part in "xyzw"),
         uses=(Use.transforms(),),
-        answers=(
-            Answer("SUCCESS", "known", writes=("x", "y", "z", "yaw", "qx", "qy", "qz", "qw")),
-            Answer("FAILURE", "unknown", writes=_NEVER),
-            Answer("RUNNING", "waiting", writes=_NEVER),
+        outcomes=(
+            Outcome("SUCCESS", "known", writes=("x", "y", "z", "yaw", "qx", "qy", "qz", "qw")),
+            Outcome("FAILURE", "unknown", writes=_NEVER),
+            Outcome("RUNNING", "waiting", writes=_NEVER),
         ),
         kind=Kind.ACTION,
     ),

@@ -11,7 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.nodes import outcome_sets
-from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, Number, Possible, R, S
+from sar_compiler.nodes.outcome_sets import ALLOWED, RESULTS, F, Number, Possible, R, S
 
 if TYPE_CHECKING:
     from py_trees.common import Status
@@ -39,11 +39,11 @@ class Gate(NamedTuple):
 
     Attributes:
         children: The indices of the children; at least one of them must have had such a result.
-        answers: The results, an outcome set.
+        outcomes: The results, an outcome set.
     """
 
     children: tuple[int, ...]
-    answers: int
+    outcomes: int
 
 
 class AccessKind(Enum):
@@ -242,7 +242,7 @@ class Semantics(NamedTuple):
         """Return the results of its only child after which it can end, as an outcome set."""
         if self.possible is None:
             return outcome_sets.ALL
-        ends = (answer for answer in ANSWERS if self.possible(bound, [answer], ALLOWED) & ~R)
+        ends = (outcome for outcome in RESULTS if self.possible(bound, [outcome], ALLOWED) & ~R)
         return outcome_sets.union(ends)
 
 

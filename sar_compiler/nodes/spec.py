@@ -12,7 +12,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.answers import SELF, answers_of, find_script_error, placeholders
+from sar_compiler.nodes.outcomes import SELF, find_script_error, outcomes_of, placeholders
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.values import (
     ANYTHING,
@@ -24,9 +24,9 @@ from sar_compiler.nodes.values import (
     strip_none,
     value_type_of,
 )
-from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.context import is_mission_context
 from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.outcomes import Fact, Outcome
 from sar_compiler.runtime.ports import InOut, Input, Output
 from sar_compiler.tree.diagnostic import Severity
 
@@ -330,10 +330,10 @@ class NodeSpec:
         class_or_path: The class that the compiler instantiates, or its import path (`module:name`), or that of a node of the
             kernel; None if only a model describes the node.
         kind: The kind of node.
-        outcomes: The names of the statuses that a tick can return.
+        statuses: The names of the statuses that a tick can return.
         effects: Its effect on the world, in a few words; empty if it has none.
         uses: The resources that it needs outside the tree.
-        answers: For a leaf: its possible outcomes in a simulation; by default one for each status. For another node with a
+        outcomes: For a leaf: its possible outcomes in a simulation; by default one for each status. For another node with a
             stand-in: the outcomes of the world that the node queries.
         facts: The facts that these outcomes use, with their initial values.
         reads: Further facts or blackboard keys that its behaviour depends on.
@@ -355,10 +355,10 @@ class NodeSpec:
     tag: str
     class_or_path: type[Any] | str | None
     kind: Kind
-    outcomes: frozenset[str] = frozenset()
+    statuses: frozenset[str] = frozenset()
     effects: str = ""
     uses: tuple[Use, ...] = ()
-    answers: tuple[Answer, ...] = ()
+    outcomes: tuple[Outcome, ...] = ()
     facts: Mapping[str, Fact] = field(default_factory=dict)
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
@@ -375,8 +375,8 @@ class NodeSpec:
     def __post_init__(self) -> None:
         if self.child_count[0] < 0:
             object.__setattr__(self, "child_count", CHILD_COUNTS[self.kind])
-        if self.kind.is_leaf and not self.answers:
-            object.__setattr__(self, "answers", answers_of(self.outcomes))
+        if self.kind.is_leaf and not self.outcomes:
+            object.__setattr__(self, "outcomes", outcomes_of(self.statuses))
 
     @functools.cached_property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -503,7 +503,7 @@ class NodeSpec:
     @property
     def has_world_leaf(self) -> bool:
         """Whether a leaf represents the world around it in runs without a robot."""
-        return not self.kind.is_leaf and bool(self.answers)
+        return not self.kind.is_leaf and bool(self.outcomes)
 
     @functools.cached_property
     def implied_values(self) -> Mapping[str, object]:
@@ -577,7 +577,7 @@ class NodeSpec:
         Any leaf of BehaviorTree.CPP can return SKIPPED, but hardly any does (a precondition skips a node, not its own
         tick). So a leaf that is only described is not assumed to, unless its declaration says so.
         """
-        leaf = self.kind.is_leaf and not self.is_only_described and "SKIPPED" in self.outcomes
+        leaf = self.kind.is_leaf and not self.is_only_described and "SKIPPED" in self.statuses
         return self.skipping.possible is SkipPossibility.ALWAYS or leaf
 
     @functools.cached_property
@@ -680,13 +680,13 @@ def _require_valid_outcomes(spec: NodeSpec, parameters: Mapping[str, Parameter])
     numbers = [p.name for p in parameters.values() if p.is_integer_parameter]
     for fact in spec.facts:
         _require_known_placeholders(spec, fact, known)
-    for answer in spec.answers:
-        for text in (answer.when, answer.then):
+    for outcome in spec.outcomes:
+        for text in (outcome.when, outcome.then):
             _require_known_placeholders(spec, text, [*known, *numbers])
-        mistake = find_script_error(answer, known, numbers)
+        mistake = find_script_error(outcome, known, numbers)
         if mistake is not None:
             part, text, error = mistake
-            raise RegistrationError(f"<{spec.tag}>: answer '{answer.name}': {part} '{text}': {error}")
+            raise RegistrationError(f"<{spec.tag}>: outcome '{outcome.name}': {part} '{text}': {error}")
 
 
 def _require_known_placeholders(spec: NodeSpec, text: str, known: Sequence[str]) -> None:

@@ -14,7 +14,7 @@ from sar_compiler.analysis.sweep import Interval, wilson
 from sar_compiler.analysis.sweep_table import quantile, table_text
 from sar_compiler.journal.journal_entries import STATUS, JournalEntry
 from sar_compiler.journal.recorded_events import recorded_events
-from sar_compiler.runtime.events import ANSWERED, DECIDED, HALTED, STARTED, Event
+from sar_compiler.runtime.events import DECIDED, HALTED, RETURNED, STARTED, Event
 from sar_compiler.tree.display_text import escape_to_one_line
 from sar_compiler.tree.plain import as_json, count_with_noun
 
@@ -26,7 +26,7 @@ _USUAL = "SUCCESS", "FAILURE"
 
 
 @dataclass
-class AnswerTimes:
+class OutcomeTimes:
     """A result that ended an activation of a leaf.
 
     Attributes:
@@ -51,15 +51,15 @@ class LeafStatistics:
 
     Attributes:
         path: The names of the nodes around it, from the root down, and its own.
-        answers: The results that ended an activation, by status and label.
+        outcomes: The results that ended an activation, by status and label.
         retries: The number of results that followed a failure of the leaf in the same run.
         halted: The number of times it was stopped while running.
         has_run: Whether it was running at the end of a tick.
-        is_declared: Whether it has declared its possible answers.
+        is_declared: Whether it has declared its possible outcomes.
     """
 
     path: tuple[str, ...]
-    answers: dict[tuple[str, str], AnswerTimes] = field(default_factory=dict)
+    outcomes: dict[tuple[str, str], OutcomeTimes] = field(default_factory=dict)
     retries: int = 0
     halted: int = 0
     has_run: bool = False
@@ -73,11 +73,11 @@ class LeafStatistics:
     @property
     def result_count(self) -> int:
         """The number of its results."""
-        return sum(len(each.times) for each in self.answers.values())
+        return sum(len(each.times) for each in self.outcomes.values())
 
-    def interval(self, answer: AnswerTimes, confidence: float) -> Interval:
+    def interval(self, outcome: OutcomeTimes, confidence: float) -> Interval:
         """Return Wilson's interval of the share of a result."""
-        return wilson(len(answer.times), self.result_count, confidence)
+        return wilson(len(outcome.times), self.result_count, confidence)
 
 
 @dataclass
@@ -92,7 +92,7 @@ class RunStatistics:
 
     runs: int = 0
     leaves: dict[tuple[str, ...], LeafStatistics] = field(default_factory=dict)
-    decisions: dict[tuple[tuple[str, ...], str, str], AnswerTimes] = field(default_factory=dict)
+    decisions: dict[tuple[tuple[str, ...], str, str], OutcomeTimes] = field(default_factory=dict)
 
     def add(self, stream: Iterable[JournalEntry]) -> None:
         """Add the runs of a journal.
@@ -108,7 +108,7 @@ class RunStatistics:
             for event in recorded_events(_record_labels(entries, declared)):
                 if event.what == DECIDED:
                     self._add_decision(event)
-                elif event.what in (STARTED, ANSWERED, HALTED):
+                elif event.what in (STARTED, RETURNED, HALTED):
                     leaf = numbers.get(event.number)
                     if leaf is None:
                         leaf = self.leaves.setdefault(event.path, LeafStatistics(event.path))
@@ -118,7 +118,7 @@ class RunStatistics:
                 leaf.is_declared |= number in declared
 
     def _add_decision(self, event: Event) -> None:
-        made = AnswerTimes(event.status, event.label)
+        made = OutcomeTimes(event.status, event.label)
         self.decisions.setdefault((event.path, event.status, event.label), made).times.append(event.ran_sec)
 
 
@@ -147,10 +147,10 @@ class _ActiveLeaves:
         elif event.status == "RUNNING":
             leaf.has_run = True
         elif event.status != "SKIPPED":
-            answer = event.status, event.label
-            known = leaf.answers.get(answer)
+            outcome = event.status, event.label
+            known = leaf.outcomes.get(outcome)
             if known is None:
-                known = leaf.answers[answer] = AnswerTimes(*answer)
+                known = leaf.outcomes[outcome] = OutcomeTimes(*outcome)
             known.times.append(max(0.0, now - self._begun.pop(number, now)))
             leaf.retries += number in self._failed
             (self._failed.add if event.status == "FAILURE" else self._failed.discard)(number)
@@ -160,9 +160,9 @@ def statistics_as_text(found: RunStatistics, confidence: float) -> str:
     """Return a line for each outcome of each leaf, with its share in percent."""
     interval = f"{100 * confidence:g} % interval"
     lines = [
-        _line(leaf, answer, interval, confidence, is_first=not place)
+        _line(leaf, outcome, interval, confidence, is_first=not place)
         for leaf in found.leaves.values()
-        for place, answer in enumerate(leaf.answers.values() or [None])
+        for place, outcome in enumerate(leaf.outcomes.values() or [None])
     ]
     said = (
         f"{count_with_noun(found.runs, 'run')}. Shares refer to results that ended an activation of a leaf, with "
@@ -184,12 +184,12 @@ def statistics_as_text(found: RunStatistics, confidence: float) -> str:
 
 
 def _line(
-    leaf: LeafStatistics, answer: AnswerTimes | None, interval: str, confidence: float, *, is_first: bool
+    leaf: LeafStatistics, outcome: OutcomeTimes | None, interval: str, confidence: float, *, is_first: bool
 ) -> Mapping[str, str]:
-    line = {"leaf": leaf.key if is_first else "", "answer": answer.name if answer else ""}
-    if answer is not None:
-        low, high = leaf.interval(answer, confidence)
-        times = sorted(answer.times)
+    line = {"leaf": leaf.key if is_first else "", "outcome": outcome.name if outcome else ""}
+    if outcome is not None:
+        low, high = leaf.interval(outcome, confidence)
+        times = sorted(outcome.times)
         line |= {
             "count": str(len(times)),
             "share": f"{100 * len(times) / leaf.result_count:.1f} %",
@@ -208,7 +208,7 @@ def statistics_as_json(found: RunStatistics, confidence: float) -> str:
             "count": leaf.result_count,
             "retries": leaf.retries,
             "stopped": leaf.halted,
-            "answers": [_answer_data(leaf, answer, confidence) for answer in leaf.answers.values()],
+            "outcomes": [_outcome_data(leaf, outcome, confidence) for outcome in leaf.outcomes.values()],
         }
         for leaf in found.leaves.values()
     ]
@@ -226,24 +226,24 @@ def statistics_as_json(found: RunStatistics, confidence: float) -> str:
     return as_json({**about, "leaves": leaves, "decisions": decisions})
 
 
-def _answer_data(leaf: LeafStatistics, answer: AnswerTimes, confidence: float) -> Mapping[str, Any]:
+def _outcome_data(leaf: LeafStatistics, outcome: OutcomeTimes, confidence: float) -> Mapping[str, Any]:
     return {
-        "status": answer.status,
-        "label": answer.label,
-        "count": len(answer.times),
-        "share": len(answer.times) / leaf.result_count,
-        "interval": list(leaf.interval(answer, confidence)),
-        "time": _times_data(answer),
+        "status": outcome.status,
+        "label": outcome.label,
+        "count": len(outcome.times),
+        "share": len(outcome.times) / leaf.result_count,
+        "interval": list(leaf.interval(outcome, confidence)),
+        "time": _times_data(outcome),
     }
 
 
-def _times_data(answer: AnswerTimes) -> Mapping[str, float]:
-    times = sorted(answer.times)
+def _times_data(outcome: OutcomeTimes) -> Mapping[str, float]:
+    times = sorted(outcome.times)
     return {name: quantile(times, part) for name, part in (("p5", 0.05), ("median", 0.5), ("p95", 0.95))}
 
 
 def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
-    """Return the section `answers:` for a properties file or a scenario, with `p` and `sec`.
+    """Return the section `outcomes:` for a properties file or a scenario, with `p` and `sec`.
 
     A leaf with few results, or none, is only named, in a comment.
     """
@@ -256,10 +256,10 @@ def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
             for leaf in found.leaves.values()
             if leaf not in known
         ),
-        "answers:" if known else "answers: {}",
+        "outcomes:" if known else "outcomes: {}",
     ]
     for leaf in known:
-        lines.append(f"  {as_json(leaf.key)}:  # {leaf.result_count} answers")
+        lines.append(f"  {as_json(leaf.key)}:  # {leaf.result_count} outcomes")
         lines += [f"  - {as_json(item, indent=None)}" for item in _outcome_assumptions(leaf, confidence)]
     return "\n".join(map(escape_to_one_line, lines))
 
@@ -267,16 +267,16 @@ def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
 def _outcome_assumptions(leaf: LeafStatistics, confidence: float) -> Sequence[object]:
     """Return the outcomes of a leaf with their probabilities and times."""
     said: list[object] = []
-    answers = [*leaf.answers.values()]
+    outcomes = [*leaf.outcomes.values()]
     if not leaf.is_declared:
-        # These are all its possible answers.
-        seen = {answer.status for answer in answers}
-        answers += [AnswerTimes(status, "") for status in _USUAL if status not in seen]
-    for answer in answers:
-        low, high = leaf.interval(answer, confidence)
-        item: dict[str, object] = {"answer" if leaf.is_declared else "status": answer.name}
+        # These are all its possible outcomes.
+        seen = {outcome.status for outcome in outcomes}
+        outcomes += [OutcomeTimes(status, "") for status in _USUAL if status not in seen]
+    for outcome in outcomes:
+        low, high = leaf.interval(outcome, confidence)
+        item: dict[str, object] = {"outcome" if leaf.is_declared else "status": outcome.name}
         item["p"] = [round(low, 4), round(high, 4)]
-        times = sorted(answer.times)
+        times = sorted(outcome.times)
         if leaf.has_run and times and times[-1]:
             item["sec"] = [round(quantile(times, part), 3) for part in (0.05, 0.95)]
         said.append(item)

@@ -22,7 +22,7 @@ from sar_compiler.journal.mission_state import (
     SUCCESS,
     MissionState,
     NodeState,
-    answer_words,
+    outcome_words,
 )
 from sar_compiler.journal.node_ends import OTHER_END, NodeEnds
 from sar_compiler.journal.recorded_events import is_status
@@ -52,7 +52,7 @@ class NodeStatus(NamedTuple):
         place: `file:line`; empty if unknown.
         depth: Its depth below the first node of its chain.
         status: The status.
-        label: The label of a leaf's answer; empty if several are possible, None if it declares none.
+        label: The label of a leaf's outcome; empty if several are possible, None if it declares none.
         message: Its message.
         since: The start of that status.
     """
@@ -94,7 +94,7 @@ class CauseOfFailure(NamedTuple):
 
     Attributes:
         chain: The nodes from the root down to the results, parents first; empty if the root has not failed.
-        answers: The results that caused it, the likeliest cause first.
+        causes: The results that caused it, the likeliest cause first.
         before: The earlier failures, by time.
         outcome: The result of the mission, in a word: the word of its condition.
         reason: The reason of that.
@@ -104,7 +104,7 @@ class CauseOfFailure(NamedTuple):
     """
 
     chain: tuple[NodeStatus, ...]
-    answers: tuple[NodeStatus, ...]
+    causes: tuple[NodeStatus, ...]
     before: tuple[FormerFailure, ...]
     outcome: str
     reason: str
@@ -120,7 +120,7 @@ class CauseOfFailure(NamedTuple):
     @property
     def likeliest(self) -> NodeStatus | None:
         """The likeliest cause; None if nothing has failed."""
-        return self.answers[0] if self.answers else None
+        return self.causes[0] if self.causes else None
 
 
 class FailureAnalysis:
@@ -214,37 +214,37 @@ class FailureAnalysis:
         explained = self._explained
         chain = explained.chain
         history = self._history_then if chain else self._history
-        answers = sorted(explained.answers, key=lambda answer: self._add_cause(answer, history))
-        blamed = {answer.node for answer in answers}
+        causes = sorted(explained.causes, key=lambda cause: self._add_cause(cause, history))
+        blamed = {cause.node for cause in causes}
         before = [each for each in history.earlier_failures() if each.first.node not in blamed]
         now = condition(self.state)
-        is_meant_so = bool(answers) and answers[0].node in explained.triggers
-        if now.word != COMPLETE and not is_meant_so and all(map(self._only_reports, answers)):
+        is_meant_so = bool(causes) and causes[0].node in explained.triggers
+        if now.word != COMPLETE and not is_meant_so and all(map(self._only_reports, causes)):
             former = [each for each in before if self._may_be_cause(each, only_cost=bool(chain))]
             former.sort(key=self._order)
-            answers = [*(each.first for each in former), *answers]
+            causes = [*(each.first for each in former), *causes]
         if now.word != COMPLETE:
-            answers = self._with_end(answers, has_failed=bool(chain) and not explained.went_on)
+            causes = self._with_end(causes, has_failed=bool(chain) and not explained.went_on)
         since = chain[0].since if chain else None
         said = now.text(self.state.now.time)
         return CauseOfFailure(
-            chain, tuple(answers), tuple(before), now.word, now.reason, said, since, explained.went_on
+            chain, tuple(causes), tuple(before), now.word, now.reason, said, since, explained.went_on
         )
 
-    def _only_reports(self, answer: NodeStatus) -> bool:
+    def _only_reports(self, cause: NodeStatus) -> bool:
         """Return whether a result only reports a state: a condition's, or a fixed one after another branch failed."""
-        return answer.node in self._kinds.conditions or (
-            answer.node in self._kinds.constant and answer.node in self._explained.second_ways
+        return cause.node in self._kinds.conditions or (
+            cause.node in self._kinds.constant and cause.node in self._explained.second_ways
         )
 
-    def _add_cause(self, answer: NodeStatus, history: "_History") -> tuple[object, ...]:
+    def _add_cause(self, cause: NodeStatus, history: "_History") -> tuple[object, ...]:
         # Of several alternatives the earlier ones were passed over, and the last one remained.
-        since = answer.since.time if answer.since else 0.0
-        is_meant_so = answer.node in self._explained.responses
-        tolerated, worked = answer.node in history.tolerated, answer.node in history.worked
-        number = -1 if answer.node is None else answer.node
-        is_turned = answer.status != FAILURE and bool(self._explained.triggers)
-        return is_meant_so, is_turned, self._only_reports(answer), tolerated, not worked, -since, -number
+        since = cause.since.time if cause.since else 0.0
+        is_meant_so = cause.node in self._explained.responses
+        tolerated, worked = cause.node in history.tolerated, cause.node in history.worked
+        number = -1 if cause.node is None else cause.node
+        is_turned = cause.status != FAILURE and bool(self._explained.triggers)
+        return is_meant_so, is_turned, self._only_reports(cause), tolerated, not worked, -since, -number
 
     def _may_be_cause(self, failure: FormerFailure, *, only_cost: bool) -> bool:
         """Return whether a handled failure may still be the reason for a missing item of the mission.
@@ -268,21 +268,21 @@ class FailureAnalysis:
             -failure.times,
         )
 
-    def _with_end(self, answers: Sequence[NodeStatus], *, has_failed: bool) -> list[NodeStatus]:
+    def _with_end(self, causes: Sequence[NodeStatus], *, has_failed: bool) -> list[NodeStatus]:
         """Return the causes, with the end of the run itself if it did not end by its root."""
         run = self.state.runs[-1] if self.state.runs else None
         if self._raised is not None:
-            return [self._raised, *answers]
+            return [self._raised, *causes]
         if run is None or has_failed or not (run.ending or self.state.process.is_gone):
-            return list(answers)
+            return list(causes)
         if not run.ending:
             killed = "the process of the run ended without a record: it was killed, or has crashed"
-            return [_of_run("KILLED", killed, self.state.now), *answers]
+            return [_of_run("KILLED", killed, self.state.now), *causes]
         if run.ending == Ending.STOPPED.value:
-            return [_of_run("STOPPED", f"by {_signal_name(run.status)}", run.ended), *answers]
+            return [_of_run("STOPPED", f"by {_signal_name(run.status)}", run.ended), *causes]
         ended = _of_run("ENDED", run.reason, run.ended)
-        if any(answer.status == FAILURE for answer in answers):
-            return [*answers, ended]
+        if any(cause.status == FAILURE for cause in causes):
+            return [*causes, ended]
         return [*self._stalled_leaf(), ended]
 
     def _stalled_leaf(self) -> list[NodeStatus]:
@@ -365,7 +365,7 @@ class _ExplainedFailure:
     Attributes:
         ends: The explanation of each end.
         chain: The nodes from the root down; empty if it has never failed.
-        answers: The results among them that no child explains.
+        causes: The results among them that no child explains.
         second_ways: The numbers of the results that were only returned because another branch had failed.
         responses: The results among them that always fail: the failure is intended.
         triggers: The results to which such a response belongs.
@@ -374,7 +374,7 @@ class _ExplainedFailure:
     def __init__(self, state: MissionState, kinds: _NodeKinds) -> None:
         self.ends = NodeEnds(state.nodes)
         self.chain: tuple[NodeStatus, ...] = ()
-        self.answers: tuple[NodeStatus, ...] = ()
+        self.causes: tuple[NodeStatus, ...] = ()
         self.second_ways = self.responses = self.triggers = frozenset[int]()
         self._state, self._kinds = state, kinds
         # For each node that has ended: the status, label, message, and its first entry; and the nodes that have decided that by themselves.
@@ -473,12 +473,12 @@ class _ExplainedFailure:
         while above is not None:
             if self._state.nodes[above].parent not in self._kinds.parallel:
                 found += [
-                    answer for each in self.ends.failed_before(above) for answer in self.answers_below(each)
+                    cause for each in self.ends.failed_before(above) for cause in self.causes_below(each)
                 ]
             above = self._state.nodes[above].parent
         return found
 
-    def answers_below(self, number: int) -> list[int]:
+    def causes_below(self, number: int) -> list[int]:
         """Return the results that explain the end of a node."""
         waiting, found = [number], []
         while waiting:
@@ -489,28 +489,23 @@ class _ExplainedFailure:
         return found
 
     def _explain(self) -> None:
-        chain, answers = [], []
+        chain, causes = [], []
         waiting = [(0, 0)]
         while waiting:
             number, depth = waiting.pop()
             chain.append(self.last_end(number)._replace(depth=depth))
             causes = self.ends.causes.get(number, [])
             if not causes:
-                answers.append(chain[-1])
+                causes.append(chain[-1])
             waiting += [(child, depth + 1) for child in reversed(causes)]
-        self.chain, self.answers = tuple(chain), tuple(answers)
+        self.chain, self.causes = tuple(chain), tuple(causes)
         before = {
-            answer.node: self.earlier_failed_nodes(answer.node)
-            for answer in answers
-            if answer.node is not None
+            cause.node: self.earlier_failed_nodes(cause.node) for cause in causes if cause.node is not None
         }
         self.second_ways = frozenset(number for number, ways in before.items() if ways)
         self.responses = self.second_ways & self._kinds.constant
         self.triggers = frozenset(
-            answer
-            for number in self.responses
-            for way in before[number]
-            for answer in self.answers_below(way)
+            cause for number in self.responses for way in before[number] for cause in self.causes_below(way)
         )
 
 
@@ -596,17 +591,17 @@ class _History:
             ):
                 continue
             has_led_elsewhere = parent is not None and len(state.nodes[parent].children) > 1
-            for number in explained.answers_below(top):
+            for number in explained.causes_below(top):
                 self._record_failure(number, explained, has_led_elsewhere=has_led_elsewhere)
 
     def _record_failure(self, number: int, explained: _ExplainedFailure, *, has_led_elsewhere: bool) -> None:
-        answer = explained.last_end(number)
-        if answer.status != FAILURE:
+        cause = explained.last_end(number)
+        if cause.status != FAILURE:
             return
         # A condition before an action is not an alternative: it only checks whether the action is needed.
         is_of_second_way = not self._kinds.conditions.issuperset(explained.earlier_failed_nodes(number))
         known = self._failures.get(number) or FormerFailure(
-            answer,
+            cause,
             in_hand="",
             has_recovered=False,
             is_of_second_way=True,
@@ -619,7 +614,7 @@ class _History:
             is_of_second_way=known.is_of_second_way and is_of_second_way,
             has_led_elsewhere=known.has_led_elsewhere or has_led_elsewhere,
             times=known.times + 1,
-            last=answer.since or _START,
+            last=cause.since or _START,
         )
 
     def earlier_failures(self) -> list[FormerFailure]:
@@ -708,16 +703,16 @@ def counterfactual_text(change: "Counterfactual", nodes: Sequence[NodeState]) ->
     return "\n".join(lines)
 
 
-def _label_text(answer: Event) -> str:
-    return f" ({answer.label})" if answer.label else ""
+def _label_text(cause: Event) -> str:
+    return f" ({cause.label})" if cause.label else ""
 
 
 def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) -> dict[str, Any]:
     """Return the change with which a mission with these nodes would have succeeded as JSON values."""
 
-    def data(answer: Event) -> dict[str, object]:
-        said = {"node": answer.number, "status": answer.status, "label": answer.label}
-        return {**said, "name": nodes[answer.number].name}
+    def data(cause: Event) -> dict[str, object]:
+        said = {"node": cause.number, "status": cause.status, "label": cause.label}
+        return {**said, "name": nodes[cause.number].name}
 
     return {
         "tick": change.tick,
@@ -737,7 +732,7 @@ def why_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
         lines += ["", "Likeliest cause:", f"  {_status_line(reasons.likeliest)}"]
     if reasons.chain:
         lines += ["", "The root failed, and then continued:" if reasons.went_on else "The root has failed:"]
-        lines += [f"  {'  ' * answer.depth}{_status_line(answer)}" for answer in reasons.chain]
+        lines += [f"  {'  ' * cause.depth}{_status_line(cause)}" for cause in reasons.chain]
     elif reasons.outcome != COMPLETE:
         lines += ["", "The root has not failed."]
     if otherwise:
@@ -761,11 +756,11 @@ def _repetition(failure: FormerFailure) -> str:
     return f"; {failure.times} times, until {clock_text(failure.last.time)}" if failure.times > 1 else ""
 
 
-def _status_line(answer: NodeStatus) -> str:
-    at = f"{clock_text(answer.since.time)}  " if answer.since is not None else ""
-    said = f", {shorten(answer.message)}" if answer.message else ""
-    place = f"  ({answer.place})" if answer.place else ""
-    return escape_to_one_line(f"{at}{answer.name} {answer_words(answer.status, answer.label)}{said}{place}")
+def _status_line(cause: NodeStatus) -> str:
+    at = f"{clock_text(cause.since.time)}  " if cause.since is not None else ""
+    said = f", {shorten(cause.message)}" if cause.message else ""
+    place = f"  ({cause.place})" if cause.place else ""
+    return escape_to_one_line(f"{at}{cause.name} {outcome_words(cause.status, cause.label)}{said}{place}")
 
 
 def difference_text(difference: RunDifference | None, names: tuple[str, str]) -> str:
@@ -773,9 +768,9 @@ def difference_text(difference: RunDifference | None, names: tuple[str, str]) ->
     if difference is None:
         return "In both runs all nodes had the same statuses, in the same order."
     lines = [f"The runs are equal in {difference.step} changes of status. Then:"]
-    for name, answer in zip(names, (difference.here, difference.there), strict=True):
+    for name, cause in zip(names, (difference.here, difference.there), strict=True):
         lines.append(
-            f"  {escape_to_one_line(name)}: {_status_line(answer) if answer is not None else 'nothing more, because it had ended'}"
+            f"  {escape_to_one_line(name)}: {_status_line(cause) if cause is not None else 'nothing more, because it had ended'}"
         )
     return "\n".join(lines)
 
@@ -787,10 +782,10 @@ def why_data(reasons: CauseOfFailure) -> dict[str, Any]:
         "reason": reasons.reason,
         "failed": reasons.ended and _instant(reasons.ended),
         "went_on": reasons.went_on,
-        "answers": [answer_data(each) for each in reasons.answers],
-        "chain": [answer_data(each) for each in reasons.chain],
+        "causes": [status_data(each) for each in reasons.causes],
+        "chain": [status_data(each) for each in reasons.chain],
         "before": [
-            {**answer_data(each.first), "count": each.times, "last": _instant(each.last)}
+            {**status_data(each.first), "count": each.times, "last": _instant(each.last)}
             for each in reasons.before
         ],
     }
@@ -801,12 +796,12 @@ def difference_data(difference: RunDifference | None) -> dict[str, Any] | None:
     if difference is None:
         return None
     sides = ("here", difference.here), ("there", difference.there)
-    return {"alike": difference.step, **{name: each and answer_data(each) for name, each in sides}}
+    return {"alike": difference.step, **{name: each and status_data(each) for name, each in sides}}
 
 
-def answer_data(answer: NodeStatus) -> dict[str, Any]:
+def status_data(cause: NodeStatus) -> dict[str, Any]:
     """Return the outcome of a node as JSON values."""
-    return {**answer._asdict(), "since": answer.since and _instant(answer.since)}
+    return {**cause._asdict(), "since": cause.since and _instant(cause.since)}
 
 
 def _instant(instant: EventTime) -> Mapping[str, object]:

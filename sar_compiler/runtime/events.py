@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 from uuid import UUID
 
-STARTED, ANSWERED, HALTED, TICKED = "started", "answered", "halted", "ticked"
+STARTED, RETURNED, HALTED, TICKED = "started", "returned", "halted", "ticked"
 """The kinds of events: a leaf starts, returns an outcome, is halted while it runs; a tick of the tree ends."""
 
 DECIDED = "decided"
@@ -29,7 +29,7 @@ class Event(NamedTuple):
     Attributes:
         path: The names of the leaf's ancestors from the root down, and its own; for the end of a tick, only the root's.
         number: The leaf's number, from 0 in pre-order, as journals number nodes; for the end of a tick, the root's.
-        what: `STARTED`, `ANSWERED`, `HALTED`, `DECIDED`, `RESET` or `TICKED`.
+        what: `STARTED`, `RETURNED`, `HALTED`, `DECIDED`, `RESET` or `TICKED`.
         status: The status of the leaf, the node or the root; empty for the root if the tick was not finished.
         label: The label of the outcome, or the reason of the node; empty if there is only the status.
         facts: The facts that the outcome has changed; in a recorded run, the recorded ones by kind, with their data.
@@ -60,7 +60,7 @@ class Event(NamedTuple):
     @property
     def outcome(self) -> str:
         """The outcome's label, or else its status; empty for other events."""
-        return (self.label or self.status) if self.what == ANSWERED else ""
+        return (self.label or self.status) if self.what == RETURNED else ""
 
     @property
     def action(self) -> str:

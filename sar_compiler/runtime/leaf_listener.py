@@ -9,9 +9,9 @@ from typing import Protocol
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.runtime.answers import Outcome
+from sar_compiler.runtime.outcomes import ReturnedStatus
 
-_WORDS = {outcome.status: outcome.name for outcome in Outcome}
+_WORDS = {outcome.status: outcome.name for outcome in ReturnedStatus}
 
 
 class LeafListener(Protocol):

@@ -62,7 +62,7 @@ class UnknownValueError(VariableError):
         leaf, key = value.leaf, value.key
         super().__init__(
             f"the value of '{key}' is not known, because '{leaf}' writes it in a run. Add to the file of --properties, "
-            f'or to the scenario: answers: {{{leaf}: [{{status: SUCCESS, then: "{key} := ..."}}]}}'
+            f'or to the scenario: outcomes: {{{leaf}: [{{status: SUCCESS, then: "{key} := ..."}}]}}'
         )
         self.value = value
 

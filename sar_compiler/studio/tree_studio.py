@@ -30,7 +30,7 @@ from sar_compiler.nodes.registry import subtree
 from sar_compiler.nodes.spec import NodeSpec, Parameter, ParameterRole
 from sar_compiler.opener import TREE, read_file
 from sar_compiler.project import CommandLineSettings, ProjectTree, Workspace
-from sar_compiler.runtime.events import ANSWERED, HALTED, TickRecord
+from sar_compiler.runtime.events import HALTED, RETURNED, TickRecord
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.studio.edited_document import EditedDocument
 from sar_compiler.tree.content import real_path
@@ -463,7 +463,7 @@ def _run(
                 "way": nodes.get("/".join(event.path), []),
             }
             for event in tick.events
-            if event.what in (ANSWERED, HALTED)
+            if event.what in (RETURNED, HALTED)
         ]
         written = {name: value_as_script(value) for name, value in sorted(values.items())}
         listed.append({"root": tick.root, "events": events, "values": written, "changed": [*changed]})
@@ -479,15 +479,15 @@ def _scenario(run: ScenarioRun, tree: str | None) -> Mapping[str, object]:
         facts |= {
             name: before if tick.number > last else after for name, (before, after) in tick.facts.items()
         }
-    answered = [event for tick in ticks for event in tick.events if event.what == ANSWERED]
+    returned = [event for tick in ticks for event in tick.events if event.what == RETURNED]
     outcomes: dict[str, list[str]] = {}
-    for event in answered:
+    for event in returned:
         outcomes.setdefault(labels[event.number], []).append(event.outcome)
     ends = ticks[-1].root in _ENDED
     expect = {
         "ends": ends,
         "root": ticks[-1].root,
-        "order": [f"{labels[event.number]} {event.outcome}" for event in answered],
+        "order": [f"{labels[event.number]} {event.outcome}" for event in returned],
         "facts": facts,
     }
     return {

@@ -59,7 +59,7 @@ ERRORS = {
     "too-many-children": "more children than the node can have",
     "too-many-includes": "more included files than the limit",
     "too-many-nodes": "too many nodes to run, with all subtrees expanded",
-    "unknown-answer": "an outcome that the leaf does not have",
+    "unknown-outcome": "an outcome that the leaf does not have",
     "unknown-attribute": "an attribute that the element does not have",
     "unknown-element": "an element that is not allowed at its position",
     "unknown-fact": "a fact that no leaf of the tree declares",

@@ -7,11 +7,11 @@ from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.models.palette import value_text
 from sar_compiler.nodes.outcome_sets import ALLOWED, K
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, ParameterRole, SkipPossibility
-from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.tree.model import synthetic_element
 from sar_compiler.tree.plain import as_json, to_json_value, value_as_script
 
-# The question to the user about a leaf without declared answers, for a file that predicts runs.
+# The question to the user about a leaf without declared outcomes, for a file that predicts runs.
 _PROBABILITIES = ("p", "sec")
 
 
@@ -48,12 +48,12 @@ def _in_full(spec: NodeSpec) -> str:
 
 def _outcome_texts(spec: NodeSpec) -> list[str]:
     """Return the possible outcomes of a node."""
-    if not any(answer.label or answer.when or answer.then for answer in spec.answers):
-        outcomes = [*sorted(spec.outcomes), *_skip_conditions(spec)]
-        return [f"answers: {', '.join(outcomes)}"] if outcomes else []
+    if not any(outcome.label or outcome.when or outcome.then for outcome in spec.outcomes):
+        outcomes = [*sorted(spec.statuses), *_skip_conditions(spec)]
+        return [f"outcomes: {', '.join(outcomes)}"] if outcomes else []
     return [
-        f"{'answers:' if not index else '':8} {_outcome_text(answer)}"
-        for index, answer in enumerate(spec.answers)
+        f"{'outcomes:' if not index else '':9} {_outcome_text(outcome)}"
+        for index, outcome in enumerate(spec.outcomes)
     ]
 
 
@@ -79,11 +79,11 @@ def _passes_on(spec: NodeSpec) -> bool:
     return possible is not None and bool(possible(BoundNode(element, spec, spec.tag), [K], ALLOWED) & K)
 
 
-def _outcome_text(answer: Answer) -> str:
-    label = f" '{answer.label}'" if answer.label else ""
-    when = f" when {answer.when}" if answer.when else ""
-    then = f", then {answer.then}" if answer.then else ""
-    return f"{answer.status}{label}{when}{then}"
+def _outcome_text(outcome: Outcome) -> str:
+    label = f" '{outcome.label}'" if outcome.label else ""
+    when = f" when {outcome.when}" if outcome.when else ""
+    then = f", then {outcome.then}" if outcome.then else ""
+    return f"{outcome.status}{label}{when}{then}"
 
 
 def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
@@ -110,13 +110,13 @@ def _as_dict(spec: NodeSpec) -> dict[str, object]:
         "kind": spec.kind.value,
         "class": spec.class_path.replace(":", ".") or None,
         "doc": spec.doc,
-        "outcomes": sorted(spec.outcomes),
+        "statuses": sorted(spec.statuses),
         "skipped": list(_skip_conditions(spec)),
         "effects": spec.effects,
         "uses": [{"kind": use.kind, "name": use.name} for use in spec.uses],
-        "answers": [
-            {name: value for name, value in asdict(answer).items() if name not in _PROBABILITIES}
-            for answer in spec.answers
+        "outcomes": [
+            {name: value for name, value in asdict(outcome).items() if name not in _PROBABILITIES}
+            for outcome in spec.outcomes
         ],
         "facts": dict(spec.facts),
         "reads": list(spec.reads),

@@ -27,7 +27,7 @@ def _bound_node(tree: Drawable, behaviour: Behaviour) -> BoundNode:
 def _constant(tree: Drawable) -> list[int]:
     """Return the numbers of leaves with a constant status, which cannot be the cause of a failure."""
     nodes = ((number, each, _bound_node(tree, each).spec) for number, each in enumerate(pre_order(tree.root)))
-    return [number for number, each, spec in nodes if not each.children and len(set(spec.outcomes)) == 1]
+    return [number for number, each, spec in nodes if not each.children and len(set(spec.statuses)) == 1]
 
 
 def _limits(tree: Drawable) -> dict[str, float]:

@@ -43,7 +43,7 @@ class LastStatus(NamedTuple):
         message: Its message.
         failed: The time of its last failure; None if there was none.
         failure: The message of that failure.
-        label: The label of its answer; empty if unknown.
+        label: The label of its outcome; empty if unknown.
         ends: The counts of each recorded end: SUCCESS, FAILURE, HALTED. An end repeated on consecutive ticks is recorded once.
         ran: The total running time before those ends, in seconds.
         longest: The longest of these times.

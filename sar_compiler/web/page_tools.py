@@ -223,9 +223,9 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
 def _consequence_data(found: "WhatIfResult", names: Sequence[str], looks: Sequence[Any]) -> dict[str, object]:
     """Return the effect of an outcome as JSON values, without conditions of no interest."""
 
-    def is_reported(answer: Event) -> bool:
-        look = looks[answer.number] if answer.number < len(looks) else None
-        return answer.status != "SUCCESS" or look != ["condition", ""]
+    def is_reported(event: Event) -> bool:
+        look = looks[event.number] if event.number < len(looks) else None
+        return event.status != "SUCCESS" or look != ["condition", ""]
 
     return {
         "instead": {"status": found.instead.status, "label": found.instead.label},

@@ -10,9 +10,9 @@ from py_trees.common import Status
 from sar_compiler.leaves import (
     SUCCEEDED,
     ActionLeaf,
-    Answer,
     Deadline,
     Kind,
+    Outcome,
     Seconds,
     Use,
     describe_status,
@@ -157,13 +157,13 @@ class NavigateTo(ActionLeaf):
         status = super().update()
         if status is Status.RUNNING:
             waits = "not arrived" if self.has_not_arrived else "waiting for Nav2"
-            self.answer_label = waits if self.record.navigation_lost else "driving"
+            self.outcome_label = waits if self.record.navigation_lost else "driving"
         return status
 
     def on_failure(self, reason: str) -> Status:
         """Log the target that was not reached and return FAILURE."""
         self.warn(f"Navigation to {self._target} failed: {reason}")
-        return self.answer(Status.FAILURE, "aborted")
+        return self.outcome(Status.FAILURE, "aborted")
 
     def on_hold(self, obstacle: str) -> None:
         """Record that navigation is unavailable."""
@@ -177,7 +177,7 @@ class NavigateTo(ActionLeaf):
         """Return FAILURE for a reason other than the target; `NavigationAvailable` distinguishes this case."""
         self.record.navigation_lost = reason
         self.warn(f"Navigation to {self._target} is unavailable: {reason}")
-        return self.answer(Status.FAILURE, "unavailable")
+        return self.outcome(Status.FAILURE, "unavailable")
 
     def _on_arrival(self) -> None:
         """Handle the arrival."""
@@ -208,17 +208,17 @@ class NavigateTo(ActionLeaf):
         return message
 
 
-def drive_outcomes(arrived: Answer, *failed: Answer) -> tuple[Answer, ...]:
+def drive_outcomes(arrived: Outcome, *failed: Outcome) -> tuple[Outcome, ...]:
     """Return the outcomes of a leaf that drives: arrival, Nav2's failures, and further failures."""
     when = arrived.when
     return (
         arrived,
-        Answer("FAILURE", "aborted", when, "navigation_lost = false"),
+        Outcome("FAILURE", "aborted", when, "navigation_lost = false"),
         *failed,
-        Answer("FAILURE", "unavailable", when, "navigation_lost = true"),
-        Answer("RUNNING", "driving", when, "at = ''; navigation_lost = false"),
-        Answer("RUNNING", "waiting for Nav2", when, "at = ''; navigation_lost = true"),
-        Answer("RUNNING", "not arrived", when, "at = ''; navigation_lost = true"),
+        Outcome("FAILURE", "unavailable", when, "navigation_lost = true"),
+        Outcome("RUNNING", "driving", when, "at = ''; navigation_lost = false"),
+        Outcome("RUNNING", "waiting for Nav2", when, "at = ''; navigation_lost = true"),
+        Outcome("RUNNING", "not arrived", when, "at = ''; navigation_lost = true"),
     )
 
 
@@ -227,9 +227,9 @@ def drive_outcomes(arrived: Answer, *failed: Answer) -> tuple[Answer, ...]:
     kind=Kind.ACTION,
     effects="drives the robot to the current zone",
     uses=(Use.action("{action}"), Use.nav2()),
-    answers=drive_outcomes(
-        Answer("SUCCESS", "arrived", "zones_left > 0", "at = 'zone'; navigation_lost = false"),
-        Answer("FAILURE", "no zone", "zones_left == 0"),
+    outcomes=drive_outcomes(
+        Outcome("SUCCESS", "arrived", "zones_left > 0", "at = 'zone'; navigation_lost = false"),
+        Outcome("FAILURE", "no zone", "zones_left == 0"),
     ),
     facts={"zones_left": 3, "at": "", "navigation_lost": False},
 )
@@ -244,7 +244,7 @@ class NavigateToZone(NavigateTo):
         """Return the goal for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched in an earlier run."""
         if not self.zone_manager.has_remaining():
             self.warn(f"'{self.name}' has no target: every zone is visited.")
-            return self.answer(Status.FAILURE, "no zone")
+            return self.outcome(Status.FAILURE, "no zone")
         zone = self.zone_manager.current_zone()
         if self.record.before.has_searched(zone["id"]):
             self.feedback_message = f"{zone['id']} was searched in an earlier run"
@@ -260,7 +260,7 @@ class NavigateToZone(NavigateTo):
     kind=Kind.ACTION,
     effects="drives the robot to the base station",
     uses=(Use.action("{action}"), Use.nav2()),
-    answers=drive_outcomes(Answer("SUCCESS", "arrived", then="at = 'base'; navigation_lost = false")),
+    outcomes=drive_outcomes(Outcome("SUCCESS", "arrived", then="at = 'base'; navigation_lost = false")),
     facts={"at": "", "navigation_lost": False},
 )
 class NavigateToBase(NavigateTo):

@@ -7,9 +7,9 @@ from typing import Any
 from py_trees.common import Status
 
 from sar_compiler.leaves import (
-    Answer,
     Clock,
     Kind,
+    Outcome,
     RosLeaf,
     Seconds,
     Use,
@@ -59,9 +59,9 @@ class Backoff:
     "KeepReport",
     kind=Kind.ACTION,
     effects="stores the report of the survivor for later",
-    answers=(
-        Answer("SUCCESS", "kept", "named_by_{detect_node}", _KEPT),
-        Answer("FAILURE", "nothing to keep", "!named_by_{detect_node}"),
+    outcomes=(
+        Outcome("SUCCESS", "kept", "named_by_{detect_node}", _KEPT),
+        Outcome("FAILURE", "nothing to keep", "!named_by_{detect_node}"),
     ),
     facts={"reports_kept": 0, "named_by_{detect_node}": False, "kept_by_{detect_node}": False},
 )
@@ -97,12 +97,12 @@ class KeepReport(RosLeaf):
     kind=Kind.ACTION,
     effects="reports the survivors whose reports were stored",
     uses=(Use.service("{service}"),),
-    answers=(
-        Answer("SUCCESS", "nothing kept", "reports_kept == 0"),
-        Answer("SUCCESS", "delivered", "reports_kept > 0", "reports_kept = 0"),
-        Answer("FAILURE", "refused", "reports_kept > 0"),
-        Answer("FAILURE", "all but one delivered", "reports_kept > 1", "reports_kept = 1"),
-        Answer("RUNNING", "reporting", "reports_kept > 0"),
+    outcomes=(
+        Outcome("SUCCESS", "nothing kept", "reports_kept == 0"),
+        Outcome("SUCCESS", "delivered", "reports_kept > 0", "reports_kept = 0"),
+        Outcome("FAILURE", "refused", "reports_kept > 0"),
+        Outcome("FAILURE", "all but one delivered", "reports_kept > 1", "reports_kept = 1"),
+        Outcome("RUNNING", "reporting", "reports_kept > 0"),
     ),
     facts={"reports_kept": 0},
 )
@@ -144,7 +144,7 @@ class DeliverReports(ReportLeaf):
         """Return the request for the oldest untried report; SUCCESS if none is stored, RUNNING during a back-off."""
         if not self._untried:
             self.feedback_message = "no report is stored"
-            return self.answer(Status.SUCCESS, "nothing kept")
+            return self.outcome(Status.SUCCESS, "nothing kept")
         if (
             self._backoff.remaining_sec > 0.0
             and {report.survivor_id for report in self._untried} <= self._tried
@@ -164,7 +164,7 @@ class DeliverReports(ReportLeaf):
             return self._on_failure()
         self._backoff.reset()
         self._tried.clear()
-        return self.answer(Status.SUCCESS, "delivered")
+        return self.outcome(Status.SUCCESS, "delivered")
 
     def on_failure(self, reason: str) -> Status:
         """Start a back-off and return FAILURE."""
@@ -175,4 +175,4 @@ class DeliverReports(ReportLeaf):
         self._backoff.start_pause()
         left = len(self.kept_reports)
         one_is_left = "all but one delivered" if left == 1 else ""
-        return self.answer(Status.FAILURE, "refused" if left == self._kept_at_first else one_is_left)
+        return self.outcome(Status.FAILURE, "refused" if left == self._kept_at_first else one_is_left)

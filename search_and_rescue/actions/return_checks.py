@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 from py_trees.common import Status
 
 from sar_compiler.leaves import (
-    Answer,
     Clock,
     Kind,
+    Outcome,
     RosLeaf,
     Seconds,
     Use,
@@ -115,11 +115,11 @@ class _HomingLeaf(RosLeaf):
     "ReturnInReach",
     kind=Kind.ACTION,
     uses=(Use.topic("battery_state"),),
-    answers=(
-        Answer("SUCCESS", "in reach", "zones_left > 0"),
-        Answer("FAILURE", "out of reach", "zones_left > 0"),
-        Answer("FAILURE", "no zone", "zones_left == 0"),
-        Answer("RUNNING", "battery unknown", "zones_left > 0"),
+    outcomes=(
+        Outcome("SUCCESS", "in reach", "zones_left > 0"),
+        Outcome("FAILURE", "out of reach", "zones_left > 0"),
+        Outcome("FAILURE", "no zone", "zones_left == 0"),
+        Outcome("RUNNING", "battery unknown", "zones_left > 0"),
     ),
     facts={"zones_left": 3},
 )
@@ -152,7 +152,7 @@ class ReturnInReach(_HomingLeaf):
             self._began = now
             self.homing.ends_at = now + self.limit if self.limit else math.inf
         if not self.homing.has_next:
-            return self.answer(Status.FAILURE, "no zone")
+            return self.outcome(Status.FAILURE, "no zone")
         if self._meter.age_sec > self.max_age_sec:
             return self._on_silence(now)
         self._meter.update()
@@ -162,7 +162,7 @@ class ReturnInReach(_HomingLeaf):
     def _on_silence(self, now: float) -> Status:
         self.feedback_message = f"no message on '{BATTERY_TOPIC}' yet"
         if math.isnan(self.homing.energy.share) and now - self._began <= self.max_age_sec:
-            return self.answer(Status.RUNNING, "battery unknown")
+            return self.outcome(Status.RUNNING, "battery unknown")
         return self._refuse(f"no usable percentage on '{BATTERY_TOPIC}' for {self.max_age_sec:g} s")
 
     def _refuse(self, reason: str) -> Status:
@@ -173,24 +173,24 @@ class ReturnInReach(_HomingLeaf):
         )
         self.homing.await_charge()
         self.record.home_first(self.homing.next_zone, reason, stop, **self.homing.shortage_figures())
-        return self.answer(Status.FAILURE, "out of reach")
+        return self.outcome(Status.FAILURE, "out of reach")
 
     def _on_enough_charge(self) -> Status:
         if self.record.homing_for:
             # The battery was swapped while no run was active.
             self.record.record_charge(self.homing.energy.share)
         self.feedback_message = f"the battery level of {self.homing.energy.share:.0%} suffices"
-        return self.answer(Status.SUCCESS, "in reach")
+        return self.outcome(Status.SUCCESS, "in reach")
 
 
 @register(
     "FullBatterySuffices",
     kind=Kind.ACTION,
-    answers=(
-        Answer("SUCCESS", "suffices", "zones_left > 0"),
-        Answer("FAILURE", "too far", "zones_left > 0"),
-        Answer("FAILURE", "no zone", "zones_left == 0"),
-        Answer("RUNNING", "requesting paths", "zones_left > 0"),
+    outcomes=(
+        Outcome("SUCCESS", "suffices", "zones_left > 0"),
+        Outcome("FAILURE", "too far", "zones_left > 0"),
+        Outcome("FAILURE", "no zone", "zones_left == 0"),
+        Outcome("RUNNING", "requesting paths", "zones_left > 0"),
     ),
     facts={"zones_left": 3},
 )
@@ -233,15 +233,15 @@ class FullBatterySuffices(RosLeaf):
     def update(self) -> Status:
         """Decide as soon as the paths are known."""
         if not self.homing.has_next:
-            return self.answer(Status.FAILURE, "no zone")
+            return self.outcome(Status.FAILURE, "no zone")
         if self._ways is not None and self._ways.are_awaited():
-            return self.answer(Status.RUNNING, "requesting paths")
+            return self.outcome(Status.RUNNING, "requesting paths")
         if self._ways is not None and (news := self._ways.new_shortfall()):
             self.warn(f"'{self.name}': {news}.")
         reason = self.homing.excess()
         if reason:
             self.warn(f"{reason}.")
-        return self.answer(Status.FAILURE if reason else Status.SUCCESS, "too far" if reason else "suffices")
+        return self.outcome(Status.FAILURE if reason else Status.SUCCESS, "too far" if reason else "suffices")
 
     def terminate(self, new_status: Status) -> None:
         """Cancel the requests if the leaf is halted."""
@@ -264,7 +264,7 @@ class FullBatterySuffices(RosLeaf):
     kind=Kind.ACTION,
     effects="drives the robot to the base station or a charging place",
     uses=(Use.action("{action}"), Use.nav2()),
-    answers=drive_outcomes(Answer("SUCCESS", "arrived", then="at = 'charging'; navigation_lost = false")),
+    outcomes=drive_outcomes(Outcome("SUCCESS", "arrived", then="at = 'charging'; navigation_lost = false")),
     facts={"at": "", "navigation_lost": False},
 )
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -307,10 +307,10 @@ class NavigateToCharge(NavigateToBase):
     "AwaitCharge",
     kind=Kind.ACTION,
     uses=(Use.topic("battery_state"),),
-    answers=(
-        Answer("SUCCESS", "charged", f"zones_left > 0 && {_AT_CHARGE}"),
-        Answer("FAILURE", "not charged"),
-        Answer("RUNNING", "waiting", f"zones_left > 0 && {_AT_CHARGE}"),
+    outcomes=(
+        Outcome("SUCCESS", "charged", f"zones_left > 0 && {_AT_CHARGE}"),
+        Outcome("FAILURE", "not charged"),
+        Outcome("RUNNING", "waiting", f"zones_left > 0 && {_AT_CHARGE}"),
     ),
     facts={"zones_left": 3, "at": ""},
 )
@@ -341,20 +341,20 @@ class AwaitCharge(_HomingLeaf):
         if not (self.homing.has_next and place):
             nowhere = "the robot is neither at home nor at a charging place, or no zone is left"
             self.warn(f"'{self.name}' cannot wait for a charge: {nowhere}.")
-            return self.answer(Status.FAILURE, "not charged")
+            return self.outcome(Status.FAILURE, "not charged")
         lacking = self.homing.shortage(now)
         if self.homing.is_charged and not lacking:
             self.log(f"The battery is at {share:.0%}: the robot continues to {self.homing.next_leg}.")
             self.record.record_charge(share)
-            return self.answer(Status.SUCCESS, "charged")
+            return self.outcome(Status.SUCCESS, "charged")
         if self.homing.late(now):
             return self._give_up(lacking)
         if now - self._began > self.patience:
             return self._give_up(f"the battery was not charged within {self.patience:g} s at {place}")
         self.feedback_message = f"waiting for a charge: the battery is at {share:.0%}"
-        return self.answer(Status.RUNNING, "waiting")
+        return self.outcome(Status.RUNNING, "waiting")
 
     def _give_up(self, reason: str) -> Status:
         self.warn(f"{reason[:1].upper()}{reason[1:]}.")
         self.record.record_alarm(reason)
-        return self.answer(Status.FAILURE, "not charged")
+        return self.outcome(Status.FAILURE, "not charged")

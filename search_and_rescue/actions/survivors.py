@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 from py_trees.common import Status
 
 from sar_compiler.leaves import (
-    Answer,
     GridGeometry,
     Kind,
+    Outcome,
     RosLeaf,
     Seconds,
     ServiceLeaf,
@@ -123,12 +123,12 @@ def map_extent_of(node: "Node") -> MapExtent:
     kind=Kind.ACTION,
     effects="searches the current zone for a survivor",
     uses=(Use.service("{service}"),),
-    answers=(
-        Answer("SUCCESS", "found", "zones_left > 0", "found_by_{self} = true; named_by_{self} = false"),
-        Answer("SUCCESS", "nothing", "zones_left > 0", _FORGOTTEN),
-        Answer("FAILURE", "no answer", "zones_left > 0", _FORGOTTEN),
-        Answer("FAILURE", "no zone", "zones_left == 0", _FORGOTTEN),
-        Answer("RUNNING", "searching", "zones_left > 0", _FORGOTTEN),
+    outcomes=(
+        Outcome("SUCCESS", "found", "zones_left > 0", "found_by_{self} = true; named_by_{self} = false"),
+        Outcome("SUCCESS", "nothing", "zones_left > 0", _FORGOTTEN),
+        Outcome("FAILURE", "no answer", "zones_left > 0", _FORGOTTEN),
+        Outcome("FAILURE", "no zone", "zones_left == 0", _FORGOTTEN),
+        Outcome("RUNNING", "searching", "zones_left > 0", _FORGOTTEN),
     ),
     facts={"zones_left": 3, "found_by_{self}": False, "named_by_{self}": False},
     reads=("at",),
@@ -194,7 +194,7 @@ class DetectSurvivor(ServiceLeaf):
         self.store_detection(None)
         if not self.zone_manager.has_remaining():
             self.warn(f"'{self.name}' has no zone to search: every zone is visited.")
-            return self.answer(Status.FAILURE, "no zone")
+            return self.outcome(Status.FAILURE, "no zone")
         self._zone_id = self.zone_manager.current_zone()["id"]
         if self.record.before.has_searched(self._zone_id):
             self.log(f"{self._zone_id} was searched in an earlier run.")
@@ -220,11 +220,11 @@ class DetectSurvivor(ServiceLeaf):
     def _on_answer(self, survivor: tuple[float, float] | None) -> Status:
         self.store_detection(survivor)
         self.feedback_message = f"{'nobody' if survivor is None else 'survivor'} in {self._zone_id}"
-        return self.answer(Status.SUCCESS, "nothing" if survivor is None else "found")
+        return self.outcome(Status.SUCCESS, "nothing" if survivor is None else "found")
 
     def on_failure(self, reason: str) -> Status:
         """Return FAILURE: there is no response, or no usable one."""
-        return self.answer(super().on_failure(reason), "no answer")
+        return self.outcome(super().on_failure(reason), "no answer")
 
     def is_good_news(self, response: Any) -> bool:
         """Return whether the response has a usable position."""
@@ -249,15 +249,15 @@ class DetectSurvivor(ServiceLeaf):
     kind=Kind.ACTION,
     effects="waits for a detection",
     uses=(Use.topic("{topic}"),),
-    answers=(
-        Answer(
+    outcomes=(
+        Outcome(
             "SUCCESS",
             "found",
             "zones_left > 0",
             "found_by_{detect_node} = true; named_by_{detect_node} = false",
         ),
-        Answer("FAILURE", "no zone", "zones_left == 0", _UNTOLD),
-        Answer("RUNNING", "listening", "zones_left > 0", _UNTOLD),
+        Outcome("FAILURE", "no zone", "zones_left == 0", _UNTOLD),
+        Outcome("RUNNING", "listening", "zones_left > 0", _UNTOLD),
     ),
     facts={"zones_left": 3, "found_by_{detect_node}": False, "named_by_{detect_node}": False},
 )
@@ -308,7 +308,7 @@ class AwaitSurvivor(TopicLeaf):
     def update(self) -> Status:
         """Check for new messages; a detection that an earlier run could not handle comes first."""
         if not self.zone_manager.has_remaining():
-            return self.answer(Status.FAILURE, "no zone")
+            return self.outcome(Status.FAILURE, "no zone")
         zone = self.zone_manager.current_zone()["id"]
         if self.record.before.has_found(zone):
             return self._on_detection(zone, self.record.before.pop_search(zone))
@@ -326,13 +326,13 @@ class AwaitSurvivor(TopicLeaf):
     def on_silence(self) -> Status:
         """Return RUNNING: no new survivor was published."""
         self.feedback_message = f"no new survivor on '{self.topic_name}'{self.absence_reason}"
-        return self.answer(Status.RUNNING, "listening")
+        return self.outcome(Status.RUNNING, "listening")
 
     def _on_detection(self, zone: str, place: tuple[float, float] | None) -> Status:
         self.detect_node.store_detection(place)
         self.feedback_message = f"survivor in {zone}"
         self.log(f"Survivor seen on the way, in {zone}!")
-        return self.answer(Status.SUCCESS, "found")
+        return self.outcome(Status.SUCCESS, "found")
 
     def check_message(self, message: Any) -> None:
         """Check the position's frame and that it is on the map."""
@@ -384,9 +384,9 @@ def static_transforms_of(node: "Node") -> StaticTransforms:
     "BroadcastSurvivorTF",
     kind=Kind.ACTION,
     effects="gives the survivor a new name, with a static frame there",
-    answers=(
-        Answer("SUCCESS", "named", "found_by_{detect_node}", _NAMED),
-        Answer("FAILURE", "nobody found", "!found_by_{detect_node}"),
+    outcomes=(
+        Outcome("SUCCESS", "named", "found_by_{detect_node}", _NAMED),
+        Outcome("FAILURE", "nobody found", "!found_by_{detect_node}"),
     ),
     facts=dict.fromkeys(["found_by_{detect_node}", "named_by_{detect_node}", "kept_by_{detect_node}"], False),
 )
@@ -520,7 +520,7 @@ class ReportLeaf(ServiceLeaf):
         """Return SUCCESS if the base station acknowledged the report, otherwise FAILURE."""
         if not response.acknowledged:
             self.warn(f"Base did not acknowledge {self._survivor_id}.")
-            return self.answer(Status.FAILURE, "refused")
+            return self.outcome(Status.FAILURE, "refused")
         self.record.record_acknowledgement(self._survivor_id)
         self.feedback_message = f"{self._survivor_id} acknowledged"
         self.log(f"Base acknowledged {self._survivor_id}.")
@@ -528,7 +528,7 @@ class ReportLeaf(ServiceLeaf):
 
     def on_failure(self, reason: str) -> Status:
         """Return FAILURE: a report without a response is not acknowledged."""
-        return self.answer(super().on_failure(reason), "refused")
+        return self.outcome(super().on_failure(reason), "refused")
 
     def is_good_news(self, response: Any) -> bool:
         """Return whether the report was acknowledged."""
@@ -548,11 +548,11 @@ class ReportLeaf(ServiceLeaf):
     kind=Kind.ACTION,
     effects="reports the survivor to the base station",
     uses=(Use.service("{service}"),),
-    answers=(
-        Answer("SUCCESS", "acknowledged", "named_by_{detect_node}", _ACKNOWLEDGED),
-        Answer("FAILURE", "refused", "named_by_{detect_node}"),
-        Answer("FAILURE", "nothing to report", "!named_by_{detect_node}"),
-        Answer("RUNNING", "reporting", "named_by_{detect_node}"),
+    outcomes=(
+        Outcome("SUCCESS", "acknowledged", "named_by_{detect_node}", _ACKNOWLEDGED),
+        Outcome("FAILURE", "refused", "named_by_{detect_node}"),
+        Outcome("FAILURE", "nothing to report", "!named_by_{detect_node}"),
+        Outcome("RUNNING", "reporting", "named_by_{detect_node}"),
     ),
     facts={"named_by_{detect_node}": False, "kept_by_{detect_node}": False, "reports_kept": 0},
 )
@@ -570,14 +570,14 @@ class NotifyBase(ReportLeaf):
         """Return the report of the survivor, FAILURE without a named one, or SUCCESS if it was already acknowledged."""
         report = survivor_report(self.detect_node, self, self.record, "nothing to report")
         if isinstance(report, Status):
-            return self.answer(report, "nothing to report" if report is Status.FAILURE else "acknowledged")
+            return self.outcome(report, "nothing to report" if report is Status.FAILURE else "acknowledged")
         return self._request_for(report)
 
 
 @register(
     "LogNoDetection",
     kind=Kind.ACTION,
-    answers=(Answer("SUCCESS", "logged"),),
+    outcomes=(Outcome("SUCCESS", "logged"),),
 )
 class LogNoDetection(RosLeaf):
     """Log that no survivor was found.

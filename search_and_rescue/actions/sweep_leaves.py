@@ -12,9 +12,9 @@ from py_trees.common import Status
 
 from sar_compiler.leaves import (
     SUCCEEDED,
-    Answer,
     Clock,
     Kind,
+    Outcome,
     RobotEstimate,
     RosLeaf,
     Use,
@@ -77,7 +77,7 @@ class _SweepLeaf(RosLeaf):
 @register(
     "ZoneHasGround",
     kind=Kind.CONDITION,
-    answers=(Answer("SUCCESS", "yes", "zones_left > 0"), Answer("FAILURE", "no")),
+    outcomes=(Outcome("SUCCESS", "yes", "zones_left > 0"), Outcome("FAILURE", "no")),
     facts={"zones_left": 3},
 )
 class ZoneHasGround(_SweepLeaf):
@@ -91,9 +91,9 @@ class ZoneHasGround(_SweepLeaf):
 @register(
     "PiecesRemaining",
     kind=Kind.CONDITION,
-    answers=(
-        Answer("SUCCESS", "some left", _OPEN),
-        Answer("FAILURE", "none left", f"!({_OPEN})"),
+    outcomes=(
+        Outcome("SUCCESS", "some left", _OPEN),
+        Outcome("FAILURE", "none left", f"!({_OPEN})"),
     ),
     facts=_PIECES,
 )
@@ -131,13 +131,13 @@ class _PlanLeaf(_SweepLeaf):
         """Start planning, or handle the finished plan."""
         zone = self._zone
         if not zone:
-            return self.answer(Status.FAILURE, "no zone")
+            return self.outcome(Status.FAILURE, "no zone")
         if self.sweeps.state_of(zone).open_count:
-            return self.answer(Status.SUCCESS, "going on")
+            return self.outcome(Status.SUCCESS, "going on")
         if self._under_way is None or self._under_way[0] != zone:
             return self._begin(zone)
         if not self._under_way[-1].done():
-            return self.answer(Status.RUNNING, "planning")
+            return self.outcome(Status.RUNNING, "planning")
         return self._on_plan(*self._under_way)
 
     def terminate(self, new_status: Status) -> None:
@@ -159,11 +159,11 @@ class _PlanLeaf(_SweepLeaf):
             self._wake, sweep, polygons, pattern, spacing, datum, obstacles, self.clearance
         )
         self._under_way = zone, told, spacing, future
-        return self.answer(Status.RUNNING, "planning")
+        return self.outcome(Status.RUNNING, "planning")
 
     def _on_refusal(self, why: str) -> Status:
         self.warn(why)
-        return self.answer(Status.FAILURE, "nothing to sweep")
+        return self.outcome(Status.FAILURE, "nothing to sweep")
 
     def _on_plan(self, zone: str, told: str, spacing: float, future: "Future[list[MapPose]]") -> Status:
         self._under_way = None
@@ -178,20 +178,20 @@ class _PlanLeaf(_SweepLeaf):
             f"{zone} is swept in {len(pieces)} pieces ({told}, {spacing:.2f} m apart): "
             f"POD {least:.0%} at random, {most:.0%} if legs are kept."
         )
-        return self.answer(Status.SUCCESS, "planned")
+        return self.outcome(Status.SUCCESS, "planned")
 
 
 @register(
     "PlanSweep",
     kind=Kind.ACTION,
     effects="plans the pieces of a sweep",
-    answers=(
-        Answer("SUCCESS", "planned", "zones_left > 0", "piece_open = true"),
-        Answer("SUCCESS", "going on", "zones_left > 0", "piece_open = true"),
-        Answer("SUCCESS", "swept before", "zones_left > 0", "piece_open = false"),
-        Answer("FAILURE", "nothing to sweep", "zones_left > 0"),
-        Answer("FAILURE", "no zone", "zones_left == 0"),
-        Answer("RUNNING", "planning", "zones_left > 0"),
+    outcomes=(
+        Outcome("SUCCESS", "planned", "zones_left > 0", "piece_open = true"),
+        Outcome("SUCCESS", "going on", "zones_left > 0", "piece_open = true"),
+        Outcome("SUCCESS", "swept before", "zones_left > 0", "piece_open = false"),
+        Outcome("FAILURE", "nothing to sweep", "zones_left > 0"),
+        Outcome("FAILURE", "no zone", "zones_left == 0"),
+        Outcome("RUNNING", "planning", "zones_left > 0"),
     ),
     facts=_PIECES,
 )
@@ -245,7 +245,7 @@ class PlanSweep(_PlanLeaf):
             legs = "write a coverage above 0, for example 0.9"
             return self._on_refusal(f"{zone} cannot be swept: coverage is {self.coverage:g}; {legs}.")
         if self.sweeps.state_of(zone).passes:
-            return self.answer(Status.SUCCESS, "swept before")
+            return self.outcome(Status.SUCCESS, "swept before")
         ground = [self.sweeps.grounds[zone].polygon]
         return self._plan(zone, self.pattern, ground, self.pattern, self.coverage)
 
@@ -254,12 +254,12 @@ class PlanSweep(_PlanLeaf):
     "RefineSweep",
     kind=Kind.ACTION,
     effects="plans the pieces of a further pass",
-    answers=(
-        Answer("SUCCESS", "planned", "zones_left > 0 && !piece_open", "piece_open = true"),
-        Answer("SUCCESS", "going on", _OPEN),
-        Answer("FAILURE", "nothing to sweep", "zones_left > 0 && !piece_open"),
-        Answer("FAILURE", "no zone", "zones_left == 0"),
-        Answer("RUNNING", "planning", "zones_left > 0 && !piece_open"),
+    outcomes=(
+        Outcome("SUCCESS", "planned", "zones_left > 0 && !piece_open", "piece_open = true"),
+        Outcome("SUCCESS", "going on", _OPEN),
+        Outcome("FAILURE", "nothing to sweep", "zones_left > 0 && !piece_open"),
+        Outcome("FAILURE", "no zone", "zones_left == 0"),
+        Outcome("RUNNING", "planning", "zones_left > 0 && !piece_open"),
     ),
     facts=_PIECES,
 )
@@ -282,11 +282,11 @@ class RefineSweep(_PlanLeaf):
         swept = self.sweeps.state_of(zone)
         if zone not in self.sweeps.grounds or swept.pod >= self.until_pod or swept.passes >= self.max_passes:
             self.feedback_message = f"{zone}: POD {swept.pod:.0%} after {swept.passes} passes"
-            return self.answer(Status.FAILURE, "nothing to sweep")
+            return self.outcome(Status.FAILURE, "nothing to sweep")
         gaps = self.sweeps.raster(zone, map_extent_of(self.node).obstacles()).gaps(self.until_pod)
         if not gaps:
             self.feedback_message = f"{zone}: the gaps are too scattered to be swept, or not on the map"
-            return self.answer(Status.FAILURE, "nothing to sweep")
+            return self.outcome(Status.FAILURE, "nothing to sweep")
         return self._plan(zone, "gaps", gaps, "parallel", 1.0)
 
 
@@ -295,9 +295,9 @@ class RefineSweep(_PlanLeaf):
     kind=Kind.ACTION,
     effects="drives the robot to the current piece",
     uses=(Use.action("{action}"), Use.nav2()),
-    answers=drive_outcomes(
-        Answer("SUCCESS", "arrived", _OPEN, "at = 'zone'; navigation_lost = false"),
-        Answer("FAILURE", "no piece", f"!({_OPEN})"),
+    outcomes=drive_outcomes(
+        Outcome("SUCCESS", "arrived", _OPEN, "at = 'zone'; navigation_lost = false"),
+        Outcome("FAILURE", "no piece", f"!({_OPEN})"),
     ),
     facts={**_PIECES, "at": "", "navigation_lost": False},
 )
@@ -333,7 +333,7 @@ class NavigateToPiece(NavigateTo):
         sweep = self.sweeps.state_of(zone)
         if not sweep.open_count:
             self.warn(f"'{self.name}' has no target: no piece is open.")
-            return self.answer(Status.FAILURE, "no piece")
+            return self.outcome(Status.FAILURE, "no piece")
         self._zone_id, self._place, self._track = zone, None, []
         # A piece of another pass is elsewhere, so that failures of this pass say nothing about it.
         again = f", pass {sweep.passes}" if sweep.passes > 1 else ""
@@ -385,10 +385,10 @@ class NavigateToPiece(NavigateTo):
     effects="drives the robot through the pieces, and marks them as swept",
     # Without the action: the start must not wait for a server that may not offer it.
     uses=(Use.nav2(),),
-    answers=drive_outcomes(
-        Answer("SUCCESS", "all done", _OPEN, "piece_open = false; at = 'zone'; navigation_lost = false"),
-        Answer("FAILURE", "no piece", f"!({_OPEN})"),
-        Answer("FAILURE", "piece by piece", _OPEN),
+    outcomes=drive_outcomes(
+        Outcome("SUCCESS", "all done", _OPEN, "piece_open = false; at = 'zone'; navigation_lost = false"),
+        Outcome("FAILURE", "no piece", f"!({_OPEN})"),
+        Outcome("FAILURE", "piece by piece", _OPEN),
     ),
     facts={**_PIECES, "at": "", "navigation_lost": False},
 )
@@ -459,7 +459,7 @@ class NavigateThroughPieces(NavigateToPiece):
         self._mark_swept(0)
         self.log(self.sweeps.state_of(self._zone_id).result(self._zone_id))
         super().on_result(status, result)
-        return self.answer(Status.SUCCESS, "all done")
+        return self.outcome(Status.SUCCESS, "all done")
 
     def _mark_swept(self, left: int) -> bool:
         """Mark pieces as swept until `left` of the sent pieces remain; return whether a piece was marked."""
@@ -482,7 +482,7 @@ class NavigateThroughPieces(NavigateToPiece):
 
     def _mark_remaining(self) -> Status:
         self.feedback_message = "piece by piece"
-        return self.answer(Status.FAILURE, "piece by piece")
+        return self.outcome(Status.FAILURE, "piece by piece")
 
 
 def _distance_to(point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]) -> float:
@@ -503,10 +503,10 @@ def _plan_of(zone: str, sweep: SweepState) -> tuple[str, int, int]:
     "AdvancePiece",
     kind=Kind.ACTION,
     effects="marks the current piece as swept",
-    answers=(
-        Answer("SUCCESS", "advanced", f"{_OPEN} && more_pieces > 0", "more_pieces -= 1"),
-        Answer("SUCCESS", "all done", _OPEN, "piece_open = false"),
-        Answer("SUCCESS", "no piece", f"!({_OPEN})"),
+    outcomes=(
+        Outcome("SUCCESS", "advanced", f"{_OPEN} && more_pieces > 0", "more_pieces -= 1"),
+        Outcome("SUCCESS", "all done", _OPEN, "piece_open = false"),
+        Outcome("SUCCESS", "no piece", f"!({_OPEN})"),
     ),
     facts=_PIECES,
 )
@@ -530,23 +530,23 @@ class AdvancePiece(_SweepLeaf):
         """Advance, and log the result at the end of a pass."""
         zone = self._zone
         if not self.sweeps.state_of(zone).open_count:
-            return self.answer(Status.SUCCESS, "no piece")
+            return self.outcome(Status.SUCCESS, "no piece")
         self.sweeps.finish_piece(zone, map_extent_of(self.node).obstacles(), self.until_pod)
         sweep = self.sweeps.state_of(zone)
         if not sweep.open_count:
             self.log(sweep.result(zone))
         self._wake()
-        return self.answer(Status.SUCCESS, "advanced" if sweep.open_count else "all done")
+        return self.outcome(Status.SUCCESS, "advanced" if sweep.open_count else "all done")
 
 
 @register(
     "SkipPiece",
     kind=Kind.ACTION,
     effects="skips the current piece",
-    answers=(
-        Answer("SUCCESS", "skipped", f"{_OPEN} && more_pieces > 0", "more_pieces -= 1"),
-        Answer("SUCCESS", "skipped the last", _OPEN, "piece_open = false"),
-        Answer("SUCCESS", "no piece", f"!({_OPEN})"),
+    outcomes=(
+        Outcome("SUCCESS", "skipped", f"{_OPEN} && more_pieces > 0", "more_pieces -= 1"),
+        Outcome("SUCCESS", "skipped the last", _OPEN, "piece_open = false"),
+        Outcome("SUCCESS", "no piece", f"!({_OPEN})"),
     ),
     facts=_PIECES,
 )
@@ -558,10 +558,10 @@ class SkipPiece(_SweepLeaf):
         zone = self._zone
         sweep = self.sweeps.state_of(zone)
         if not sweep.open_count:
-            return self.answer(Status.SUCCESS, "no piece")
+            return self.outcome(Status.SUCCESS, "no piece")
         self.warn(f"Skipping {sweep.describe_piece(zone)}.")
         self.sweeps.skip(zone, "too far for a battery, not reached, or not searched")
-        return self.answer(
+        return self.outcome(
             Status.SUCCESS, "skipped" if self.sweeps.state_of(zone).open_count else "skipped the last"
         )
 
@@ -569,10 +569,10 @@ class SkipPiece(_SweepLeaf):
 @register(
     "IsFindNew",
     kind=Kind.CONDITION,
-    answers=(
-        Answer("SUCCESS", "new", "found_by_{detect_node}"),
-        Answer("FAILURE", "known", "found_by_{detect_node}"),
-        Answer("FAILURE", "nobody", "!found_by_{detect_node}"),
+    outcomes=(
+        Outcome("SUCCESS", "new", "found_by_{detect_node}"),
+        Outcome("FAILURE", "known", "found_by_{detect_node}"),
+        Outcome("FAILURE", "nobody", "!found_by_{detect_node}"),
     ),
     facts={"found_by_{detect_node}": False},
 )
@@ -601,10 +601,10 @@ class IsFindNew(RosLeaf):
         """Compare with the survivors detected before."""
         place = self.detect_node.survivor_pose()
         if place is None:
-            return self.answer(Status.FAILURE, "nobody")
+            return self.outcome(Status.FAILURE, "nobody")
         known = self.record.survivors_near(*place, self.same_within)
         near = next((each for each in known if each.counts), None)
         if near is None or self.record.before.has_open_name(*place):
-            return self.answer(Status.SUCCESS, "new")
+            return self.outcome(Status.SUCCESS, "new")
         self.feedback_message = f"{near.survivor_id} was detected before"
-        return self.answer(Status.FAILURE, "known")
+        return self.outcome(Status.FAILURE, "known")

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 from py_trees.common import Status
 
 from sar_compiler.leaves import (
-    Answer,
     Kind,
+    Outcome,
     RosLeaf,
     Seconds,
     UnusableValueError,
@@ -37,9 +37,9 @@ _POSTPONED = (
     "AdvanceZone",
     kind=Kind.ACTION,
     effects="marks the current zone as visited",
-    answers=(
-        Answer("SUCCESS", "advanced", "zones_left > 0", "zones_left -= 1"),
-        Answer("SUCCESS", "no zone", "zones_left == 0"),
+    outcomes=(
+        Outcome("SUCCESS", "advanced", "zones_left > 0", "zones_left -= 1"),
+        Outcome("SUCCESS", "no zone", "zones_left == 0"),
     ),
     facts={"zones_left": 3},
     writes=("at",),
@@ -59,20 +59,20 @@ class AdvanceZone(RosLeaf):
     def update(self) -> Status:
         """Advance to the next zone and request a tick for it; past the last zone, do nothing."""
         if not self._zones.has_remaining():
-            return self.answer(Status.SUCCESS, "no zone")
+            return self.outcome(Status.SUCCESS, "no zone")
         self._zones.select_next_zone()
         self._wake()
-        return self.answer(Status.SUCCESS, "advanced")
+        return self.outcome(Status.SUCCESS, "advanced")
 
 
 @register(
     "ChooseZone",
     kind=Kind.ACTION,
     effects="chooses the current zone among the remaining ones",
-    answers=(
-        Answer("SUCCESS", "chosen", "zones_left > 0"),
-        Answer("FAILURE", "no zone", "zones_left == 0"),
-        Answer("RUNNING", "choosing", "zones_left > 0"),
+    outcomes=(
+        Outcome("SUCCESS", "chosen", "zones_left > 0"),
+        Outcome("FAILURE", "no zone", "zones_left == 0"),
+        Outcome("RUNNING", "choosing", "zones_left > 0"),
     ),
     facts={"zones_left": 3},
 )
@@ -134,9 +134,9 @@ class ChooseZone(RosLeaf):
     def update(self) -> Status:
         """Request the paths, start the computation, or choose a zone by its result."""
         if not self._zones.has_remaining():
-            return self.answer(Status.FAILURE, "no zone")
+            return self.outcome(Status.FAILURE, "no zone")
         if self._ways is None:
-            return self.answer(Status.SUCCESS, "chosen")
+            return self.outcome(Status.SUCCESS, "chosen")
         zones = self._zones.eligible_zones()
         if self._among != zones:
             self._among, self._choice = zones, None
@@ -148,7 +148,7 @@ class ChooseZone(RosLeaf):
             self._choice = self._begin(zones)
         elif self._choice is not None and self._choice.done():
             return self._choose(zones[self._choice.result()[0]]["id"])
-        return self.answer(Status.RUNNING, "choosing")
+        return self.outcome(Status.RUNNING, "choosing")
 
     def terminate(self, new_status: Status) -> None:
         """Discard requests and computations if the leaf is halted."""
@@ -192,7 +192,7 @@ class ChooseZone(RosLeaf):
         self._clear_choice()
         self._zones.choose_zone(zone_id)
         self.log(f"Next zone by {self._order}: {zone_id}.")
-        return self.answer(Status.SUCCESS, "chosen")
+        return self.outcome(Status.SUCCESS, "chosen")
 
     def _clear_choice(self) -> None:
         self._among, self._choice = [], None
@@ -214,9 +214,9 @@ class ChooseZone(RosLeaf):
     "PostponeZone",
     kind=Kind.ACTION,
     effects="moves the current zone to the end of the plan",
-    answers=(
-        Answer("SUCCESS", "postponed", f"zones_left > 0 && {_NEXT_ROUND} < {{attempts}}", _POSTPONED),
-        Answer("FAILURE", "tried often enough", f"zones_left == 0 || {_NEXT_ROUND} >= {{attempts}}"),
+    outcomes=(
+        Outcome("SUCCESS", "postponed", f"zones_left > 0 && {_NEXT_ROUND} < {{attempts}}", _POSTPONED),
+        Outcome("FAILURE", "tried often enough", f"zones_left == 0 || {_NEXT_ROUND} >= {{attempts}}"),
     ),
     facts={"zones_left": 3, "round": 1, "postponed_in_round": 0},
 )
@@ -253,9 +253,9 @@ class PostponeZone(RosLeaf):
     "AbandonZone",
     kind=Kind.ACTION,
     effects="removes the current zone from the plan, unvisited",
-    answers=(
-        Answer("SUCCESS", "abandoned", "zones_left > 0", "zones_left -= 1; zones_abandoned += 1"),
-        Answer("SUCCESS", "no zone", "zones_left == 0"),
+    outcomes=(
+        Outcome("SUCCESS", "abandoned", "zones_left > 0", "zones_left -= 1; zones_abandoned += 1"),
+        Outcome("SUCCESS", "no zone", "zones_left == 0"),
     ),
     facts={"zones_left": 3, "zones_abandoned": 0},
 )
@@ -273,18 +273,18 @@ class AbandonZone(RosLeaf):
     def update(self) -> Status:
         """Abandon the zone; past the last zone, do nothing."""
         if not self._zones.has_remaining():
-            return self.answer(Status.SUCCESS, "no zone")
+            return self.outcome(Status.SUCCESS, "no zone")
         zone_id, attempts = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
         self._zones.abandon()
         self.warn(f"{zone_id} is abandoned after attempt {attempts}.")
-        return self.answer(Status.SUCCESS, "abandoned")
+        return self.outcome(Status.SUCCESS, "abandoned")
 
 
 @register(
     "AbandonZones",
     kind=Kind.ACTION,
     effects="removes all remaining zones from the plan, unvisited",
-    answers=(Answer("SUCCESS", "abandoned", then="zones_abandoned += zones_left; zones_left = 0"),),
+    outcomes=(Outcome("SUCCESS", "abandoned", then="zones_abandoned += zones_left; zones_left = 0"),),
     facts={"zones_left": 3, "zones_abandoned": 0},
 )
 class AbandonZones(RosLeaf):

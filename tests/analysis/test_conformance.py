@@ -7,7 +7,7 @@ import pytest
 from sar_compiler.analysis.conformance import PropertyResult, conform
 from sar_compiler.analysis.verify.properties import parse_property_file
 from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
-from sar_compiler.runtime.events import ANSWERED, HALTED, Event, append_end
+from sar_compiler.runtime.events import HALTED, RETURNED, Event, append_end
 from sar_compiler.runtime.walking import pre_order
 from tests.analysis.verify.stage import TAGS, bound, simulated_tree
 
@@ -39,7 +39,7 @@ class Flights:
         number = self.names.index(leaf)
         if what == HALTED:
             return Event(("all", leaf), number, HALTED)
-        return Event(("all", leaf), number, ANSWERED, what, "".join(label))
+        return Event(("all", leaf), number, RETURNED, what, "".join(label))
 
     def record(self, *ticks):
         """Return the events of ticks: of each what the root came to, and what leaves did."""
@@ -133,7 +133,7 @@ def test_an_end_that_asks_for_idleness_is_judged_when_the_run_is_over_and_where_
 
 
 def test_where_the_record_fits_runs_that_break_a_property_and_others_it_may_be_broken():
-    answers = "answers: {one: [RUNNING, {status: SUCCESS, label: far}, {status: SUCCESS, label: near}]}\n"
+    answers = "outcomes: {one: [RUNNING, {status: SUCCESS, label: far}, {status: SUCCESS, label: near}]}\n"
     flights = Flights(TWO, f"{answers}properties: {{p: {{never: one far}}, q: {{never: two SUCCESS}}}}")
     found = flights.compared(RUNS, FINE)
     assert [each.fate for each in found.properties] == [IN_DOUBT, BROKEN]
@@ -145,7 +145,7 @@ def test_where_the_record_fits_runs_that_break_a_property_and_others_it_may_be_b
 
 def test_an_answer_that_goes_on_unnoted_is_the_one_that_it_was():
     answers = (
-        "answers: {one: [{status: RUNNING, label: driving}, {status: RUNNING, label: turning}, SUCCESS]}\n"
+        "outcomes: {one: [{status: RUNNING, label: driving}, {status: RUNNING, label: turning}, SUCCESS]}\n"
     )
     flights = Flights(TWO, f"{answers}properties: {{p: {{never: one turning}}}}")
     assert flights.fates(("RUNNING", "one RUNNING driving"), ("RUNNING",)) == {"p": KEPT}
@@ -153,7 +153,7 @@ def test_an_answer_that_goes_on_unnoted_is_the_one_that_it_was():
 
 
 def test_a_property_that_every_way_has_broken_by_some_tick_is_broken_for_sure_from_there_on():
-    answers = "answers: {one: [RUNNING, {status: SUCCESS, label: far}, {status: SUCCESS, label: near}]}\n"
+    answers = "outcomes: {one: [RUNNING, {status: SUCCESS, label: far}, {status: SUCCESS, label: near}]}\n"
     flights = Flights(TWO, f"{answers}properties: {{p: {{never: [one far, two SUCCESS]}}}}")
     (broken,) = flights.compared(
         ("RUNNING", "one SUCCESS", "two RUNNING"), ("SUCCESS", "two SUCCESS")
@@ -226,7 +226,7 @@ def test_what_a_tick_lacks_is_told(tick, event, possible):
 
 
 def test_an_answer_that_went_on_longer_than_is_assumed_is_told_with_the_limit():
-    limit = "facts: {left: 2}\nanswers: {one: [{status: FAILURE, label: held, when: left > 0, then: left -= 1}, SUCCESS]}"
+    limit = "facts: {left: 2}\noutcomes: {one: [{status: FAILURE, label: held, when: left > 0, then: left -= 1}, SUCCESS]}"
     flights = Flights('<Inverter name="all"><A name="one"/></Inverter>', limit)
     held = ("SUCCESS", "one FAILURE held")
     assert flights.misfit(held, ("SUCCESS",)) is None

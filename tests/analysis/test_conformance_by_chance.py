@@ -11,7 +11,7 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.journal.status_watch import StatusWatch
-from sar_compiler.runtime.events import ANSWERED
+from sar_compiler.runtime.events import RETURNED
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.scripting import NodeScriptError
 from sar_compiler.runtime.walking import pre_order
@@ -53,7 +53,7 @@ class Flown:
         stream: list[JournalEntry] = []
         journal.add_listener(stream.append)
         journal.begin({"tree": outline(robot.compiled)}, {})
-        answers = {leaf.id: leaf.answers for leaf in robot.leaves}
+        answers = {leaf.id: leaf.outcomes for leaf in robot.leaves}
         recorder = StatusWatch(robot.root, journal, answers)
         for _ in range(ticks):
             if not flown_tick(watch, tree, recorder):
@@ -112,7 +112,7 @@ def test_an_answer_that_was_altered_is_found_where_it_stands():
         flown = Flown(case, ByChance(seed), TICKS)
         chance = random.Random(seed)  # noqa: S311 - the same in every run
         answers = [
-            place for place, each in enumerate(flown.events) if each.what == ANSWERED and each.leaf in "XYZP"
+            place for place, each in enumerate(flown.events) if each.what == RETURNED and each.leaf in "XYZP"
         ]
         for place in chance.sample(answers, min(3, len(answers))):
             altered = list(flown.events)

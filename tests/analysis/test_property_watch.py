@@ -11,7 +11,7 @@ from sar_compiler.analysis.runtime_monitor import AlarmCause, RuntimeMonitor
 from sar_compiler.analysis.tree_analysis import stage_of, watch_tree
 from sar_compiler.analysis.verify import verify
 from sar_compiler.analysis.verify.properties import parse_property_file
-from sar_compiler.runtime.events import ANSWERED
+from sar_compiler.runtime.events import RETURNED
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.leaf_listener import listen_to_leaf
@@ -36,7 +36,7 @@ class Scripted:
     """Answers what leaves have answered in a run."""
 
     def __init__(self, run):
-        answered = (each for tick in run.ticks for each in tick.events if each.what == ANSWERED)
+        answered = (each for tick in run.ticks for each in tick.events if each.what == RETURNED)
         self._answers = iter([(each.status, each.label) for each in answered])
 
     def choose(self, leaf, options):
@@ -56,7 +56,7 @@ class Told:
         )
 
     def on_status(self, number, status):
-        self._watch.on_status(number, status, self._leaves[number].answer_label)
+        self._watch.on_status(number, status, self._leaves[number].outcome_label)
 
 
 def watch_robot(watch, robot):
@@ -205,7 +205,7 @@ def watch_of(body, properties):
 
 def test_an_answer_that_the_facts_exclude_is_an_assumption_that_failed_told_once():
     properties = (
-        "facts: {left: 1}\nanswers: {A: [{status: SUCCESS, when: left > 0, then: left -= 1}, FAILURE]}"
+        "facts: {left: 1}\noutcomes: {A: [{status: SUCCESS, when: left > 0, then: left -= 1}, FAILURE]}"
     )
     watch = watch_of("<Sequence><A/><B/></Sequence>", properties)
     assert taken(watch, (1, "SUCCESS")) == []
@@ -214,7 +214,7 @@ def test_an_answer_that_the_facts_exclude_is_an_assumption_that_failed_told_once
 
 
 def test_an_answer_that_a_leaf_has_not_declared_is_an_assumption_that_failed():
-    watch = watch_of("<A/>", "answers: {A: [{status: SUCCESS, label: yes}, {status: SUCCESS, label: no}]}")
+    watch = watch_of("<A/>", "outcomes: {A: [{status: SUCCESS, label: yes}, {status: SUCCESS, label: no}]}")
     assert taken(watch, (0, "SUCCESS", "yes")) == []
     assert taken(watch, (0, "FAILURE"), (0, "SUCCESS", "perhaps"), (0, "SUCCESS")) == [
         "Assumption failed: 'A' returns yes, no, but returned FAILURE",
@@ -271,7 +271,7 @@ def test_the_first_answer_of_a_leaf_can_be_one_that_assumptions_exclude():
 
 
 def test_a_condition_that_goes_on_finding_the_same_takes_from_a_limit_once():
-    held = "answers: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
+    held = "outcomes: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
     case = Case("<Sequence><P/><B/></Sequence>", held)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     for _ in range(5):
@@ -285,7 +285,7 @@ def test_a_condition_that_goes_on_finding_the_same_takes_from_a_limit_once():
 
 
 def test_a_condition_that_finds_twice_in_a_tick_what_it_found_in_the_last_one_takes_nothing_again():
-    held = "answers: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
+    held = "outcomes: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
     case = Case("<Sequence><P/><B/></Sequence>", held)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     for answers in (1, 2):
@@ -297,7 +297,7 @@ def test_a_condition_that_finds_twice_in_a_tick_what_it_found_in_the_last_one_ta
 def test_a_limit_that_a_condition_goes_on_exceeding_is_spent_all_the_same_by_a_script_that_counts_once():
     lost = "{status: FAILURE, label: lost, when: away || left > 0, then: 'left -= away ? 0 : 1; away = true'}"
     answers = (
-        f"answers: {{P: [{{status: SUCCESS, then: away = false}}, {lost}]}}\nfacts: {{left: 1, away: false}}"
+        f"outcomes: {{P: [{{status: SUCCESS, then: away = false}}, {lost}]}}\nfacts: {{left: 1, away: false}}"
     )
     case = Case("<Sequence><P/><B/></Sequence>", answers)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
@@ -311,7 +311,7 @@ def test_a_limit_that_a_condition_goes_on_exceeding_is_spent_all_the_same_by_a_s
 
 
 def test_what_a_condition_finds_again_after_a_tick_without_it_takes_again():
-    answers = "answers: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
+    answers = "outcomes: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
     case = Case("<Sequence><P/><B/></Sequence>", answers)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     assert taken(watch, (1, "FAILURE", "held")) == []
@@ -324,7 +324,7 @@ def test_what_a_condition_finds_again_after_a_tick_without_it_takes_again():
 
 def test_what_goes_on_is_judged_as_it_was_when_it_began_last():
     held = "{status: FAILURE, label: held, when: left == turn, then: left -= 1}"
-    answers = f"answers: {{P: [{{status: SUCCESS, then: turn -= 1}}, {held}]}}\nfacts: {{left: 2, turn: 2}}"
+    answers = f"outcomes: {{P: [{{status: SUCCESS, then: turn -= 1}}, {held}]}}\nfacts: {{left: 2, turn: 2}}"
     case = Case("<Sequence><P/><B/></Sequence>", answers)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     for answer in ((1, "FAILURE", "held"), (1, "SUCCESS"), (1, "FAILURE", "held"), (1, "FAILURE", "held")):
@@ -333,7 +333,7 @@ def test_what_goes_on_is_judged_as_it_was_when_it_began_last():
 
 
 def test_an_action_takes_from_a_limit_each_time():
-    answers = "answers: {A: [SUCCESS, {status: FAILURE, label: lost, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
+    answers = "outcomes: {A: [SUCCESS, {status: FAILURE, label: lost, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
     case = Case("<Sequence><A/><B/></Sequence>", answers)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     assert taken(watch, (1, "FAILURE", "lost")) == []
@@ -346,7 +346,7 @@ def test_an_action_takes_from_a_limit_each_time():
 def test_a_condition_that_takes_from_no_limit_is_judged_by_what_is_left_now():
     seen = "[FAILURE, {status: SUCCESS, label: fine, when: left > 0, then: seen = true}]"
     answers = (
-        f"answers: {{P: {seen}, B: [{{status: RUNNING, then: left -= 1}}]}}\nfacts: {{left: 1, seen: false}}"
+        f"outcomes: {{P: {seen}, B: [{{status: RUNNING, then: left -= 1}}]}}\nfacts: {{left: 1, seen: false}}"
     )
     case = Case("<ReactiveSequence><P/><B/></ReactiveSequence>", answers)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
@@ -361,7 +361,7 @@ def test_one_condition_that_goes_on_gives_others_nothing_back():
     answers = "[SUCCESS, {status: FAILURE, label: no, when: %s > 0, then: %s -= 1}]"
     case = Case(
         "<Fallback><P name='one'/><P name='other'/></Fallback>",
-        f"answers: {{one: {answers % ('a', 'a')}, other: {answers % ('b', 'b')}}}\nfacts: {{a: 1, b: 1}}",
+        f"outcomes: {{one: {answers % ('a', 'a')}, other: {answers % ('b', 'b')}}}\nfacts: {{a: 1, b: 1}}",
     )
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["a", "b"])
     assert taken(watch, (1, "FAILURE", "no"), (2, "FAILURE", "no")) == []
@@ -375,7 +375,7 @@ def test_one_condition_that_goes_on_gives_others_nothing_back():
 
 def test_what_nobody_has_written_is_said_to_be_unknown_where_an_answer_is_excluded():
     answers = (
-        "answers: {A: [{status: SUCCESS, when: 'left > 0 ? n == 1 : false'}, FAILURE]}\nfacts: {left: 0}"
+        "outcomes: {A: [{status: SUCCESS, when: 'left > 0 ? n == 1 : false'}, FAILURE]}\nfacts: {left: 0}"
     )
     watch = watch_of("<Sequence><A/><Script code='n := 1'/></Sequence>", answers)
     assert taken(watch, (1, "SUCCESS")) == [

@@ -15,7 +15,7 @@ from sar_compiler.analysis.simulated_tree import (
 )
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.compiler import bind_main
-from sar_compiler.leaves import Answer, Kind, register
+from sar_compiler.leaves import Kind, Outcome, register
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import MARK
 from sar_compiler.runtime.kernel.timing import SleepNode
@@ -43,8 +43,8 @@ def simulated_file(text, parameters=None, registry=None, **assumed):
     return compile_simulated(binding, parameters or {}, Assumptions(**assumed))
 
 
-def answers_of(simulated, name):
-    return [leaf.answers for leaf in simulated.leaves if leaf.name == name]
+def outcomes_of(simulated, name):
+    return [leaf.outcomes for leaf in simulated.leaves if leaf.name == name]
 
 
 def test_leaves_of_a_mission_answer_and_their_node_ros_is_not_asked_for():
@@ -68,7 +68,7 @@ def test_leaves_of_the_language_are_the_real_ones():
 
 def test_a_leaf_that_answers_by_chance_answers_what_is_chosen():
     (leaf,) = simulated_tree("<ProbabilisticBehaviour/>").leaves
-    assert [answer.status for answer in leaf.answers] == ["SUCCESS", "FAILURE", "RUNNING"]
+    assert [answer.status for answer in leaf.outcomes] == ["SUCCESS", "FAILURE", "RUNNING"]
 
 
 def test_durations_are_measured_with_a_clock_that_is_moved_by_hand():
@@ -123,7 +123,7 @@ def test_two_searches_of_one_name_have_facts_of_their_own():
     </BehaviorTree>
     <BehaviorTree ID="Look"><Sequence><DetectSurvivor/><IsSurvivorDetected/></Sequence></BehaviorTree></root>"""
     simulated = simulated_file(text)
-    whens = [options[0].when for options in answers_of(simulated, "IsSurvivorDetected")]
+    whens = [options[0].when for options in outcomes_of(simulated, "IsSurvivorDetected")]
     assert whens == ["found_by_DetectSurvivor", "found_by_DetectSurvivor_2"]
     assert {"found_by_DetectSurvivor", "found_by_DetectSurvivor_2"} <= set(simulated.fact_values())
     assert [leaf.path for leaf in simulated.leaves][::2] == [
@@ -152,10 +152,10 @@ def test_a_leaf_is_named_by_a_path_by_its_name_or_by_its_tag(key, rank):
 
 def test_what_is_assumed_of_a_name_counts_before_what_is_assumed_of_a_tag():
     body = '<Sequence><NavigateToZone/><NavigateToZone name="Back"/></Sequence>'
-    one, other = (Answer("SUCCESS", "one"),), (Answer("FAILURE", "other"),)
-    simulated = simulated_tree(body, answers={"Back": other, "NavigateToZone": one})
+    one, other = (Outcome("SUCCESS", "one"),), (Outcome("FAILURE", "other"),)
+    simulated = simulated_tree(body, outcomes={"Back": other, "NavigateToZone": one})
     # The first node is called as its tag is.
-    assert answers_of(simulated, "NavigateToZone") + answers_of(simulated, "Back") == [one, other]
+    assert outcomes_of(simulated, "NavigateToZone") + outcomes_of(simulated, "Back") == [one, other]
 
 
 PALETTE = """<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree><TreeNodesModel>
@@ -165,8 +165,8 @@ PALETTE = """<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree><Tr
 
 def test_a_leaf_that_is_only_described_answers_what_its_kind_can():
     grab, full = simulated_file(PALETTE.format("<Sequence><Grab/><Full/></Sequence>")).leaves
-    assert [answer.status for answer in grab.answers] == ["SUCCESS", "FAILURE", "RUNNING"]
-    assert [answer.status for answer in full.answers] == ["SUCCESS", "FAILURE"]
+    assert [answer.status for answer in grab.outcomes] == ["SUCCESS", "FAILURE", "RUNNING"]
+    assert [answer.status for answer in full.outcomes] == ["SUCCESS", "FAILURE"]
 
 
 def test_controls_and_decorators_that_are_only_described_are_nothing_to_play():
@@ -255,7 +255,7 @@ def test_a_decorator_of_ones_own_is_made_for_real_with_a_stand_in_for_what_the_m
 
 def test_a_described_leaf_may_be_assumed_to_skip():
     text = PALETTE.format("<Sequence><Grab/><Success/></Sequence>")
-    simulated = simulated_file(text, answers={"Grab": (Answer("SKIPPED"),)})
+    simulated = simulated_file(text, outcomes={"Grab": (Outcome("SKIPPED"),)})
     simulated.root.tick_once()
     assert simulated.root.status == Status.SUCCESS
     assert simulated.leaves[0].skipped
@@ -328,7 +328,7 @@ def test_a_described_leaf_skips_below_a_class_of_ones_own_only_where_somebody_sa
     assert isinstance(simulated_file(text, registry=registry).root, Strict)
     for key in ("Grab", "Strict/Grab"):
         with pytest.raises(TreeError) as error:
-            simulated_file(text, registry=registry, answers={key: (Answer("SUCCESS"), Answer("SKIPPED"))})
+            simulated_file(text, registry=registry, outcomes={key: (Outcome("SUCCESS"), Outcome("SKIPPED"))})
         (finding,) = error.value.findings
         assert finding.code == "skip-misread"
         assert finding.message == "'Grab' can be skipped, which <Strict> treats as an interruption"

@@ -9,15 +9,15 @@ from sar_compiler.analysis.stub_leaf import (
     StubLeaf,
     StubLeafError,
 )
-from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import Board, Scope
-from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED
+from sar_compiler.runtime.events import HALTED, RETURNED, STARTED
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
+from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.variables import Enums
 
-ARRIVED = Answer("SUCCESS", "arrived", when="left > 0", then="at = 'zone'; left -= 1")
-NOWHERE = Answer("FAILURE", "nowhere", when="left == 0")
-DRIVING = Answer("RUNNING", "driving", when="left > 0")
+ARRIVED = Outcome("SUCCESS", "arrived", when="left > 0", then="at = 'zone'; left -= 1")
+NOWHERE = Outcome("FAILURE", "nowhere", when="left == 0")
+DRIVING = Outcome("RUNNING", "driving", when="left > 0")
 
 
 class Following:
@@ -76,15 +76,15 @@ def test_an_answer_changes_facts_which_keep_their_type(made, facts):
 
 
 def test_scripts_over_facts_alone_are_run_in_their_quick_form_and_others_as_they_are(made):
-    leaf = made(ARRIVED, Answer("SUCCESS", "moved", then="goal := left"))
+    leaf = made(ARRIVED, Outcome("SUCCESS", "moved", then="goal := left"))
     variables = leaf.variables
     assert leaf.is_possible(ARRIVED)
     leaf.change(ARRIVED)
     assert not leaf.is_possible(ARRIVED)
     for program in (leaf._conditions[ARRIVED], leaf._effects[ARRIVED]):
         assert variables.fast_runner(program) is not None
-    leaf.change(leaf.answers[1])
-    assert variables.fast_runner(leaf._effects[leaf.answers[1]]) is None
+    leaf.change(leaf.outcomes[1])
+    assert variables.fast_runner(leaf._effects[leaf.outcomes[1]]) is None
 
 
 def test_a_leaf_that_is_given_other_variables_changes_those(made, facts, keys):
@@ -112,7 +112,7 @@ def test_a_board_that_is_numbered_afterwards_is_written_as_such(made, facts):
 
 def test_a_name_that_is_no_fact_is_a_key_of_the_tree(made, facts, keys):
     keys.resolve("battery").write(20)
-    leaf = made(Answer("SUCCESS", when="battery < 30", then="goal := battery + left"))
+    leaf = made(Outcome("SUCCESS", when="battery < 30", then="goal := battery + left"))
     leaf.tick_once()
     assert keys.resolve("goal").read() == 21
     assert not facts.resolve("goal").exists
@@ -124,11 +124,11 @@ def test_what_a_leaf_does_is_noted(made):
     leaf.tick_once()
     leaf.tick_once()
     leaf.stop(Status.INVALID)
-    assert deeds(leaf) == [(STARTED, None), (ANSWERED, "driving"), (ANSWERED, "driving"), (HALTED, None)]
+    assert deeds(leaf) == [(STARTED, None), (RETURNED, "driving"), (RETURNED, "driving"), (HALTED, None)]
 
 
 def test_an_answer_whose_script_cannot_be_run_is_noted_with_what_it_has_changed(made):
-    leaf = made(Answer("SUCCESS", "yes", then="at = 'zone'; left = 'x'"))
+    leaf = made(Outcome("SUCCESS", "yes", then="at = 'zone'; left = 'x'"))
     with pytest.raises(StubLeafError):
         leaf.tick_once()
     assert [(event.action, event.facts) for event in leaf.events] == [
@@ -145,7 +145,7 @@ def test_a_leaf_that_has_finished_is_not_halted(made):
 
 
 def test_an_answer_can_be_that_the_leaf_is_skipped(made):
-    leaf = made(Answer("SKIPPED", "not today"))
+    leaf = made(Outcome("SKIPPED", "not today"))
     leaf.tick_once()
     assert leaf.skipped
     assert leaf.status == Status.INVALID
@@ -162,10 +162,10 @@ def test_a_leaf_without_a_possible_answer_says_what_each_would_need(made, facts)
 @pytest.mark.parametrize(
     ("answer", "part"),
     [
-        (Answer("SUCCESS", "yes", when="speed > 1"), "when"),
-        (Answer("SUCCESS", "yes", then="left = 'x'"), "then"),
+        (Outcome("SUCCESS", "yes", when="speed > 1"), "when"),
+        (Outcome("SUCCESS", "yes", then="left = 'x'"), "then"),
     ],
 )
 def test_a_script_that_cannot_be_run_names_leaf_answer_and_script(made, answer, part):
-    with pytest.raises(StubLeafError, match=rf"'Go' \(Drive\), answer 'yes': {part} '"):
+    with pytest.raises(StubLeafError, match=rf"'Go' \(Drive\), outcome 'yes': {part} '"):
         made(answer).tick_once()

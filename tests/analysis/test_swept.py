@@ -34,9 +34,9 @@ DAY = f"""
 until: "zones_left == 0 && at == 'base'"
 ticks: 150
 leaves:
-  NavigateToZone: [{{answer: aborted, after: 2s to 5s, probability: 0.3, {ALWAYS}}}, {{answer: arrived, after: 4s, {ALWAYS}}}]
-  DetectSurvivor: [{{answer: found, probability: 0.5, {ALWAYS}}}, {{answer: nothing, {ALWAYS}}}]
-  NavigateToBase: [{{answer: aborted, probability: 0.2, {ALWAYS}}}]
+  NavigateToZone: [{{outcome: aborted, after: 2s to 5s, probability: 0.3, {ALWAYS}}}, {{outcome: arrived, after: 4s, {ALWAYS}}}]
+  DetectSurvivor: [{{outcome: found, probability: 0.5, {ALWAYS}}}, {{outcome: nothing, {ALWAYS}}}]
+  NavigateToBase: [{{outcome: aborted, probability: 0.2, {ALWAYS}}}]
 expect:
   root: SUCCESS
   never: [NotifyBase refused]
@@ -146,7 +146,7 @@ def test_the_smallest_scenario_has_only_what_makes_it_fail():
     seed = next(seed for seed in range(100) if missed(play, seed) == ["never"])
     text = smallest_scenario(play, seed)
     assert text is not None
-    assert text.endswith("leaves:\n  NotifyBase:\n  - answer: refused\n")
+    assert text.endswith("leaves:\n  NotifyBase:\n  - outcome: refused\n")
 
 
 def test_two_leaves_of_one_path_have_no_scenario(tmp_path):
@@ -164,8 +164,8 @@ def test_two_leaves_of_one_path_have_no_scenario(tmp_path):
 def test_chances_and_durations_between_two_are_what_chance_decides():
     assert not runs("ticks: 9", 0.0).has_randomness()
     assert runs("ticks: 9", 0.1).has_randomness()
-    assert runs("leaves: {NavigateToZone: {answer: arrived, after: 1s to 2s}}", 0.0).has_randomness()
-    assert runs("leaves: {NavigateToZone: {answer: aborted, probability: 0.5}}", 0.0).has_randomness()
+    assert runs("leaves: {NavigateToZone: {outcome: arrived, after: 1s to 2s}}", 0.0).has_randomness()
+    assert runs("leaves: {NavigateToZone: {outcome: aborted, probability: 0.5}}", 0.0).has_randomness()
 
 
 def test_what_is_varied_is_put_into_the_scenario_and_a_trace_is_left_out():

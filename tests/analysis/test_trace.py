@@ -19,7 +19,7 @@ WAITS = """
 name: a scenario
 until: "at == 'base'"
 leaves:
-  NavigateToZone: [{answer: aborted, after: 1.5s}, RUNNING]
+  NavigateToZone: [{outcome: aborted, after: 1.5s}, RUNNING]
   NavigateToBase: [RUNNING]
 expect: {root: FAILURE}
 """
@@ -156,8 +156,8 @@ def test_json_has_every_tick_and_what_was_not_covered():
         "time": 0.0,
         "root": "SUCCESS",
         "events": [
-            {"leaf": "AdvanceZone", "what": "started", "answer": None, "status": None},
-            {"leaf": "AdvanceZone", "what": "answered", "answer": "advanced", "status": "SUCCESS"},
+            {"leaf": "AdvanceZone", "what": "started", "outcome": None, "status": None},
+            {"leaf": "AdvanceZone", "what": "returned", "outcome": "advanced", "status": "SUCCESS"},
         ],
         "facts": {"zones_left": 2},
         "keys": {},

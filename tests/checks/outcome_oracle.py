@@ -80,7 +80,7 @@ _SURROUNDINGS = """<WhileDoElse>
 </WhileDoElse>"""
 
 
-def answers_of(body: str) -> Answers | None:
+def outcomes_of(body: str) -> Answers | None:
     """Return what a tree answers; None where it does not mean anything, or one of its runs ends with an error."""
     if reads_keys(body):
         body = _SURROUNDINGS.replace("{body}", body)

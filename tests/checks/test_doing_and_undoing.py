@@ -5,7 +5,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.checks import check
-from sar_compiler.leaves import Answer, Kind, register
+from sar_compiler.leaves import Kind, Outcome, register
 from sar_compiler.nodes.registry import load_registry
 from tests.trees import forest
 
@@ -23,7 +23,7 @@ class Told(Behaviour):
 
 def leaf(tag, reads=(), writes=()):
     return register(
-        tag, kind=Kind.ACTION, answers=[Answer("SUCCESS"), Answer("FAILURE")], reads=reads, writes=writes
+        tag, kind=Kind.ACTION, outcomes=[Outcome("SUCCESS"), Outcome("FAILURE")], reads=reads, writes=writes
     )
 
 

@@ -10,7 +10,7 @@ from sar_compiler.analysis.simulate.scenario_run import ScenarioPlayer
 from sar_compiler.analysis.verify.properties import without_properties
 from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.stepping import TreeStepper
-from sar_compiler.runtime.events import ANSWERED, STARTED, TICKED, Event, append_end
+from sar_compiler.runtime.events import RETURNED, STARTED, TICKED, Event, append_end
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.walking import pre_order
@@ -36,7 +36,7 @@ class Again:
     """Answers what events say, in their order."""
 
     def __init__(self, events):
-        self._answers = [event for event in events if event.what == ANSWERED]
+        self._answers = [event for event in events if event.what == RETURNED]
 
     def choose(self, leaf, options):
         event = self._answers.pop(0)
@@ -112,7 +112,7 @@ def test_a_simulated_run_a_live_one_and_the_proof_tell_of_the_same_answers_by_th
 def test_an_event_says_which_answer_it_was_where_when_and_what_it_has_changed():
     (tick,) = played("until: zones_left == 2", "<Sequence><NavigateToZone/><AdvanceZone/></Sequence>").ticks
     assert tick.events[3] == Event(
-        ("Sequence", "AdvanceZone"), 2, ANSWERED, "SUCCESS", "advanced", (("zones_left", 2),), 1, 0.0
+        ("Sequence", "AdvanceZone"), 2, RETURNED, "SUCCESS", "advanced", (("zones_left", 2),), 1, 0.0
     )
     assert tick.events[-1] == Event(("Sequence",), 0, TICKED, "SUCCESS", tick=1, time_sec=0.0)
 
@@ -121,7 +121,7 @@ def test_what_a_script_between_two_answers_writes_is_seen_by_the_second():
     """Else what an answer changes would be concluded from the state in which the tick began."""
     found = verified(
         '<Sequence><Script code="n := 0"/><X/><Script code="n := 2"/><X/><Y/></Sequence>',
-        "answers: {X: [{status: SUCCESS, then: f = n + 1}]}\nproperties: {none: {never: Y counted}}",
+        "outcomes: {X: [{status: SUCCESS, then: f = n + 1}]}\nproperties: {none: {never: Y counted}}",
     )
     answers = [event for event in verdict(found, "none").trace.events if event.outcome]
     assert [event.facts for event in answers] == [(("f", 1),), (("f", 3),), (("f", 2),)]

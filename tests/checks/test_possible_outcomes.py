@@ -9,7 +9,7 @@ import pytest
 from sar_compiler.compiler import bind_main
 from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits
 from tests.chance import rounds
-from tests.checks.outcome_oracle import REGISTRY, SUBSETS, RandomTrees, answers_of, leaf
+from tests.checks.outcome_oracle import REGISTRY, SUBSETS, RandomTrees, leaf, outcomes_of
 from tests.node_forms import Form, forms
 from tests.trees import forest
 
@@ -43,7 +43,7 @@ def tree(form: Form, subsets) -> str:
 def test_a_node_answers_what_its_record_says_and_nothing_else(form):
     seen = known = 0
     for subsets in combinations(form):
-        answers = answers_of(tree(form, subsets))
+        answers = outcomes_of(tree(form, subsets))
         if answers is not None:  # one that py_trees cannot skip, or a count out of reach
             assert answers.seen <= answers.may, subsets
             if answers.complete:
@@ -60,7 +60,7 @@ def test_nodes_in_nodes_answer_what_their_records_say_together():
     random_trees = RandomTrees(seed=1)
     for _ in range(RANDOM_TREES):
         body = random_trees.tree(depth=3)
-        answers = answers_of(body)
+        answers = outcomes_of(body)
         if answers is None:
             continue
         trees += 1
@@ -97,7 +97,7 @@ def test_what_is_known_is_allowed_and_what_is_known_of_nothing_is_allowed_for_ev
 def test_what_is_interrupted_in_every_other_tick_is_not_known_to_end():
     first = f"<AsyncSequence>{leaf(['SUCCESS'], 'a')}{leaf(['SUCCESS'], 'b')}</AsyncSequence>"
     second = f"<AsyncFallback>{leaf(['FAILURE'], 'c')}{leaf(['SUCCESS'], 'd')}</AsyncFallback>"
-    answers = answers_of(f"<ReactiveSequence>{first}{second}</ReactiveSequence>")
+    answers = outcomes_of(f"<ReactiveSequence>{first}{second}</ReactiveSequence>")
     assert answers is not None
     assert answers.seen == answers.known == {"RUNNING"}
 
@@ -111,10 +111,10 @@ def test_a_node_says_that_it_can_answer_what_its_record_allows(tag, variant):
     for form in own:
         count = form.count(2)
         allowed |= possible_of(form)([S | F | R] * count, ALLOWED)
-    assert bits(own[0].spec.outcomes) == allowed & ~K
+    assert bits(own[0].spec.statuses) == allowed & ~K
 
 
 def test_of_a_queue_that_is_written_in_the_file_everything_is_known():
-    answers = answers_of('<StatusQueue queue="RUNNING;SUCCESS" eventually="SUCCESS"/>')
+    answers = outcomes_of('<StatusQueue queue="RUNNING;SUCCESS" eventually="SUCCESS"/>')
     assert answers is not None
     assert answers.seen == answers.may == answers.known == {"RUNNING", "SUCCESS"}

@@ -5,7 +5,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.checks import check
-from sar_compiler.leaves import Answer, Kind
+from sar_compiler.leaves import Kind, Outcome
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.ports import Input, Output
@@ -34,17 +34,17 @@ class Say(Behaviour):
 
 ENDS = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
 ANSWERS = (
-    Answer("SUCCESS", "seen", writes=("at",)),
-    Answer("FAILURE", "gone", writes=("at",)),
-    Answer("FAILURE", "dark", writes=()),
-    Answer("RUNNING", "looking", writes=()),
+    Outcome("SUCCESS", "seen", writes=("at",)),
+    Outcome("FAILURE", "gone", writes=("at",)),
+    Outcome("FAILURE", "dark", writes=()),
+    Outcome("RUNNING", "looking", writes=()),
 )
 CERTAIN = tuple(answer for answer in ANSWERS if answer.label != "dark")
 REGISTRY = Registry(
     [
         *default_registry().specs(),
-        NodeSpec("Look", Look, Kind.ACTION, ENDS, answers=ANSWERS),
-        NodeSpec("LookWell", Look, Kind.ACTION, ENDS, answers=CERTAIN),
+        NodeSpec("Look", Look, Kind.ACTION, ENDS, outcomes=ANSWERS),
+        NodeSpec("LookWell", Look, Kind.ACTION, ENDS, outcomes=CERTAIN),
         NodeSpec("LookSomehow", Look, Kind.ACTION, ENDS),
         NodeSpec("Say", Say, Kind.ACTION, frozenset({"SUCCESS"})),
     ]

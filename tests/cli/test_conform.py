@@ -31,13 +31,15 @@ def place(tmp_path):
 def flight(place, monkeypatch):
     """Fly the tree; return the journal, in which leaves are what they are on a robot."""
 
-    def fly(name="m.journal", answers=None, **about):
+    def fly(name="m.journal", outcomes=None, **about):
         path = place / name
         tree = load(place / "tree.xml", registry=REGISTRY).preview()
         monkeypatch.setattr("tests.views.flown.outline", lambda _: outline(tree))
         about = {"tree_file": str(place / "tree.xml"), "tree_id": "Main", **about}
         with closing(open_journal(path)) as journal:
-            flown(simulated(place / "tree.xml"), Said(**(answers or {"Tell": ["counted"]})), journal, **about)
+            flown(
+                simulated(place / "tree.xml"), Said(**(outcomes or {"Tell": ["counted"]})), journal, **about
+            )
         return path
 
     return fly
@@ -151,7 +153,7 @@ def test_a_journal_of_a_tree_that_the_file_does_not_have_is_told_so(conform, fli
 def test_what_is_otherwise_in_the_tree_since_is_told(conform, flight, place):
     tries = '<RetryUntilSuccessful num_attempts="{}"><A name="Drive"/></RetryUntilSuccessful>'
     (place / "tree.xml").write_text(document(tries.format(3)), encoding="utf-8")
-    journal = flight(answers={"Drive": ["FAILURE"]})
+    journal = flight(outcomes={"Drive": ["FAILURE"]})
     assert "has changed" not in conform(journal, options=())[1]
     (place / "tree.xml").write_text(document(tries.format(1)), encoding="utf-8")
     status, out, _ = conform(journal, options=())
@@ -204,7 +206,7 @@ def test_a_status_of_a_control_or_a_halt_that_was_put_into_a_journal_does_not_fi
     conform, flight, place, node, status, said
 ):
     (place / "tree.xml").write_text(document(CONTROLLED), encoding="utf-8")
-    journal = flight(answers={"Drive": ["SUCCESS"]})
+    journal = flight(outcomes={"Drive": ["SUCCESS"]})
     assert conform(journal, options=())[0] == 0
     with sqlite3.connect(journal) as base:
         number, data = base.execute(

@@ -12,10 +12,10 @@ TREE = """<root BTCPP_format="4"><BehaviorTree ID="Tree">
 </BehaviorTree></root>
 """
 CHANCES = """
-answers:
-  DetectSurvivor: [{{answer: found, p: 0}}, {{answer: nothing, p: {nothing}, sec: {sec}}}, {{answer: no answer}}]
+outcomes:
+  DetectSurvivor: [{{outcome: found, p: 0}}, {{outcome: nothing, p: {nothing}, sec: {sec}}}, {{outcome: no answer}}]
 properties:
-  always an answer: {{never: DetectSurvivor no answer}}
+  always an outcome: {{never: DetectSurvivor no answer}}
 """
 
 
@@ -36,7 +36,7 @@ def test_chances_and_times_are_told_line_by_line(predict):
     lines = out.splitlines()
     assert re.fullmatch(r"\d+ states, \d+ steps between them, \d+\.\d s", lines[0])
     assert "  success:          38.7 %" in lines
-    assert "  always an answer: 38.7 %" in lines
+    assert "  always an outcome: 38.7 %" in lines
     # Repeat goes on in the next tick, half a second later.
     assert "  time to success:  13.0 s" in lines
 

@@ -221,7 +221,7 @@ def test_nodes_writes_defaults_as_a_tree_file_has_them(capsys):
 )
 def test_nodes_tells_when_a_node_is_skipped(capsys, tag, skipped):
     _, out, _ = run(capsys, "nodes", tag)
-    assert f"answers: {', '.join(['FAILURE, RUNNING, SUCCESS', *skipped])}\n" in out
+    assert f"outcomes: {', '.join(['FAILURE, RUNNING, SUCCESS', *skipped])}\n" in out
     assert json.loads(run(capsys, "nodes", tag, "--format", "json")[1])[0]["skipped"] == skipped
 
 

@@ -21,8 +21,8 @@ SCENARIO = """
 ticks: 100
 until: "zones_left == 0 && at == 'base'"
 leaves:
-  NavigateToZone: [{answer: aborted, probability: 0.2, times: always}, {answer: arrived, after: 2s to 6s, times: always}]
-  NavigateToBase: [{answer: aborted, probability: 0.1, times: always}]
+  NavigateToZone: [{outcome: aborted, probability: 0.2, times: always}, {outcome: arrived, after: 2s to 6s, times: always}]
+  NavigateToBase: [{outcome: aborted, probability: 0.1, times: always}]
 """
 MISSION = ("search_and_rescue", "--count", "NotifyBase acknowledged", "--set", "zones_left=1,2")
 

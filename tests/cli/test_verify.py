@@ -43,7 +43,7 @@ def test_a_tree_that_is_proved_has_status_0_and_a_line_for_each_question(run):
     assert (status, err) == (0, "")
     first, tally, *questions, note = out.splitlines()
     assert first.split(", ")[0].endswith("states")
-    assert tally == "4 answers: 4 proved"
+    assert tally == "4 outcomes: 4 proved"
     assert [line.rsplit(maxsplit=1)[-1] for line in questions] == ["proved"] * 4
     assert note == NOTE
 
@@ -84,7 +84,7 @@ def test_a_key_that_only_the_robot_would_write_is_named_with_the_leaf_that_write
     status, out, _ = run(tree, "--nodes", "tests.analysis.verify.leaves")
     assert status == 1
     advice = "because 'M' writes it in a run. Add to the file of --properties, or to the scenario: "
-    assert advice + 'answers: {M: [{status: SUCCESS, then: "d := ..."}]}' in out
+    assert advice + 'outcomes: {M: [{status: SUCCESS, then: "d := ..."}]}' in out
 
 
 def test_a_control_that_is_only_described_is_nothing_to_prove_anything_with(run):
@@ -148,11 +148,11 @@ def test_json_has_the_questions_with_their_runs(run):
     searched = told["questions"][-1]
     assert (searched["question"], searched["verdict"]) == ("searched", "does not hold")
     (tick,) = searched["trace"]["ticks"]
-    last = [event for event in tick["events"] if event["what"] == "answered"][1]
+    last = [event for event in tick["events"] if event["what"] == "returned"][1]
     assert last == {
         "leaf": "DetectSurvivor",
         "path": "Sequence/DetectSurvivor",
-        "what": "answered",
+        "what": "returned",
         "status": "SUCCESS",
         "label": "found",
     }
@@ -163,7 +163,7 @@ def test_a_property_about_leaves_that_are_not_there_is_said_to_be_left_out(run):
     properties = "properties: {kept: {never: KeepReport kept}}"
     status, out, _ = run(FINE, "--properties", "{folder}/p.yaml", p=properties)
     assert status == 0
-    assert "\n5 answers: 4 proved, 1 left out\n" in out
+    assert "\n5 outcomes: 4 proved, 1 left out\n" in out
     assert out.splitlines()[-2].split(":")[1].strip() == "left out"
     assert out.endswith(f"this tree has no KeepReport\n{NOTE}\n")
 
@@ -225,7 +225,7 @@ def test_the_command_line_wins_over_the_file(run):
 def test_a_fact_that_only_the_file_knows_can_be_set(run):
     properties = """
 facts: {battery: 3}
-answers: {NavigateToZone: [{status: SUCCESS, when: battery > 0, then: battery -= 1}, {status: FAILURE, when: battery == 0}]}
+outcomes: {NavigateToZone: [{status: SUCCESS, when: battery > 0, then: battery -= 1}, {status: FAILURE, when: battery == 0}]}
 """
     arguments = ("--properties", "{folder}/p.yaml")
     states = [
@@ -274,7 +274,7 @@ def test_a_control_of_ones_own_is_verified_or_it_is_said_why_it_cannot_be(run):
     nodes = ("--nodes", "tests.analysis.verify.own_controls")
     status, out, err = run(document("<OwnSequence><AdvanceZone/></OwnSequence>"), *nodes)
     assert (status, err.count("info[needless-node]"), len(err.splitlines())) == (0, 1, 3)
-    assert "5 answers: 5 proved" in out
+    assert "5 outcomes: 5 proved" in out
     status, out, err = run(document("<TickingMystery><AdvanceZone/></TickingMystery>"), *nodes)
     assert (status, out) == (1, "")
     assert "error[only-described]: <TickingMystery> has its own methods" in err
@@ -285,7 +285,7 @@ def test_a_file_of_properties_says_what_stands_for_a_class_with_methods_of_its_o
     tree = document("<TickingMystery><AdvanceZone/></TickingMystery>")
     status, out, err = run(tree, *nodes, p="controls: {TickingMystery: Sequence}")
     assert (status, err) == (0, "")
-    assert "4 answers: 4 proved" in out
+    assert "4 outcomes: 4 proved" in out
 
 
 def test_a_condition_that_cannot_be_evaluated_everywhere_is_named(run):
@@ -316,7 +316,7 @@ def test_what_is_worse_than_for_another_tree_is_told_with_its_run_and_has_status
     assert [line.split(":")[1].strip() for line in table[3:]] == [
         *("proved", "proved", "proved", "does not hold; before", "does not hold; before")
     ]
-    assert table[2].startswith("5 answers: 2 worse, 3 the same; ")
+    assert table[2].startswith("5 outcomes: 2 worse, 3 the same; ")
 
 
 def test_what_is_better_than_for_another_tree_has_status_0_and_no_run(run):
@@ -329,7 +329,7 @@ def test_what_is_better_than_for_another_tree_has_status_0_and_no_run(run):
 def test_what_does_not_hold_for_both_trees_is_nothing_new(run):
     status, out, _ = run(FINE, *AGAINST, before=FINE, p="properties: {p: {never: DetectSurvivor starts}}")
     assert status == 0
-    assert "\n5 answers: 5 the same; " in out
+    assert "\n5 outcomes: 5 the same; " in out
     assert "\n  p:                                     does not hold\n" in out
     assert "\n\n" not in out  # no run is shown
 

@@ -157,8 +157,8 @@ def _registry(*, may_skip: bool) -> Registry:
     module = Registry()
     module.add_module(leaves)
     for leaf in module:
-        outcomes = leaf.outcomes if may_skip else leaf.outcomes - {"SKIPPED"}
-        registry.add(dataclasses.replace(leaf, outcomes=outcomes, answers=()))
+        statuses = leaf.statuses if may_skip else leaf.statuses - {"SKIPPED"}
+        registry.add(dataclasses.replace(leaf, statuses=statuses, outcomes=()))
     return registry
 
 

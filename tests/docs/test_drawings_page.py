@@ -78,4 +78,4 @@ def test_the_numbers_of_the_readme_are_those_of_the_findings_the_traces_and_the_
     [states, properties] = re.findall(r"([\d,]+) states of the .*?, (\d+) properties proved", README)[0]
     proof = Path("docs/missions/resilient-tree.md").read_text(encoding="utf-8")
     assert f"\n{states} states, " in proof
-    assert f"\n{properties} answers: {properties} proved\n" in proof
+    assert f"\n{properties} outcomes: {properties} proved\n" in proof

@@ -170,22 +170,22 @@ def test_a_number_in_another_notation_or_unit_gets_the_one_that_is_to_be_written
 @pytest.mark.parametrize(
     ("text", "advice"),
     [
-        ("leaves: {A: {answer: SUCCESS, probability: 30}}", "30 percent are 0.3: write 0.3"),
-        ("leaves: {A: {answer: SUCCESS, probability: lots}}", "for example 0.1"),
-        ("answers: {A: {answer: SUCCESS, p: 80}}", "80 percent are 0.8: write 0.8"),
-        ("answers: {A: {answer: SUCCESS, p: '80'}}", "80 percent are 0.8: write 0.8, without quotes"),
-        ("answers: {A: {answer: SUCCESS, p: 80%}}", "did you mean '0.8'?"),
-        ("answers: {A: {answer: SUCCESS, p: '0,5'}}", "write 0.5, without quotes"),
-        ("answers: {A: {answer: SUCCESS, p: [80, 90]}}", "80 percent are 0.8: write 0.8"),
-        ("answers: {A: {answer: SUCCESS, p: [0.5]}}", "write 0.5, without brackets"),
-        ("answers: {A: {answer: SUCCESS, sec: 20s}}", "did you mean '20'?"),
-        ("answers: {A: {answer: SUCCESS, sec: 150}}", None),
-        ("answers: {A: {answer: SUCCESS, p: 150}}", "for example 0.9"),
-        ("answers: {A: {answer: SUCCESS, sec: '1,500'}}", "the comma is ambiguous: write 1500, or 1.5"),
+        ("leaves: {A: {outcome: SUCCESS, probability: 30}}", "30 percent are 0.3: write 0.3"),
+        ("leaves: {A: {outcome: SUCCESS, probability: lots}}", "for example 0.1"),
+        ("outcomes: {A: {outcome: SUCCESS, p: 80}}", "80 percent are 0.8: write 0.8"),
+        ("outcomes: {A: {outcome: SUCCESS, p: '80'}}", "80 percent are 0.8: write 0.8, without quotes"),
+        ("outcomes: {A: {outcome: SUCCESS, p: 80%}}", "did you mean '0.8'?"),
+        ("outcomes: {A: {outcome: SUCCESS, p: '0,5'}}", "write 0.5, without quotes"),
+        ("outcomes: {A: {outcome: SUCCESS, p: [80, 90]}}", "80 percent are 0.8: write 0.8"),
+        ("outcomes: {A: {outcome: SUCCESS, p: [0.5]}}", "write 0.5, without brackets"),
+        ("outcomes: {A: {outcome: SUCCESS, sec: 20s}}", "did you mean '20'?"),
+        ("outcomes: {A: {outcome: SUCCESS, sec: 150}}", None),
+        ("outcomes: {A: {outcome: SUCCESS, p: 150}}", "for example 0.9"),
+        ("outcomes: {A: {outcome: SUCCESS, sec: '1,500'}}", "the comma is ambiguous: write 1500, or 1.5"),
         ("period: 2 sec", "did you mean '2s'?"),
         ("period: 1,5s", "did you mean '1.5s'?"),
         ("period: soon", "for example 4s, 500ms or 2min"),
-        ("leaves: {A: {after: 1s}}", "for example answer: SUCCESS"),
+        ("leaves: {A: {after: 1s}}", "for example outcome: SUCCESS"),
     ],
 )
 def test_an_example_is_called_one_and_a_number_follows_from_the_one_that_was_written(text, advice):
@@ -258,7 +258,7 @@ def test_every_unit_in_a_schema_is_in_the_table(path):
 def test_a_command_prints_the_warnings_about_a_file_and_goes_on(words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("tree.xml").write_text(document("<NavigateToBase/>"), encoding="utf-8")
-    text = "answers: {NavigateToBase: [RUNNING, {status: SUCCESS, sec: 5000000}]}"
+    text = "outcomes: {NavigateToBase: [RUNNING, {status: SUCCESS, sec: 5000000}]}"
     Path("file.yaml").write_text(text, encoding="utf-8")
     assert compile_command([*words, "file.yaml"]) in (0, 1)
     out, err = capsys.readouterr()

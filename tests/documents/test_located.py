@@ -48,15 +48,15 @@ def test_what_a_schema_refuses_is_left_out_and_the_rest_is_kept():
 
 
 def test_a_mapping_without_a_key_that_it_needs_is_left_out_as_a_whole():
-    document = read("leaves: {A: {answer: [x]}, B: {answer: SUCCESS}}")
-    assert document.validate("scenario").data == {"leaves": {"B": {"answer": "SUCCESS"}}}
+    document = read("leaves: {A: {outcome: [x]}, B: {outcome: SUCCESS}}")
+    assert document.validate("scenario").data == {"leaves": {"B": {"outcome": "SUCCESS"}}}
     assert len(document.findings) == 1  # only what is wrong with the answer
 
 
 def test_a_misspelt_key_is_not_said_to_be_missing_as_well():
-    document = read("leaves: {A: {anser: SUCCESS}}")
+    document = read("leaves: {A: {outcom: SUCCESS}}")
     document.validate("scenario")
-    assert [(each.code, each.suggestion) for each in document.findings] == [("unknown-key", "answer")]
+    assert [(each.code, each.suggestion) for each in document.findings] == [("unknown-key", "outcome")]
 
 
 def test_several_missing_keys_of_a_mapping_are_one_finding():
@@ -68,7 +68,7 @@ def test_several_missing_keys_of_a_mapping_are_one_finding():
 @pytest.mark.parametrize(
     ("text", "message", "advice"),
     [
-        ("leaves: {A: {after: 1s}}", "what a leaf answers needs 'answer'", "for example answer: SUCCESS"),
+        ("leaves: {A: {after: 1s}}", "the outcome of a leaf needs 'outcome'", "for example outcome: SUCCESS"),
         ("leaves: {A: }", "'A' is a mapping, a list or a string, but this is nothing", ""),
         (
             "ticks: '5'",

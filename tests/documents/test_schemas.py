@@ -101,14 +101,14 @@ def test_what_two_files_have_in_common_is_the_same_in_both():
         "event",
         "events",
         "fact",
-        "possible_answer",
-        "possible_answers",
+        "possible_outcome",
+        "possible_outcomes",
         "status",
         "time",
     }
     assert shared == common
     assert all(scenario["definitions"][each] == properties["definitions"][each] for each in shared)
-    for key in ("facts", "answers", "parameters"):
+    for key in ("facts", "outcomes", "parameters"):
         assert scenario["properties"][key] == properties["properties"][key]
 
 

@@ -90,7 +90,7 @@ def test_a_slip_in_the_file_is_a_finding_before_anything_starts(start, tmp_path)
     properties = write(tmp_path / "properties.yaml", "properties: {p: {never: DetectSurvivor fuond}}\n")
     run = start("sar-run", "search_and_rescue", "--sim", "--properties", properties)
     assert run.end() == 2
-    assert f"{properties}:1:40: error[unknown-answer]: 'DetectSurvivor' has no event 'fuond'" in run.output
+    assert f"{properties}:1:40: error[unknown-outcome]: 'DetectSurvivor' has no event 'fuond'" in run.output
     assert "did you mean 'found'?" in run.output
 
 

@@ -45,7 +45,7 @@ def test_a_flight_is_reported_with_its_map_its_way_and_who_was_found(start, tmp_
 def test_a_run_that_has_failed_is_reported_too(start, tree, tmp_path):
     assert start("sar-run", tree, "--report", tmp_path / "r.json").end() == 1
     data = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
-    assert (data["outcome"], data["why"]["answers"][0]["name"]) == ("failed", "Nothing")
+    assert (data["outcome"], data["why"]["causes"][0]["name"]) == ("failed", "Nothing")
     assert [(node["name"], node["status"], node["line"]) for node in data["tree"]] == [
         ("Nothing", "FAILURE", 3)
     ]

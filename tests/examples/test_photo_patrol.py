@@ -53,7 +53,7 @@ def test_its_tree_has_no_findings(start, installed):
 def test_what_holds_in_every_patrol_is_proved_watched_in_flight_and_kept(start, installed, tmp_path):
     proof = start("sar-compile", "verify", PATROL, env=installed)
     assert proof.end() == 0, proof.output
-    assert "5 answers: 5 proved" in proof.output
+    assert "5 outcomes: 5 proved" in proof.output
     flown = ("--properties", "--journal", tmp_path / "m.journal", "--fault", "take_photo:refuse=2")
     run = start("sar-run", PATROL, "--sim", "--speed", 20, *flown, env=installed)
     assert run.end() == 1, run.output

@@ -18,8 +18,8 @@ from sar_compiler.analysis.simulated_tree import Assumptions, SimulatedTree, com
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.cli.compile import main
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.runtime.outcomes import Outcome, nominal
 from sar_compiler.testing import assert_scenario_holds
 from search_and_rescue.actions.zones import AbandonZones
 from search_and_rescue.failsafes import (
@@ -62,7 +62,7 @@ class Day:
     def __init__(self) -> None:
         self.wrong: dict[str, str] = {"NavigateToZone": "driving"}
 
-    def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
+    def choose(self, leaf: StubLeaf, options: Sequence[Outcome]) -> Outcome:
         said = self.wrong.get(leaf.name)
         return next((answer for answer in options if answer.name == said), nominal(options))
 
@@ -475,7 +475,7 @@ class TestOrders:
         assert held.update() is Status.SUCCESS
         assert self.call(ros, "pause") == (True, "done")
         assert [held.update(), held.update()] == [Status.FAILURE] * 2
-        assert held.answer_label == "held"
+        assert held.outcome_label == "held"
         assert self.call(ros, "resume") == (True, "done")
         assert held.update() is Status.SUCCESS
 
@@ -486,7 +486,7 @@ class TestOrders:
         assert zones.current_zone()["id"] == "zone_b"
         assert "zone_a was abandoned: skipped by the operator." in record.shortfalls(zones)
         assert held.update() is Status.FAILURE
-        assert held.answer_label == "zone skipped"
+        assert held.outcome_label == "zone skipped"
         assert held.update() is Status.SUCCESS
 
     def test_without_a_zone_there_is_nothing_to_skip(

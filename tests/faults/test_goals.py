@@ -202,7 +202,7 @@ def test_a_navigation_server_that_stays_dead_ends_the_mission_and_no_zone_is_giv
 
 def test_a_goal_that_was_sent_to_a_dead_server_is_over_when_another_server_does_not_know_it(fly, serve):
     dead = serve("navigation", goals=[{}])
-    run = fly(RESILIENT, zones=("zone_a", "zone_b"), survivors={"detect": [{"answer": False}, {}]})
+    run = fly(RESILIENT, zones=("zone_a", "zone_b"), survivors={"detect": [{"outcome": False}, {}]})
     dead.wait_for("ended")
     dead.kill()
     run.wait_for("waits to send its goal again: ")

@@ -11,8 +11,8 @@ from sar_compiler.analysis.simulated_tree import SimulatedTree, compile_simulate
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.compiler import bind_main
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.runtime.outcomes import Outcome, nominal
 from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import load_forest
 from search_and_rescue.actions.report_queue import Backoff
@@ -34,10 +34,10 @@ class Day:
     """Has leaves, by name, answer the same whenever they can, and what is usual otherwise."""
 
     def __init__(self, **answers: str) -> None:
-        self.answers = answers
+        self.outcomes = answers
 
-    def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
-        said = self.answers.get(leaf.name)
+    def choose(self, leaf: StubLeaf, options: Sequence[Outcome]) -> Outcome:
+        said = self.outcomes.get(leaf.name)
         return next((answer for answer in options if answer.name == said), nominal(options))
 
 

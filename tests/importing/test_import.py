@@ -112,7 +112,7 @@ def test_the_outcomes_of_an_imported_run_are_counted_and_predict_its_tree(tmp_pa
     _, shares = answer(journal_command, ["stats", journal, "--format", "yaml"], capsys)
     (tmp_path / "shares.yaml").write_text(shares, encoding="utf-8")
     status, said = answer(
-        compile_command, ["predict", f"{journal}.xml", "--answers", tmp_path / "shares.yaml"], capsys
+        compile_command, ["predict", f"{journal}.xml", "--outcomes", tmp_path / "shares.yaml"], capsys
     )
     assert (status, "success:" in said) == (0, True), said
 

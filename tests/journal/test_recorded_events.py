@@ -38,12 +38,12 @@ class Flight:
         stream: Its entries.
     """
 
-    def __init__(self, root, answers=None):
+    def __init__(self, root, outcomes=None):
         self.journal = Journal()
         self.stream: list[JournalEntry] = []
         self.journal.add_listener(self.stream.append)
         self.journal.begin({"tree": plain(root)}, {})
-        self._watch = StatusWatch(root, self.journal, answers)
+        self._watch = StatusWatch(root, self.journal, outcomes)
         self._tree = LiveTree(root)
 
     def tick(self):
@@ -79,7 +79,7 @@ def test_what_is_read_has_happened_and_nothing_is_left_out_but_answers_as_in_the
     simulated = simulated_tree(binding)
     simulated.policy = ByChance(3)
     paths = {leaf.number: leaf.path for leaf in simulated.leaves}
-    flight = Flight(simulated.root, {leaf.id: leaf.answers for leaf in simulated.leaves})
+    flight = Flight(simulated.root, {leaf.id: leaf.outcomes for leaf in simulated.leaves})
     happened: list[Event] = []
     with contextlib.suppress(Exception):  # scripts of random trees go wrong
         for number in range(1, TICKS + 1):
@@ -260,7 +260,7 @@ def test_a_tick_in_which_an_assumption_failed_is_told_although_all_was_as_before
     flight.journal.record_event("assumption_failed", tick=3)
     assert [(each.tick, each.what, each.status) for each in recorded_events(flight.stream)] == [
         (1, STARTED, ""),
-        (1, "answered", "RUNNING"),
+        (1, "returned", "RUNNING"),
         (1, TICKED, "RUNNING"),
         (3, TICKED, "RUNNING"),
     ]

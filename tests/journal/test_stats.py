@@ -69,7 +69,7 @@ def test_answers_are_counted_with_their_shares_their_intervals_and_their_times(p
     assert (found["runs"], found["confidence"], found["interval"]) == (2, 0.95, "Wilson")
     (drive,) = found["leaves"]
     assert (drive["path"], drive["count"], drive["retries"], drive["stopped"]) == (["Main", "Drive"], 4, 0, 0)
-    arrived, blocked = drive["answers"]
+    arrived, blocked = drive["outcomes"]
     assert (arrived["label"], arrived["count"], arrived["share"]) == ("arrived", 3, 0.75)
     assert arrived["interval"] == pytest.approx(wilson(3, 4, 0.95))
     assert arrived["time"] == {"p5": 2.0, "median": 2.0, "p95": 6.0}
@@ -111,15 +111,15 @@ def test_a_leaf_that_is_stopped_or_skipped_has_given_no_answer(place, capsys):
         [(DRIVE, "RUNNING", "")],
     )
     drive, look = data(capsys, place)["leaves"]
-    assert (drive["count"], drive["stopped"], look["count"], look["answers"]) == (1, 1, 0, [])
-    assert drive["answers"][0]["time"]["median"] == 4.0
+    assert (drive["count"], drive["stopped"], look["count"], look["outcomes"]) == (1, 1, 0, [])
+    assert drive["outcomes"][0]["time"]["median"] == 4.0
     assert "Main/Look" in told(capsys, place)
 
 
 def test_a_journal_in_which_no_leaf_has_answered_is_said(place, capsys):
     fly(place)
     assert told(capsys, place) == "1 run; no leaf has returned a result.\n"
-    assert parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data == {"answers": {}}
+    assert parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data == {"outcomes": {}}
 
 
 @pytest.mark.parametrize(
@@ -147,27 +147,27 @@ def test_as_assumptions_a_declared_answer_has_its_chance_and_its_time(place, cap
     fly(place, *drives(*[("SUCCESS", "arrived")] * 9, ("FAILURE", "blocked")), [(LOOK, "SUCCESS")])
     text = told(capsys, place, "--format", "yaml")
     assert parse_yaml(text, "s.yaml", "").root.data == {
-        "answers": {
+        "outcomes": {
             "Main/Drive": [
-                {"answer": "arrived", "p": [0.5958, 0.9821], "sec": [2.0, 2.0]},
-                {"answer": "blocked", "p": [0.0179, 0.4042], "sec": [2.0, 2.0]},
+                {"outcome": "arrived", "p": [0.5958, 0.9821], "sec": [2.0, 2.0]},
+                {"outcome": "blocked", "p": [0.0179, 0.4042], "sec": [2.0, 2.0]},
             ]
         }
     }
     assert "# Fewer than 10 results, so nothing is assumed: Main/Look (1)" in text
-    assert '"Main/Drive":  # 10 answers' in text
+    assert '"Main/Drive":  # 10 outcomes' in text
 
 
 def test_as_assumptions_a_leaf_that_declares_nothing_may_still_fail_though_it_never_has(place, capsys):
     fly(place, *[tick for _ in range(10) for tick in ([(LOOK, "SUCCESS")], [(LOOK, "IDLE")])])
-    assert parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data["answers"] == {
+    assert parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data["outcomes"] == {
         "Main/Look": [{"status": "SUCCESS", "p": [0.7225, 1.0]}, {"status": "FAILURE", "p": [0.0, 0.2775]}]
     }
 
 
 def test_as_assumptions_one_that_runs_takes_its_time(place, capsys):
     fly(place, *[tick for _ in range(10) for tick in ([(LOOK, "RUNNING")], [(LOOK, "SUCCESS")])])
-    (look,) = parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data["answers"].values()
+    (look,) = parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data["outcomes"].values()
     assert look[0]["sec"] == [2.0, 2.0]
     assert "sec" not in look[1]
     assert look[2] == "RUNNING"
@@ -179,7 +179,7 @@ def test_a_name_with_a_line_in_it_or_a_slash_stays_a_name(place, capsys):
         tick for _ in range(10) for tick in ([(1, "SUCCESS"), (2, "SUCCESS")], [(1, "IDLE"), (2, "IDLE")])
     ]
     fly(place, *ticks, [(3, "SUCCESS")], tree={**TREE, "children": names})
-    answers = parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data["answers"]
+    answers = parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data["outcomes"]
     assert [*answers] == ["Main/Dri\nve", "a/b: {"]
 
 
@@ -201,10 +201,10 @@ def test_whatever_is_answered_is_counted_and_its_chances_can_add_up_to_one(answe
     found = RunStatistics()
     found.add(entries)
     leaves = json.loads(statistics_as_json(found, confidence))["leaves"]
-    counted = {(each["status"], each["label"]): each["count"] for look in leaves for each in look["answers"]}
+    counted = {(each["status"], each["label"]): each["count"] for look in leaves for each in look["outcomes"]}
     assert counted == Counter((status, label) for status, label, _ in answers)
     for look in leaves:
-        lows, highs = zip(*(each["interval"] for each in look["answers"]), strict=True)
+        lows, highs = zip(*(each["interval"] for each in look["outcomes"]), strict=True)
         assert sum(lows) <= 1.0 + 1e-9 <= sum(highs) + 2e-9
     parse_yaml(statistics_as_yaml(found, confidence), "s.yaml", "")
 

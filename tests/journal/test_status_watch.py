@@ -9,9 +9,9 @@ from py_trees.trees import BehaviourTree
 
 from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
-from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
 from sar_compiler.runtime.kernel.tree_nodes import Visit
+from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
 from tests.views.flown import watched_tick
 
@@ -84,10 +84,10 @@ def test_what_comes_to_the_same_after_a_tick_without_it_is_written_again(journal
 
 def test_a_node_that_is_halted_after_it_was_skipped_while_it_ran_is_written_as_halted(journal):
     class Passed(SkippableLeaf):
-        answers = [Status.RUNNING, SKIPPED]  # noqa: RUF012 - taken once
+        outcomes = [Status.RUNNING, SKIPPED]  # noqa: RUF012 - taken once
 
         def update(self):
-            return self.answers.pop(0)
+            return self.outcomes.pop(0)
 
     first = leaf("first", Status.FAILURE, Status.FAILURE, Status.SUCCESS)
     tree = LiveTree(Selector("root", memory=False, children=[first, Passed("second")]))
@@ -126,10 +126,10 @@ def test_a_node_that_had_ended_is_written_as_idle_once_what_is_above_it_begins_a
 
 
 SAYING = (
-    Answer("SUCCESS", "found"),
-    Answer("SUCCESS", "nothing"),
-    Answer("FAILURE", "no answer"),
-    Answer("RUNNING", "searching"),
+    Outcome("SUCCESS", "found"),
+    Outcome("SUCCESS", "nothing"),
+    Outcome("FAILURE", "no answer"),
+    Outcome("RUNNING", "searching"),
 )
 
 
@@ -152,7 +152,7 @@ class Scripted(Behaviour):
     def update(self):
         status, label = self._script.pop(0)
         if label is not None:
-            self.answer_label = label
+            self.outcome_label = label
         return status
 
 
@@ -180,8 +180,8 @@ def test_an_answer_that_is_not_declared_is_told_once(journal):
     statuses = [Status.SUCCESS, Status.SUCCESS, Status.FAILURE]
     assert labels_of(journal, statuses, ["fuond", "fuond", None], warnings) == ["", "no answer"]
     assert warnings == [
-        "'one' (Scripted): its answer_label 'fuond' is not declared for SUCCESS (declared: found, nothing).",
-        "'one' (Scripted): its answer_label 'fuond' is not declared for FAILURE (declared: no answer).",
+        "'one' (Scripted): its outcome_label 'fuond' is not declared for SUCCESS (declared: found, nothing).",
+        "'one' (Scripted): its outcome_label 'fuond' is not declared for FAILURE (declared: no answer).",
     ]
 
 
@@ -204,7 +204,7 @@ def test_a_leaf_that_was_ticked_twice_is_shown_with_each_of_its_answers(journal)
     journal._write()
     entries = [entry.data for entry in journal._file.observations("status")]
     assert [entry["label"] for entry in entries] == ["no answer", "nothing"]
-    assert one.answer_label == "nothing"
+    assert one.outcome_label == "nothing"
 
 
 class Record:

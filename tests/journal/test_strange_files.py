@@ -147,7 +147,7 @@ def test_a_number_that_is_not_finite_is_null_in_every_json(place, tmp_path, caps
     (strange,) = (fact for fact in facts if fact["kind"] == "pose")
     assert strange["data"] == {"x": None, "y": None, "yaw": 0.5}
     assert main(["why", str(place), "--format", "json"]) == 0
-    assert [each["status"] for each in strictly(capsys.readouterr().out)["answers"]] == ["STOPPED"]
+    assert [each["status"] for each in strictly(capsys.readouterr().out)["causes"]] == ["STOPPED"]
 
 
 @pytest.mark.parametrize("column", ["wall", "time"])

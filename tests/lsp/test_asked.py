@@ -120,7 +120,7 @@ def test_hovering_tells_the_ports_and_the_answers_of_a_node(editor, files):
         editor.client.text_document_hover_async(lsp.HoverParams(whose(main), at(main, "Sleep")))
     )
     assert "msec: input" in answer.contents.value
-    assert "answers: RUNNING, SUCCESS" in answer.contents.value
+    assert "outcomes: RUNNING, SUCCESS" in answer.contents.value
 
 
 def spots(answer, *paths):

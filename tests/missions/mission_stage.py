@@ -20,7 +20,7 @@ from sar_interfaces.srv import DetectSurvivor as DetectService
 from sar_interfaces.srv import ReportSurvivor as ReportService
 from tf2_msgs.msg import TFMessage
 
-from sar_compiler.runtime.answers import DeclaredAnswers
+from sar_compiler.runtime.outcomes import DeclaredOutcomes
 from search_and_rescue import SPECS
 from search_and_rescue.search import Search
 from search_and_rescue.zone_manager import ZoneManager
@@ -39,7 +39,7 @@ _numbers = itertools.count(1)
 
 # Of several reports some may be delivered, and then the base is gone: none of its answers says how many.
 _MAY_LEAVE_OPEN = {("DeliverReports", "FAILURE")}
-_DECLARED = {spec.tag: DeclaredAnswers(spec.answers) for spec in SPECS}
+_DECLARED = {spec.tag: DeclaredOutcomes(spec.outcomes) for spec in SPECS}
 
 
 def _checked(leaf: Behaviour) -> Callable[[], None]:
@@ -49,7 +49,7 @@ def _checked(leaf: Behaviour) -> Callable[[], None]:
     def checked() -> None:
         tick_once()
         status, declared = leaf.status.value, _DECLARED[tag]
-        said = getattr(leaf, "answer_label", "")
+        said = getattr(leaf, "outcome_label", "")
         assert declared.why_invalid(status, said) == ""
         assert declared.label(status, said) or (tag, status) in _MAY_LEAVE_OPEN, (leaf.name, status)
 
@@ -283,7 +283,7 @@ class ScriptedService:
 
     Attributes:
         requests: What arrived.
-        answer: Makes a response out of a request.
+        outcome: Makes a response out of a request.
         gate: Set unless answers are to be held back.
         loses_answers: Whether its answers do not arrive.
         host: Where it runs.

@@ -8,7 +8,7 @@ from py_trees.common import Status
 from sar_compiler.analysis.simulated_tree import Assumptions, compile_simulated
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.testing import simulate
 from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import load_forest
@@ -46,18 +46,18 @@ def test_what_the_search_finds_decides_what_follows(found, expected):
 
 
 def test_a_new_search_forgets_what_the_last_one_found():
-    run = simulate(TREE, DetectSurvivor=["found", {"answer": "nothing", "after": "1s"}]).tick(2)
+    run = simulate(TREE, DetectSurvivor=["found", {"outcome": "nothing", "after": "1s"}]).tick(2)
     assert run.facts["found_by_DetectSurvivor"] is False
 
 
 def test_nobody_reports_what_nobody_found():
     binding = bind_main(forest("<Sequence><DetectSurvivor/><NotifyBase/></Sequence>"), default_registry())
     _, report = compile_simulated(binding, {}).leaves
-    assert report.options() == (Answer("FAILURE", "nothing to report", "!named_by_DetectSurvivor"),)
+    assert report.options() == (Outcome("FAILURE", "nothing to report", "!named_by_DetectSurvivor"),)
 
 
 def test_a_robot_that_drives_is_nowhere_until_it_arrives():
-    run = simulate(TREE, NavigateToZone={"answer": "arrived", "after": "1s"}).tick()
+    run = simulate(TREE, NavigateToZone={"outcome": "arrived", "after": "1s"}).tick()
     assert run.facts["at"] == ""
     assert run.tick(2).facts["at"] == "zone"
 

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.ros
 
 def answer(stage: "Stage", leaf: Any) -> str:
     """Run a leaf, and return what it has answered."""
-    return f"{stage.run(leaf).value} {leaf.answer_label}"
+    return f"{stage.run(leaf).value} {leaf.outcome_label}"
 
 
 def drive(stage: "Stage", cls: type[Behaviour] = NavigateToZone, **options: Any) -> Any:
@@ -48,9 +48,9 @@ def test_a_drive_says_how_it_has_ended(stage: "Stage", cls: type[Behaviour]) -> 
 def test_a_drive_says_whether_it_waits_for_somebody_to_judge_it(stage: "Stage") -> None:
     leaf = drive(stage, server_timeout_sec=0.05)
     leaf.tick_once()
-    assert leaf.answer_label == "driving"
+    assert leaf.outcome_label == "driving"
     stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
-    assert leaf.answer_label == "waiting for Nav2"
+    assert leaf.outcome_label == "waiting for Nav2"
 
 
 def test_a_drive_that_nobody_judges_is_no_aborted_one(stage: "Stage") -> None:
@@ -116,7 +116,7 @@ def test_a_delivery_says_what_has_become_of_the_reports(stage: "Stage") -> None:
 
 def test_these_are_the_leaves_with_several_answers_of_a_status() -> None:
     said = {
-        spec.tag for spec in SPECS if len({each.status for each in spec.answers}) < len(spec.answers)
+        spec.tag for spec in SPECS if len({each.status for each in spec.outcomes}) < len(spec.outcomes)
     }  # fmt: skip
     assert said == {
         "NavigateToZone",

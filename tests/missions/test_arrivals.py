@@ -120,7 +120,7 @@ def test_a_drive_that_has_succeeded_far_from_its_goal_has_not_arrived(
     assert "m away from its goal (0.75 m are allowed)" in told
     if make is not by_attributes:
         record = leaf.record
-        assert (leaf.answer_label, record.home, record.charging_at) == ("unavailable", False, "")
+        assert (leaf.outcome_label, record.home, record.charging_at) == ("unavailable", False, "")
         assert record.navigation_lost.startswith("Nav2 reports success of ")
 
 
@@ -139,7 +139,7 @@ def test_a_goal_that_has_not_arrived_is_sent_again_and_costs_no_attempt(stage: "
     leaf.pause_sec = 0.5
     localisation = Localisation(stage, *FAR)
     stage.tick_until(leaf, lambda: leaf.has_not_arrived, "the end of the first goal")
-    assert (leaf.status, leaf.answer_label) == (Status.RUNNING, "not arrived")
+    assert (leaf.status, leaf.outcome_label) == (Status.RUNNING, "not arrived")
     assert stage.record.navigation_lost
     localisation.tell(-3.0, 3.0)
     assert stage.run(leaf) is Status.SUCCESS

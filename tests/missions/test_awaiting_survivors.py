@@ -55,7 +55,7 @@ def passed_over(stage: "Stage", leaf: AwaitSurvivor, detector: Detector) -> None
 def test_it_is_running_while_nobody_was_published(stage: "Stage") -> None:
     leaf, search, _ = listening(stage)
     leaf.tick_once()
-    assert (leaf.status, leaf.answer_label) == (Status.RUNNING, "listening")
+    assert (leaf.status, leaf.outcome_label) == (Status.RUNNING, "listening")
     assert search.survivor_pose() is None
 
 
@@ -136,7 +136,7 @@ def test_without_a_zone_nobody_is_found(stage: "Stage") -> None:
     for _ in range(stage.zones.total_zones()):
         stage.zones.select_next_zone()
     leaf.tick_once()
-    assert (leaf.status, leaf.answer_label) == (Status.FAILURE, "no zone")
+    assert (leaf.status, leaf.outcome_label) == (Status.FAILURE, "no zone")
 
 
 def test_a_find_that_an_earlier_run_has_not_dealt_with_comes_first(stage: "Stage", tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.status_line import condition
-from sar_compiler.runtime.answers import DeclaredAnswers
+from sar_compiler.runtime.outcomes import DeclaredOutcomes
 from search_and_rescue import SPECS
 from search_and_rescue.actions.survivors import map_extent_of
 from search_and_rescue.actions.sweep_leaves import PlanSweep
@@ -38,7 +38,7 @@ ANN = CommandAuthor("Ann (page, 127.0.0.1)", "the corridor is full of smoke")
 BOB = CommandAuthor("Bob", "the lift is stuck")
 TREE = Path("trees/search_areas_guarded.xml")
 CONDITIONS = {"NotHeld": NotHeld, "NotAborted": NotAborted, "NotRecalled": NotRecalled}
-_DECLARED = {spec.tag: DeclaredAnswers(spec.answers) for spec in SPECS if spec.tag in CONDITIONS}
+_DECLARED = {spec.tag: DeclaredOutcomes(spec.outcomes) for spec in SPECS if spec.tag in CONDITIONS}
 SQUARE = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
 VALUES: dict[str, dict[str, Any]] = {
     "add_zone": {"zone": "zone_e", "x": 1.0, "y": 2.0, "heading": 0.0},
@@ -150,7 +150,7 @@ class CommandedMission:
             self.added = added
             self.watch.on_before_event(number)
             leaf.tick_once()
-            label = _DECLARED[tag].label(leaf.status.value, leaf.answer_label) or ""
+            label = _DECLARED[tag].label(leaf.status.value, leaf.outcome_label) or ""
             self.watch.on_status(number, leaf.status.value, label)
             answers.append((leaf.status.value, label, leaf.feedback_message))
             if leaf.status is Status.FAILURE:

@@ -83,7 +83,7 @@ def as_answers(finds: list[float]) -> dict[str, object]:
         "DeliverReports": "nothing kept",
     }
     return {
-        **{leaf: [{"answer": answer, "p": 1.0}] for leaf, answer in usual.items()},
+        **{leaf: [{"outcome": answer, "p": 1.0}] for leaf, answer in usual.items()},
         "DetectSurvivor": [*looks, {**nothing, "when": "somebody", "p": share}],
     }
 
@@ -94,7 +94,7 @@ def told_file(tmp_path: Path) -> Callable[..., tuple[Path, float]]:
 
     def write(**more: object) -> tuple[Path, float]:
         finds = told()[2]
-        said = {"facts": {"zones_left": len(finds), "somebody": False}, "answers": as_answers(finds), **more}
+        said = {"facts": {"zones_left": len(finds), "somebody": False}, "outcomes": as_answers(finds), **more}
         path = tmp_path / "looks.yaml"
         path.write_text(yaml.safe_dump(said), encoding="utf-8")
         return path, sum(finds)

@@ -70,7 +70,7 @@ class Robot:
 
     def answer(self, leaf: ReturnInReach | FullBatterySuffices | AwaitCharge) -> str:
         leaf.tick_once()
-        return leaf.answer_label
+        return leaf.outcome_label
 
     @property
     def facts(self) -> list[str]:
@@ -211,7 +211,7 @@ class TestFullBatterySuffices:
         server = PlanningServer(stage.host())
         server.gate.clear()
         stage.tick_until(robot.full, lambda: server.asked, "the question")
-        assert robot.full.answer_label == "requesting paths"
+        assert robot.full.outcome_label == "requesting paths"
         robot.full.stop(Status.INVALID)
         server.gate.set()
         assert stage.run(robot.full) is Status.SUCCESS

@@ -566,7 +566,7 @@ class TestGoalsWithoutAnErrorCode:
             pauses.append(math.ceil(leaf._pause.remaining_sec))
             leaf._pause = None  # not waited for here
         assert pauses == [1, 2, 4, 8, 8, 8]
-        assert leaf.answer_label == "waiting for Nav2"
+        assert leaf.outcome_label == "waiting for Nav2"
         assert [line.partition("; ")[2] for line in stage.warnings] == [
             "it is sent again in 1 s.",
             "it is sent again in 2 s.",
@@ -583,7 +583,7 @@ class TestGoalsWithoutAnErrorCode:
         leaf.pause_sec = 0.001
         available = stage.take(NavigationAvailable("NavigationAvailable?", record=stage.record))
         assert stage.run(leaf) is Status.FAILURE
-        assert leaf.answer_label == "unavailable"
+        assert leaf.outcome_label == "unavailable"
         assert (
             "goals in a row without an error code (its nodes have logged no reason), for 0.3 s"
             in stage.warnings[-1]
@@ -597,7 +597,7 @@ class TestGoalsWithoutAnErrorCode:
         stage.tick_until(leaf, warned(stage, "holds"), "the hold")
         leaf._pause = Deadline(3600.0, leaf._clock)
         assert stage.run(leaf) is Status.FAILURE
-        assert (leaf.answer_label, len(server.goals)) == ("unavailable", 3)
+        assert (leaf.outcome_label, len(server.goals)) == ("unavailable", 3)
 
     def test_in_the_next_activation_the_row_goes_on_and_has_its_own_hold(self, stage: "Stage") -> None:
         server = without_code(stage)
@@ -615,7 +615,7 @@ class TestGoalsWithoutAnErrorCode:
         stage.tick_until(leaf, warned(stage, "holds"), "the hold")
         server.error_code = 208
         assert stage.run(leaf) is Status.FAILURE
-        assert (leaf.answer_label, stage.record.navigation_lost) == ("aborted", "")
+        assert (leaf.outcome_label, stage.record.navigation_lost) == ("aborted", "")
         server.error_code = 0
         stage.tick_until(leaf, warned(stage, "aborted the goal without an error code"), "a new row")
 
@@ -650,7 +650,7 @@ class TestGoalsWithoutAnErrorCode:
         assert stage.record.navigation_lost
         comes_to(0.5)
         stage.tick_until(leaf, lambda: not stage.record.navigation_lost, "the end of the row")
-        assert leaf.answer_label == "driving"
+        assert leaf.outcome_label == "driving"
 
 
 class TestNav2sReason:

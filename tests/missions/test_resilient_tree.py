@@ -10,7 +10,7 @@ from sar_compiler.analysis.simulated_tree import SimulatedTree, compile_simulate
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.compiler import bind_main
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.runtime.answers import Answer, nominal
+from sar_compiler.runtime.outcomes import Outcome, nominal
 from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import load_forest
 
@@ -23,7 +23,7 @@ class Always:
     def __init__(self, **answers: str) -> None:
         self._answers = answers
 
-    def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
+    def choose(self, leaf: StubLeaf, options: Sequence[Outcome]) -> Outcome:
         said = self._answers.get(leaf.name, self._answers.get(leaf.tag))
         wanted = [answer for answer in options if answer.name == said]
         return wanted[0] if wanted else nominal(options)

@@ -427,7 +427,7 @@ class TestLeaves:
         poses = [(each.pose.position.x, each.pose.position.y) for each in server.goals[0].goal.poses]
         assert poses == PIECES[1:]
         assert {each.header.frame_id for each in server.goals[0].goal.poses} == {"map"}
-        assert (leaf.status, leaf.answer_label) == (Status.RUNNING, "driving")
+        assert (leaf.status, leaf.outcome_label) == (Status.RUNNING, "driving")
         assert "Navigating to pieces 2 to 4 of a..." in stage.lines
         assert search.record.zone == "a"
 
@@ -453,7 +453,7 @@ class TestLeaves:
         server.order("succeed")
         assert stage.run(leaf) is Status.SUCCESS
         sweep = search.sweeps.state_of("a")
-        assert (leaf.answer_label, sweep.open_count) == ("all done", 0)
+        assert (leaf.outcome_label, sweep.open_count) == ("all done", 0)
         assert sweep.metres == pytest.approx(2.0)
         assert search.record.is_searched
         assert stage.lines[-2] == f"a: {sweep.seen:.0%} seen, POD {sweep.pod:.0%}, {len(sweep.gaps)} gaps."
@@ -474,7 +474,7 @@ class TestLeaves:
         assert leaf.status is Status.RUNNING
         server.order("3 left")
         stage.tick_until(leaf, lambda: search.sweeps.state_of("a").done, "a piece that was passed")
-        assert leaf.answer_label == ending
+        assert leaf.outcome_label == ending
         assert search.sweeps.state_of("a").open_count == 3
 
     def test_where_nobody_serves_it_pieces_are_driven_to_one_by_one(self, stage: "Stage") -> None:
@@ -482,7 +482,7 @@ class TestLeaves:
         search = planned(searching())
         leaf = self.through(stage, search)
         leaf.tick_once()
-        assert (leaf.status, leaf.answer_label) == (Status.FAILURE, "piece by piece")
+        assert (leaf.status, leaf.outcome_label) == (Status.FAILURE, "piece by piece")
         assert (search.sweeps.state_of("a").open_count, search.record.navigation_lost) == (4, "")
 
     def test_an_earlier_search_at_the_open_piece_is_not_driven_past(
@@ -498,7 +498,7 @@ class TestLeaves:
         leaf = self.through(stage, second)
         stage.until(leaf._port.statuses.servers, "the server")
         leaf.tick_once()
-        assert (leaf.status, leaf.answer_label) == (Status.FAILURE, "piece by piece")
+        assert (leaf.status, leaf.outcome_label) == (Status.FAILURE, "piece by piece")
         assert server.requests == 0
 
     def test_a_drive_through_pieces_that_is_aborted_leaves_those_that_were_not_passed(
@@ -514,7 +514,7 @@ class TestLeaves:
         stage.tick_until(leaf, lambda: search.sweeps.state_of("a").done, "a piece that was passed")
         server.order("abort")
         assert stage.run(leaf) is Status.FAILURE
-        assert (leaf.answer_label, search.sweeps.state_of("a").open_count) == ("aborted", 3)
+        assert (leaf.outcome_label, search.sweeps.state_of("a").open_count) == ("aborted", 3)
         assert stage.warnings[-1].endswith("error code 308: there is no path to the goal")
 
     def test_where_the_planner_finds_no_way_through_all_pieces_they_are_driven_to_one_by_one_until_one_is_left_out(
@@ -528,7 +528,7 @@ class TestLeaves:
         assert stage.run(leaf) is Status.FAILURE
         assert self.take(stage, search, "AdvancePiece").tick_once() is None
         leaf.tick_once()
-        assert (leaf.status, leaf.answer_label, server.requests) == (Status.FAILURE, "piece by piece", 1)
+        assert (leaf.status, leaf.outcome_label, server.requests) == (Status.FAILURE, "piece by piece", 1)
         search.sweeps.skip("a", "not reached, or not searched")
         server.script = ["succeed"]
         assert stage.run(leaf) is Status.SUCCESS
@@ -536,7 +536,7 @@ class TestLeaves:
     def test_with_no_piece_open_there_is_nothing_to_drive_through(self, stage: "Stage") -> None:
         leaf = self.through(stage, searching())
         leaf.tick_once()
-        assert (leaf.status, leaf.answer_label) == (Status.FAILURE, "no piece")
+        assert (leaf.status, leaf.outcome_label) == (Status.FAILURE, "no piece")
 
     def test_poses_in_a_message_of_their_own_are_filled_in_there(self, stage: "Stage") -> None:
         later = SimpleNamespace(poses=SimpleNamespace(goals=[]))
@@ -601,7 +601,7 @@ class TestLeaves:
             is_open = stage.run(remaining) is Status.SUCCESS
             assert is_open is (label != "no piece")
             assert stage.run(leaf) is Status.SUCCESS
-            assert leaf.answer_label == label
+            assert leaf.outcome_label == label
 
     def test_a_piece_that_is_skipped_and_a_pass_that_ends_are_told(self, stage: "Stage") -> None:
         search = planned(searching(), count=2)
@@ -614,10 +614,10 @@ class TestLeaves:
         search = planned(searching(), count=1)
         leaf = self.take(stage, search, "PlanSweep")
         assert stage.run(leaf) is Status.SUCCESS
-        assert leaf.answer_label == "going on"
+        assert leaf.outcome_label == "going on"
         search.sweeps.skip("a", "not reached, or not searched")
         assert stage.run(leaf) is Status.SUCCESS
-        assert leaf.answer_label == "swept before"
+        assert leaf.outcome_label == "swept before"
         assert search.sweeps.state_of("a").passes == 1
 
     def test_what_was_missed_is_swept_once_more_until_all_passes_are_made(self, stage: "Stage") -> None:

@@ -21,10 +21,10 @@ from sar_compiler.nodes.register import register
 from sar_compiler.nodes.registry import Registry, RegistryError, load_registry, registered_leaves
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, ParameterRole, Signature, Use, load
 from sar_compiler.nodes.values import Seconds, at_least, plausible_number, strip_none
-from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.ports import InOut, Input, Output
 from sar_compiler.runtime.variables import Enums
 from search_and_rescue import SPECS as LEAVES
@@ -164,7 +164,7 @@ class Speed(Enum):
     "Whole",
     kind=Kind.ACTION,
     uses=[Use.topic("{topic}")],
-    answers=[Answer("SUCCESS", "done", "x > 0", "x = 0", p=(0.5, 1.0), sec=(1.0, 2.0), writes=("place",))],
+    outcomes=[Outcome("SUCCESS", "done", "x > 0", "x = 0", p=(0.5, 1.0), sec=(1.0, 2.0), writes=("place",))],
     facts={"x": 1},
     reads=["a"],
     writes=["b"],

@@ -238,7 +238,7 @@ def test_another_kind_is_named_with_its_article(model, said):
         '<Decorator ID="LoopInt"><input_port name="if_empty" type="BT::NodeStatus" default="SUCCESS"/></Decorator>',
         '<Action ID="Sleep"><input_port name="msec" type="int" default="{pause}"/></Action>',
         '<Action ID="Sleep"><input_port name="msec" type="unsigned int" default=""/></Action>',
-        '<Action ID="StatusQueue"><input_port name="eventually" type="Answer"/></Action>',
+        '<Action ID="StatusQueue"><input_port name="eventually" type="Outcome"/></Action>',
     ],
 )
 def test_a_model_that_says_what_the_registry_knows_is_none(model):

@@ -76,12 +76,12 @@ class TestTheDistributions:
 
     def test_no_leaf_is_ever_skipped_and_a_condition_does_not_run(self):
         leaves = [spec for spec in load_palettes(["nav2:jazzy"]) if spec.kind.is_leaf]
-        assert not [spec.tag for spec in leaves if "SKIPPED" in spec.outcomes]
-        assert not [s.tag for s in leaves if s.kind is Kind.CONDITION and "RUNNING" in s.outcomes]
+        assert not [spec.tag for spec in leaves if "SKIPPED" in spec.statuses]
+        assert not [s.tag for s in leaves if s.kind is Kind.CONDITION and "RUNNING" in s.statuses]
 
     def test_the_usual_answer_comes_first(self):
-        assert REGISTRIES["jazzy"]["GoalUpdated"].answers[0].status == "FAILURE"
-        assert REGISTRIES["jazzy"]["IsPathValid"].answers[0].status == "SUCCESS"
+        assert REGISTRIES["jazzy"]["GoalUpdated"].outcomes[0].status == "FAILURE"
+        assert REGISTRIES["jazzy"]["IsPathValid"].outcomes[0].status == "SUCCESS"
 
 
 class TestNumbers:
@@ -249,7 +249,7 @@ class TestRuns:
         verification = self.tree(tmp_path, self.REPLANNING).verify()
         assert verification.is_proved
         asked = next(leaf for leaf in verification.leaves if leaf.name == "DistanceController")
-        assert [answer.label for answer in asked.answers] == ["driven", "on the way", "no pose"]
+        assert [answer.label for answer in asked.outcomes] == ["driven", "on the way", "no pose"]
 
     @pytest.mark.parametrize(
         ("version", "attribute", "end"),

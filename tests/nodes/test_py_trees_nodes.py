@@ -199,7 +199,7 @@ def test_a_node_says_what_it_does_what_it_takes_and_how_it_can_end(tag):
     spec = SPECS[tag]
     assert spec.doc.endswith(".")
     assert all(parameter.doc for parameter in spec.attributes)
-    assert spec.outcomes
+    assert spec.statuses
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_descriptions_come_from_the_docstring():
 
 def test_facts_given_to_register_are_kept():
     spec = spec_of(leaves.Say)
-    assert spec.outcomes == {"SUCCESS", "FAILURE"}
+    assert spec.statuses == {"SUCCESS", "FAILURE"}
     assert spec.effects == "speaks"
     assert spec.uses == (Use("service", "{service}"),)
 
@@ -130,10 +130,10 @@ def test_a_tag_is_any_name_of_xml(tag):
             {"kind": "leaf"},
             "<M>: kind is the string 'leaf'; write Kind.CONTROL or Kind.DECORATOR or Kind.ACTION or Kind.CONDITION",
         ),
-        ({"outcomes": {"SUCCESS"}}, "<M>: outcomes contains the string 'SUCCESS'; write Status.SUCCESS"),
+        ({"outcomes": {"SUCCESS"}}, "<M>: outcomes contains the string 'SUCCESS'; write Status.SUCCESS, or Outcome(\"SUCCESS\", \"label\")"),
         (
             {"outcomes": [True]},
-            "<M>: outcomes contains True; write Status.SUCCESS, Status.FAILURE or Status.RUNNING",
+            "<M>: outcomes contains True; write Status.SUCCESS, Status.FAILURE or Status.RUNNING, or Outcome(\"SUCCESS\", \"label\")",
         ),
         (
             {"outcomes": "SUCCESS"},
@@ -206,8 +206,8 @@ def test_the_shipped_leaves_come_in_by_entry_point():
 def test_every_shipped_node_describes_itself_and_its_outcomes():
     for spec in default_registry():
         assert spec.doc, spec.tag
-        assert spec.outcomes <= {"SUCCESS", "FAILURE", "RUNNING"}, spec.tag
-        assert spec.outcomes, spec.tag
+        assert spec.statuses <= {"SUCCESS", "FAILURE", "RUNNING"}, spec.tag
+        assert spec.statuses, spec.tag
 
 
 def test_a_module_of_leaves_may_lie_in_the_current_folder(tmp_path, monkeypatch):

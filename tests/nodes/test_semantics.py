@@ -8,7 +8,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.compiler import bind_main, compile_tree
-from sar_compiler.nodes.outcome_sets import ANSWERS, F, K, R, S, bit_of
+from sar_compiler.nodes.outcome_sets import RESULTS, F, K, R, S, bit_of
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.runtime.clock import Clock, ManualClock
@@ -101,12 +101,12 @@ def stage_of(form, answer: int) -> Stage | None:
         return None
 
 
-def stages(tag: str, answers=ANSWERS):
+def stages(tag: str, results=RESULTS):
     """Yield every way to write a decorator, around a child that gives one answer."""
     for form in FORMS:
         if form.spec is not SPECS[tag]:
             continue
-        for answer in answers:
+        for answer in results:
             if (stage := stage_of(form, answer)) is not None:
                 yield answer, stage
 

@@ -82,18 +82,18 @@ def test_the_chain_goes_from_the_root_to_what_has_failed():
         ("inner", 1, "m.xml:2"),
         ("two", 2, "m.xml:3"),
     ]
-    assert names(reasons.answers) == ["two"]
+    assert names(reasons.causes) == ["two"]
 
 
 def test_of_several_ways_all_are_told_and_the_last_one_is_the_first_to_look_at():
     reasons = why(flown(Selector("root", memory=False, children=[leaf("one", F), leaf("two", F)])))
     assert names(reasons.chain) == ["root", "one", "two"]
-    assert names(reasons.answers) == ["two", "one"]
+    assert names(reasons.causes) == ["two", "one"]
 
 
 def test_a_condition_only_tells_what_is_so():
     reasons = why(flown(Selector("root", memory=False, children=[leaf("do", F), leaf("is?", F)])))
-    assert names(reasons.answers) == ["do", "is?"]
+    assert names(reasons.causes) == ["do", "is?"]
 
 
 @pytest.mark.parametrize(
@@ -103,13 +103,13 @@ def test_who_always_fails_is_not_blamed_for_it(constant, first):
     began, *rest = flown(Selector("root", memory=False, children=[leaf("do", F), leaf("always", F)]))
     run = {**began.data["run"], "constant": constant}
     told = [began._replace(data={**began.data, "run": run}), *rest]
-    assert names(why(told).answers)[0] == first
+    assert names(why(told).causes)[0] == first
 
 
 def test_what_was_passed_over_before_is_not_blamed_first():
     ways = Selector("ways", memory=False, children=[leaf("second", S, F), leaf("never", F)])
     root = Selector("root", memory=False, children=[leaf("never", F), ways])
-    assert names(why(flown(root, 2)).answers)[0] == "second"
+    assert names(why(flown(root, 2)).causes)[0] == "second"
 
 
 def test_under_what_turns_a_status_the_other_one_is_the_cause():
@@ -119,7 +119,7 @@ def test_under_what_turns_a_status_the_other_one_is_the_cause():
 def test_a_time_limit_is_an_answer_of_its_own():
     root = Timeout("limit", leaf("one", R), duration=-1.0)
     reasons = why(flown(root, 1))
-    assert names(reasons.answers) == ["limit"]
+    assert names(reasons.causes) == ["limit"]
     assert reasons.likeliest is not None
     assert reasons.likeliest.message == "its time limit of -1 s expired while one ran"
 
@@ -132,7 +132,7 @@ def test_what_failed_in_an_earlier_tick_of_the_same_activation_counts():
 def test_what_failed_in_an_earlier_activation_does_not_count():
     first, second = leaf("one", S, F), leaf("two", F)
     root = Sequence("root", memory=True, children=[first, second])
-    assert names(why(flown(Inverter("not", Inverter("not not", root)), 2)).answers) == ["one"]
+    assert names(why(flown(Inverter("not", Inverter("not not", root)), 2)).causes) == ["one"]
 
 
 def test_the_last_try_is_the_one_that_counts():
@@ -176,7 +176,7 @@ def test_behind_a_condition_stands_what_has_cost_the_mission_a_zone():
     lost = ("zone_abandoned", {"zone": "zone_a", "attempts": 1, "reason": ""})
     reasons = mission(lambda journal: journal.record_event("zone_started", zone="zone_a"), [lost])
     assert names(reasons.chain) == ["root", "complete?"]
-    assert names(reasons.answers) == ["act", "complete?"]
+    assert names(reasons.causes) == ["act", "complete?"]
 
 
 def test_behind_a_condition_stands_what_has_cost_the_mission_a_report_though_the_zone_is_left_in_the_same_tick():
@@ -185,7 +185,7 @@ def test_behind_a_condition_stands_what_has_cost_the_mission_a_report_though_the
         journal.record_event("zone_searched", zone="zone_a", survivor=(1.0, 2.0))
         journal.record_event("zone_visited", zone="zone_a")
 
-    assert names(mission(report, [("base_reached", {})]).answers) == ["act", "complete?"]
+    assert names(mission(report, [("base_reached", {})]).causes) == ["act", "complete?"]
 
 
 def test_what_has_cost_the_mission_nothing_does_not_stand_behind_it():
@@ -194,7 +194,7 @@ def test_what_has_cost_the_mission_nothing_does_not_stand_behind_it():
         journal.record_event("zone_searched", zone="zone_a", survivor=None)
         journal.record_event("zone_visited", zone="zone_a")
 
-    assert names(mission(search, [("base_reached", {})]).answers) == ["complete?"]
+    assert names(mission(search, [("base_reached", {})]).causes) == ["complete?"]
 
 
 def test_what_had_failed_before_is_told_with_how_often():
@@ -265,7 +265,7 @@ def given_up(*ways):
 
 def test_a_time_limit_that_was_got_over_is_named_before_what_came_after_it():
     reasons = given_up(Timeout("limit", leaf("drive", R), duration=0.0), leaf("postpone", F))
-    assert names(reasons.answers) == ["limit", "postpone", "complete?"]
+    assert names(reasons.causes) == ["limit", "postpone", "complete?"]
     assert reasons.likeliest is not None
     assert reasons.likeliest.message == "its time limit of 0 s expired while drive ran"
     assert [each.likeliest.name for each in reasons.before] == ["limit", "postpone"]
@@ -273,24 +273,24 @@ def test_a_time_limit_that_was_got_over_is_named_before_what_came_after_it():
 
 def test_a_condition_because_of_which_a_zone_was_given_up_is_named_before_what_came_after_it():
     ready = Sequence("search", memory=True, children=[leaf("ready?", F), leaf("drive", R)])
-    assert names(given_up(ready, leaf("postpone", F)).answers)[0] == "ready?"
+    assert names(given_up(ready, leaf("postpone", F)).causes)[0] == "ready?"
 
 
 def test_a_leaf_that_always_fails_is_named_where_no_other_way_had_failed_before():
     search = Sequence("search", memory=True, children=[leaf("always", F), leaf("drive", R)])
-    assert names(given_up(search, leaf("postpone", F)).answers)[0] == "always"
+    assert names(given_up(search, leaf("postpone", F)).causes)[0] == "always"
 
 
 def test_an_action_that_failed_is_named_before_a_condition_that_had_led_there():
     search = Sequence("search", memory=True, children=[leaf("drive", F)])
-    assert names(given_up(leaf("is there?", F), search).answers)[0] == "drive"
+    assert names(given_up(leaf("is there?", F), search).causes)[0] == "drive"
 
 
 def test_a_response_that_is_meant_to_fail_is_not_named_before_the_condition_that_it_was_for():
     response = Sequence("go home", memory=True, children=[leaf("home", S), leaf("always", F)])
     well = Selector("well or home", memory=True, children=[leaf("battery?", F), response])
     root = Sequence("root", memory=False, children=[well, leaf("drive", R)])
-    assert names(why(flown(root)).answers) == ["battery?", "always"]
+    assert names(why(flown(root)).causes) == ["battery?", "always"]
 
 
 def ended_late(stream):
@@ -300,12 +300,12 @@ def ended_late(stream):
 
 def test_of_a_run_that_its_time_limit_has_ended_the_leaf_is_named_that_ran_for_most_of_it():
     reasons = why(ended_late(flown(Sequence("root", memory=True, children=[leaf("stuck", R)]), 3)))
-    assert [(each.name, each.status) for each in reasons.answers] == [("stuck", "RUNNING"), ("run", "ENDED")]
+    assert [(each.name, each.status) for each in reasons.causes] == [("stuck", "RUNNING"), ("run", "ENDED")]
 
 
 def test_what_a_leaf_has_run_in_place_of_is_named_before_it():
     hold = Selector("free or hold", memory=False, children=[leaf("free?", F), leaf("hold", R)])
-    assert names(why(ended_late(flown(hold, 3))).answers) == ["free?", "hold", "run"]
+    assert names(why(ended_late(flown(hold, 3))).causes) == ["free?", "hold", "run"]
 
 
 def test_of_a_run_that_was_stopped_the_signal_is_named():

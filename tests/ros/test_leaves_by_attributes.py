@@ -138,13 +138,13 @@ class TestRosService:
         text = Output[object]()
         leaf = self.leaf(success="success", field="message", value=text)
         assert run(ros, leaf) is Status.FAILURE
-        assert (text.value, leaf.answer_label) == ("it is locked", "refused")
+        assert (text.value, leaf.outcome_label) == ("it is locked", "refused")
 
     def test_without_a_server_nothing_is_written_and_the_answer_says_so(self, ros: Ros) -> None:
         text = Output[object]()
         leaf = self.leaf(field="message", value=text, server_timeout_sec=0.0)
         assert run(ros, leaf) is Status.FAILURE
-        assert (text.value, leaf.answer_label) == (None, "no answer")
+        assert (text.value, leaf.outcome_label) == (None, "no answer")
 
     def parameters(
         self, ros: Ros, *results: tuple[bool, str], **attributes: Any
@@ -171,7 +171,7 @@ class TestRosService:
         leaf = self.parameters(ros, success="results[0].successful")
         assert run(ros, leaf) is Status.FAILURE
         said = "'Set': 'set' reports a failure: 'results[0]' does not exist: 'results' has 0 values"
-        assert (leaf.feedback_message, leaf.answer_label) == (said, "refused")
+        assert (leaf.feedback_message, leaf.outcome_label) == (said, "refused")
 
     def test_a_field_that_is_not_there_is_a_failure_and_the_others_are_written(self, ros: Ros) -> None:
         scope = Scope(Board("test"))
@@ -179,7 +179,7 @@ class TestRosService:
         leaf = self.parameters(ros, (True, "fine"), fields=fields, scope=scope)
         assert run(ros, leaf) is Status.FAILURE
         said = "'Set' failed: 'results[1].reason' does not exist: 'results' has 1 value"
-        assert (leaf.feedback_message, leaf.answer_label) == (said, "no answer")
+        assert (leaf.feedback_message, leaf.outcome_label) == (said, "no answer")
         assert (scope.resolve("why").read(), scope.resolve("none").exists) == ("fine", False)
 
     def test_the_name_and_the_values_in_the_request_come_from_keys(self, ros: Ros) -> None:
@@ -294,7 +294,7 @@ class TestRosAction:
         leaf = self.leaf(2, field="error_code", value=told)
         assert run(ros, leaf) is Status.SUCCESS
         assert (goals[0].pose.header.frame_id, goals[0].pose.pose.position.x) == ("map", 2.0)
-        assert (told.value, leaf.answer_label) == (7, "succeeded")
+        assert (told.value, leaf.outcome_label) == (7, "succeeded")
 
     def test_an_aborted_goals_result_is_written_and_its_error_is_told(self, ros: Ros) -> None:
         self.server(ros)
@@ -302,14 +302,14 @@ class TestRosAction:
         leaf = self.leaf(-2.5, fields="error_code: {code}, error_msg: {text}", scope=scope)
         assert run(ros, leaf) is Status.FAILURE
         assert (scope.resolve("code").read(), scope.resolve("text").read()) == (7, "no path")
-        assert leaf.answer_label == "aborted"
+        assert leaf.outcome_label == "aborted"
         assert leaf.feedback_message == "'Go' failed: 'go': aborted (status 6): error_code 7: no path"
 
     def test_without_a_result_nothing_is_written_and_the_answer_says_so(self, ros: Ros) -> None:
         code = Output[object]()
         leaf = self.leaf(1, field="error_code", value=code, server_timeout_sec=0.0)
         assert run(ros, leaf) is Status.FAILURE
-        assert (code.value, leaf.answer_label) == (None, "no result")
+        assert (code.value, leaf.outcome_label) == (None, "no result")
 
     def test_a_whole_result_is_written_as_the_message_that_it_is(self, ros: Ros) -> None:
         self.server(ros)

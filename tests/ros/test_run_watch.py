@@ -29,7 +29,7 @@ class Broken:
         self.taken.append("starts")
 
     def on_status(self, *_what: object) -> None:
-        self.taken.append("answers")
+        self.taken.append("returns")
         raise LookupError("no such thing")
 
     def conclude(self, **_: object) -> None:
@@ -54,8 +54,8 @@ def test_a_watch_that_fails_is_told_of_and_asked_no_more(ros: Any, monkeypatch: 
     extension.on_compiled(tree, engine)
     tree.root.tick_once()
     tree.root.tick_once()
-    assert watch.taken.count("answers") == 1
-    assert watch.taken[-1] == "answers"
+    assert watch.taken.count("returns") == 1
+    assert watch.taken[-1] == "returns"
     extension.on_last_tick(is_over=True)
     assert extension.verdicts() == {"one": "broken", "two": "unknown"}
     assert extension.summary_text() == "Monitored 2 properties: 1 violated (one), 1 unknown (two)."

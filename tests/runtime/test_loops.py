@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from py_trees.behaviours import Success
 from py_trees.common import Status
 
-from sar_compiler.runtime.answers import Outcome
+from sar_compiler.runtime.outcomes import ReturnedStatus
 from sar_compiler.runtime.ports import Input, Output, PortError
 from sar_compiler.runtime.queues import QueueError
 from tests.runtime.own import own
@@ -20,7 +20,7 @@ LoopInt = own("LoopInt")
 LoopString = own("LoopString")
 
 
-def loop(stage, queue, cls=LoopInt, outcomes="S", if_empty=Outcome.SUCCESS):
+def loop(stage, queue, cls=LoopInt, outcomes="S", if_empty=ReturnedStatus.SUCCESS):
     return cls("l", stage.leaf("a", outcomes), queue, Output(stage.entry("n")), Input(if_empty))
 
 
@@ -117,7 +117,12 @@ def test_an_item_of_a_list_that_does_not_fit_is_an_error():
 
 @pytest.mark.parametrize(
     ("if_empty", "answer"),
-    [(Outcome.SUCCESS, "S:"), (Outcome.FAILURE, "F:"), (Outcome.SKIPPED, "K:"), (Outcome.RUNNING, "R:")],
+    [
+        (ReturnedStatus.SUCCESS, "S:"),
+        (ReturnedStatus.FAILURE, "F:"),
+        (ReturnedStatus.SKIPPED, "K:"),
+        (ReturnedStatus.RUNNING, "R:"),
+    ],
 )
 def test_an_empty_queue_gives_the_answer_that_was_chosen(if_empty, answer):
     stage = Stage()

@@ -3,10 +3,10 @@
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.runtime.answers import Outcome
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.kernel.leaf_nodes import StrictUpdate
 from sar_compiler.runtime.language_nodes import RunScript, ScriptCondition
+from sar_compiler.runtime.outcomes import ReturnedStatus
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.script_code import compile_fast_script
@@ -163,10 +163,10 @@ def test_a_precondition_is_not_asked_while_its_child_runs():
     assert root.feedback_message == "the condition is false"
 
 
-@pytest.mark.parametrize("outcome", Outcome)
+@pytest.mark.parametrize("outcome", ReturnedStatus)
 def test_a_false_precondition_gives_the_answer_that_was_chosen(outcome):
     stage = Stage(x=0)
-    letter = "K" if outcome is Outcome.SKIPPED else outcome.name[0]
+    letter = "K" if outcome is ReturnedStatus.SKIPPED else outcome.name[0]
     assert stage.tick(precondition(stage, "S", else_=Input(outcome))) == f"{letter}:"
 
 

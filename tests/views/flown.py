@@ -11,10 +11,10 @@ from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.loaded_tree import load
 from sar_compiler.nodes.registry import load_registry
-from sar_compiler.runtime.answers import nominal
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
 from sar_compiler.runtime.kernel.tree_nodes import Visit
+from sar_compiler.runtime.outcomes import nominal
 from sar_compiler.runtime.walking import pre_order
 from tests.trees import document
 
@@ -32,7 +32,7 @@ class Said:
     """Answers what is said of leaves, in turn; afterwards, and of others, what is usual.
 
     Args:
-        answers: Labels or statuses, by the names of leaves.
+        outcomes: Labels or statuses, by the names of leaves.
     """
 
     def __init__(self, **answers):

@@ -225,7 +225,7 @@ def _times(simulated: SimulatedTree) -> Iterator[tuple[str, float]]:
     """Yield the nodes with a constant time limit, and the limit in seconds."""
     for behaviour in simulated.root.iterate():
         if isinstance(behaviour, StubLeaf):
-            yield from ((behaviour.name, answer.sec[1]) for answer in behaviour.answers)
+            yield from ((behaviour.name, outcome.sec[1]) for outcome in behaviour.outcomes)
             continue
         bound = simulated.compiled.origins[behaviour.id].bound
         for name, parameter in bound.spec.parameters.items():
@@ -378,7 +378,7 @@ class _PredictionSolver:
     def _influences(self) -> tuple[Influence, ...]:
         leaves = {leaf.number: leaf for leaf in self._stepper.leaves}
         usual = [
-            next((place for place, answer in enumerate(choice.answers) if answer.status == _USUAL), -1)
+            next((place for place, outcome in enumerate(choice.outcomes) if outcome.status == _USUAL), -1)
             for choice in self._probabilities.choices
         ]
         found = [
@@ -392,7 +392,7 @@ class _PredictionSolver:
         open_ = {
             choice.leaf
             for choice in self._probabilities.choices
-            if len(choice.answers) > 1 and all(answer.p is None for answer in choice.answers)
+            if len(choice.outcomes) > 1 and all(outcome.p is None for outcome in choice.outcomes)
         }
         return tuple(leaf.path for leaf in self._stepper.leaves if leaf.number in open_)
 

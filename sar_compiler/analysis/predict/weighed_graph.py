@@ -27,7 +27,7 @@ from scipy.sparse.linalg import splu
 from sar_compiler.analysis.state_search.graph import Graph
 from sar_compiler.analysis.state_search.probabilities import ChoiceTable
 from sar_compiler.errors import UndecidableError
-from sar_compiler.runtime.answers import middle
+from sar_compiler.runtime.outcomes import middle
 
 Flags: TypeAlias = npt.NDArray[Any]
 Indices: TypeAlias = npt.NDArray[Any]
@@ -88,17 +88,17 @@ class ProbabilityGraph:
         steps = _steps_of(graph)
         labels = np.array([waits[0] for waits in graph.waits] or [0])[steps[2]]
         weights = np.array(probabilities.weights)[np.maximum(labels, 0)]
-        answers, shares = weights[:, 1].astype(np.int64), weights[:, 2]
+        outcomes, shares = weights[:, 1].astype(np.int64), weights[:, 2]
         # The last choice is that of a place without a choice.
         self._low, self._high, self._middle = _tables([choice.bounds for choice in self._choices])
         self._choice_at = np.full(self._count, -1)
         self._choice_at[steps[0]] = weights[:, 0]
-        source, answer, share = self._not_followed(graph, steps[0], answers, shares)
+        source, outcome, share = self._not_followed(graph, steps[0], outcomes, shares)
         order = np.argsort(np.concatenate([steps[0], source]), kind="stable")
         self._source = np.concatenate([steps[0], source])[order]
         self._target = np.concatenate([steps[1], np.full(len(source), self._count - 1)])[order]
-        self._answer, self._share = (
-            np.concatenate([answers, answer])[order],
+        self._outcome, self._share = (
+            np.concatenate([outcomes, outcome])[order],
             np.concatenate([shares, share])[order],
         )
         # A step without a weight only takes time; a step to an intermediate state does not end its tick.
@@ -108,11 +108,11 @@ class ProbabilityGraph:
         self._varying = np.flatnonzero(np.any(wide[self._choice_at], axis=1))
 
     def _not_followed(
-        self, graph: Graph, source: Indices, answers: Indices, shares: Reals
+        self, graph: Graph, source: Indices, outcomes: Indices, shares: Reals
     ) -> tuple[Indices, Indices, Reals]:
         """Return the places and outcomes whose next ticks need an unknown value, with the share of these ticks."""
         width = self._low.shape[1]
-        followed = np.bincount(source * width + answers, shares, self._count * width).reshape(-1, width)
+        followed = np.bincount(source * width + outcomes, shares, self._count * width).reshape(-1, width)
         missing = (self._high[self._choice_at] > 0.0) * (1.0 - followed)
         ends = self._place_flags(np.frombuffer(bytes(graph.ends), np.uint8).astype(bool))
         ends[graph.expanded_count : self._states] = ends[-1] = True
@@ -182,14 +182,14 @@ class ProbabilityGraph:
         _, parts = csgraph.connected_components(matrix, connection="strong")
         probabilities = self._interior_probabilities()
         first = np.searchsorted(self._source, np.arange(count + 1)).tolist()
-        target, answer, share = (each.tolist() for each in (self._target, self._answer, self._share))
+        target, outcome, share = (each.tolist() for each in (self._target, self._outcome, self._share))
         known, varies = values.tolist(), np.isin(np.arange(count), self._varying).tolist()
         # The parts are numbered from the last ones on.
         order = np.argsort(parts, kind="stable")
         for place in order[~given[order]].tolist():
             worth = [0.0] * width
             for step in range(first[place], first[place + 1]):
-                worth[answer[step]] += share[step] * known[target[step]]
+                worth[outcome[step]] += share[step] * known[target[step]]
             if varies[place]:
                 choice = self._choice_at[place]
                 bounds = [*zip(self._low[choice].tolist(), self._high[choice].tolist(), strict=True)]
@@ -204,9 +204,9 @@ class ProbabilityGraph:
         low, high = self._low[self._choice_at[places]], self._high[self._choice_at[places]]
         better, left = low.copy(), 1.0 - low.sum(axis=1)
         rows = np.arange(len(places))
-        for answers in np.argsort(-sign * worth, axis=1, kind="stable").T:
-            more = np.minimum(left, (high - low)[rows, answers])
-            better[rows, answers] += more
+        for outcomes in np.argsort(-sign * worth, axis=1, kind="stable").T:
+            more = np.minimum(left, (high - low)[rows, outcomes])
+            better[rows, outcomes] += more
             left -= more
         gain = sign * ((better - probabilities[places]) * worth).sum(axis=1)
         if not (gain > _ROUNDING).any():
@@ -219,7 +219,7 @@ class ProbabilityGraph:
         """Return the value of each outcome at each place."""
         width = self._low.shape[1]
         worth = np.bincount(
-            self._source * width + self._answer, self._share * values[self._target], self._count * width
+            self._source * width + self._outcome, self._share * values[self._target], self._count * width
         )
         return worth.reshape(-1, width)
 
@@ -228,7 +228,7 @@ class ProbabilityGraph:
         return self._equations(goal, probabilities, left_out).reach(goal)
 
     def _equations(self, goal: Flags, probabilities: Reals, left_out: Flags) -> "_Equations":
-        likely = self._share * probabilities[self._source, self._answer]
+        likely = self._share * probabilities[self._source, self._outcome]
         likely[goal[self._source] | left_out[self._source]] = 0.0
         there = self._predecessors(goal, likely > 0.0) & ~goal
         return _Equations(self._source, self._target, likely, there)
@@ -251,15 +251,15 @@ class ProbabilityGraph:
         avoiding = ~goal
         order = np.argsort(self._target, kind="stable")
         ends = np.cumsum(np.bincount(self._target, minlength=self._count))
-        sources, answers = self._source[order], self._answer[order]
+        sources, outcomes = self._source[order], self._outcome[order]
         # The outcomes of a place whose steps all avoid the goal, and whether one of these can have probability 1.
         safe = np.ones((self._count, width), bool)
         waiting = deque(np.flatnonzero(goal))
         while waiting:
             place = waiting.popleft()
             before = slice(ends[place - 1] if place else 0, ends[place])
-            for source, answer in zip(sources[before].tolist(), answers[before].tolist(), strict=True):
-                safe[source, answer] = False
+            for source, outcome in zip(sources[before].tolist(), outcomes[before].tolist(), strict=True):
+                safe[source, outcome] = False
                 choice = self._choice_at[source]
                 if avoiding[source] and (self._high[choice] * safe[source]).sum() < 1.0 - _ROUNDING:
                     avoiding[source] = False
@@ -315,17 +315,17 @@ class ProbabilityGraph:
         usual_at = np.array([*usual, -1])[self._choice_at]
         for leaf in dict.fromkeys(choice.leaf for choice in self._choices):
             places = np.flatnonzero((leaves == leaf) & (usual_at >= 0) & (visits > 0.0))
-            answer = usual_at[places]
-            others = 1.0 - probabilities[places, answer]
+            outcome = usual_at[places]
+            others = 1.0 - probabilities[places, outcome]
             open_ = others > _ROUNDING
             if not open_.any():
                 continue
-            places, answer, others = places[open_], answer[open_], others[open_]
-            best = worth[places, answer]
-            rest = (probabilities[places] * worth[places]).sum(axis=1) - probabilities[places, answer] * best
+            places, outcome, others = places[open_], outcome[open_], others[open_]
+            best = worth[places, outcome]
+            rest = (probabilities[places] * worth[places]).sum(axis=1) - probabilities[places, outcome] * best
             always = probabilities.copy()
             always[places] = 0.0
-            always[places, answer] = 1.0
+            always[places, outcome] = 1.0
             slope = float((visits[places] * (best - rest / others)).sum())
             yield leaf, slope, float(self._reach(wide, always, nothing)[0])
 
@@ -339,7 +339,7 @@ class ProbabilityGraph:
             goal: The states in which they have succeeded.
             is_spent: Returns whether it has taken too long.
         """
-        likely = self._share * self._interior_probabilities()[self._source, self._answer]
+        likely = self._share * self._interior_probabilities()[self._source, self._outcome]
         # A run that can no longer end is not followed, because that would take forever.
         can_end = self._predecessors(self._place_flags(ends), likely > 0.0)
         likely[~can_end[self._target]] = 0.0
@@ -439,10 +439,10 @@ def _tables(bounds: Sequence[Sequence[tuple[float, float]]]) -> tuple[Reals, Rea
     """Return the minimum, maximum and middle probability of each outcome of each choice."""
     shape = len(bounds) + 1, max(map(len, bounds), default=1)
     low, high, between = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    for number, answers in enumerate([*bounds, [(1.0, 1.0)]]):
-        place = number, slice(len(answers))
-        low[place], high[place] = zip(*answers, strict=True)
-        between[place] = middle(answers)
+    for number, outcomes in enumerate([*bounds, [(1.0, 1.0)]]):
+        place = number, slice(len(outcomes))
+        low[place], high[place] = zip(*outcomes, strict=True)
+        between[place] = middle(outcomes)
     return low, high, between
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from sar_compiler.analysis.assumptions import (
     StartValues,
     apply_controls,
-    check_answers,
+    check_outcomes,
     raise_disputes,
     read_assumptions,
     start_assumptions,
@@ -29,9 +29,9 @@ from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.opener import SCENARIO
-from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.evaluation import Program
 from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.outcomes import Fact
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import nearest
@@ -47,11 +47,11 @@ MAX_TICKS = 1000
 
 
 @dataclass(frozen=True)
-class AnswerStep:
+class OutcomeStep:
     """One step of a script: an outcome and how often it is returned.
 
     Attributes:
-        answer: The label or the status of the answer.
+        outcome: The label or the status of the outcome.
         after_sec: The running time before it, seconds.
         longest_sec: If above `after_sec`, the upper bound of a random running time.
         when: The condition of the step; None: always.
@@ -60,7 +60,7 @@ class AnswerStep:
         probability: The probability with which a possible step is used.
     """
 
-    answer: str
+    outcome: str
     after_sec: float = 0.0
     longest_sec: float = 0.0
     when: Program | None = None
@@ -127,10 +127,10 @@ class Scenario:
         period_sec: The time between two ticks, seconds.
         max_ticks: The number of ticks after which it is aborted.
         until: The end condition; None: the root has succeeded or failed.
-        scripts: The answers of leaves; any other leaf gives its default answer.
+        scripts: The outcomes of leaves; any other leaf gives its default outcome.
         expect: The expectations.
         seed: The seed of all random choices.
-        unusual: The probability with which an unscripted leaf gives another than its default answer.
+        unusual: The probability with which an unscripted leaf gives another than its default outcome.
         warnings: Findings about its file that do not prevent the run.
     """
 
@@ -139,7 +139,7 @@ class Scenario:
     period_sec: float = PERIOD_SEC
     max_ticks: int = MAX_TICKS
     until: Program | None = None
-    scripts: Mapping[StubLeaf, tuple[AnswerStep, ...]] = field(default_factory=dict)
+    scripts: Mapping[StubLeaf, tuple[OutcomeStep, ...]] = field(default_factory=dict)
     expect: Expectations = field(default_factory=Expectations)
     seed: int = 0
     unusual: float = 0.0
@@ -216,12 +216,12 @@ def _bounds(said: float | str) -> Bounds:
 _ALWAYS = "always"
 
 
-def read_scripts(value: Value, words: LeafVocabulary) -> dict[StubLeaf, tuple[AnswerStep, ...]]:
+def read_scripts(value: Value, words: LeafVocabulary) -> dict[StubLeaf, tuple[OutcomeStep, ...]]:
     """Return the steps of each leaf that a scenario scripts.
 
     If several keys name a leaf, its path precedes its name, and its name precedes its tag.
     """
-    scripts: dict[StubLeaf, tuple[AnswerStep, ...]] = {}
+    scripts: dict[StubLeaf, tuple[OutcomeStep, ...]] = {}
     ranks: dict[StubLeaf, int] = {}
     for key, inner in value.entries or ():
         leaves = words.find(key)
@@ -233,7 +233,7 @@ def read_scripts(value: Value, words: LeafVocabulary) -> dict[StubLeaf, tuple[An
     return scripts
 
 
-def _steps(value: Value, words: LeafVocabulary, leaves: Sequence[StubLeaf]) -> tuple[AnswerStep, ...]:
+def _steps(value: Value, words: LeafVocabulary, leaves: Sequence[StubLeaf]) -> tuple[OutcomeStep, ...]:
     """Read a step or a list of steps of a leaf's script."""
     one = value.items is None
     steps = [_step(item, words, leaves, always=one) for item in value.as_list]
@@ -242,19 +242,19 @@ def _steps(value: Value, words: LeafVocabulary, leaves: Sequence[StubLeaf]) -> t
 
 def _step(
     value: Value, words: LeafVocabulary, leaves: Sequence[StubLeaf], *, always: bool
-) -> AnswerStep | None:
+) -> OutcomeStep | None:
     times = None if always else 1
     if value.entries is None:
-        answer = words.parse_outcome(value, leaves) if leaves else None
-        return None if answer is None else AnswerStep(answer, times=times)
+        outcome = words.parse_outcome(value, leaves) if leaves else None
+        return None if outcome is None else OutcomeStep(outcome, times=times)
     parts = value.mapping
-    answer = words.parse_outcome(parts["answer"], leaves) if leaves else None
+    outcome = words.parse_outcome(parts["outcome"], leaves) if leaves else None
     after = parts.get("after")
     if after is not None:
         _check_running(words.document, after, leaves)
     least, longest = parse_duration_range(after) if after else (0.0, 0.0)
-    step = AnswerStep(
-        answer or "",
+    step = OutcomeStep(
+        outcome or "",
         after_sec=least,
         longest_sec=longest,
         when=_program(words.condition(parts.get("when"), OWN), words.simulated),
@@ -262,7 +262,7 @@ def _step(
         every=int(parts["every"].data) if "every" in parts else 1,
         probability=float(parts["probability"].data) if "probability" in parts else 1.0,
     )
-    return step if answer is not None else None
+    return step if outcome is not None else None
 
 
 def _program(condition: Script | None, simulated: SimulatedTree) -> Program | None:
@@ -275,7 +275,7 @@ def _times(value: Value) -> int | None:
 
 def _check_running(document: Document, value: Value, leaves: Sequence[StubLeaf]) -> None:
     for leaf in leaves:
-        if all(answer.status != "RUNNING" for answer in leaf.answers):
+        if all(outcome.status != "RUNNING" for outcome in leaf.outcomes):
             message = f"'{leaf.name}' returns at once and never runs, so it cannot have a time"
             document.report("wrong-value", message, value, hint="omit 'after'")
 
@@ -369,16 +369,18 @@ def load_scenario(document: Document, stage: ScenarioStage) -> ScenarioSimulatio
         if "enums" in parts:
             binding = replace(binding, enums={**binding.enums, **parts["enums"].data})
         start = stage.start(binding)
-        facts, answers = parts.get("facts"), parts.get("answers")
+        facts, outcomes = parts.get("facts"), parts.get("outcomes")
         simulated = _simulate(
             binding,
             {**start.parameters, **parameters(parts.get("parameters"))},
-            lambda plain: start_assumptions(start, plain) | read_assumptions(document, facts, answers, plain),
+            lambda plain: (
+                start_assumptions(start, plain) | read_assumptions(document, facts, outcomes, plain)
+            ),
         )
         for message in simulated.disputes.values():
             document.report("missing-value", message, facts or document.root)
     words = LeafVocabulary(document, simulated)
-    check_answers(answers, words)
+    check_outcomes(outcomes, words)
     path = document.source.path
     scenario = Scenario(
         name=(parts["name"].text if "name" in parts else None) or Path(path).stem,

@@ -11,19 +11,19 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.analysis.leaf_vocabulary import EventPattern
-from sar_compiler.analysis.simulate.scenario_files import OWN, AnswerStep, Scenario
+from sar_compiler.analysis.simulate.scenario_files import OWN, OutcomeStep, Scenario
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.probabilities import TOLERANCE_SEC
 from sar_compiler.analysis.stub_leaf import FactVariables, StubLeaf
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.runtime.answers import STATUSES, Answer, middle, nominal, probabilities
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.events import Event, TickRecord, append_end, value_changes
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.tree_nodes import Visit
+from sar_compiler.runtime.outcomes import STATUSES, Outcome, middle, nominal, probabilities
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.variables import (
     Enums,
@@ -67,13 +67,13 @@ class DrawnChoice(NamedTuple):
 
     Attributes:
         leaf: The leaf.
-        answer: The label or the status of the answer.
+        outcome: The label or the status of the outcome.
         after_sec: The running time before it, seconds.
-        usual: Whether it is the leaf's default answer.
+        usual: Whether it is the leaf's default outcome.
     """
 
     leaf: StubLeaf
-    answer: str
+    outcome: str
     after_sec: float = 0.0
     usual: bool = True
 
@@ -82,7 +82,7 @@ class ScenarioPolicy:
     """Chooses the outcomes of leaves by a scenario; other leaves use their probabilities, or the default.
 
     Args:
-        scenario: The answers of leaves, step by step, and the seed of random choices.
+        scenario: The outcomes of leaves, step by step, and the seed of random choices.
         variables: The variables for the conditions of steps.
         clock: The clock for times.
 
@@ -101,23 +101,23 @@ class ScenarioPolicy:
             for leaf, steps in scripts
         }
 
-    def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
+    def choose(self, leaf: StubLeaf, options: Sequence[Outcome]) -> Outcome:
         """Return the scenario's outcome, or the default one.
 
         Raises:
-            ScriptedError: If the leaf cannot give that answer now.
+            ScriptedError: If the leaf cannot give that outcome now.
         """
         plan = self._plans.get(leaf)
         if plan is None and leaf.is_random:
             plan = self._plans[leaf] = _RandomOutcomes(leaf, self._random, self._clock)
         if plan is not None:
             return plan.choose(options, self.choices)
-        answer = usual = nominal(options)
+        outcome = usual = nominal(options)
         if self._unusual and self._random.random() < self._unusual:
             others = [each for each in options if each.status != "RUNNING" and each != usual]
-            answer = self._random.choice(others or [usual])
-        self.choices.append(DrawnChoice(leaf, answer.name, usual=answer == usual))
-        return answer
+            outcome = self._random.choice(others or [usual])
+        self.choices.append(DrawnChoice(leaf, outcome.name, usual=outcome == usual))
+        return outcome
 
 
 @dataclass(eq=False)
@@ -127,28 +127,28 @@ class _RandomOutcomes:
     leaf: StubLeaf
     random: Random
     clock: Clock
-    _answer: Answer | None = None
+    _drawn: Outcome | None = None
     _until: float = 0.0
 
-    def choose(self, options: Sequence[Answer], choices: list[DrawnChoice]) -> Answer:
+    def choose(self, options: Sequence[Outcome], choices: list[DrawnChoice]) -> Outcome:
         """Return the leaf's next outcome, and record the choice."""
         now = self.clock.now() + TOLERANCE_SEC
-        if self.leaf.status is not Status.RUNNING or (now >= self._until and self._answer not in options):
+        if self.leaf.status is not Status.RUNNING or (now >= self._until and self._drawn not in options):
             self._draw(options, choices)
-        running = [answer for answer in options if answer.status == "RUNNING"]
-        if self._answer is None or (running and now < self._until):
+        running = [outcome for outcome in options if outcome.status == "RUNNING"]
+        if self._drawn is None or (running and now < self._until):
             return running[0]
-        return self._answer
+        return self._drawn
 
-    def _draw(self, options: Sequence[Answer], choices: list[DrawnChoice]) -> None:
-        ending = [answer for answer in options if answer.status != "RUNNING"]
-        self._answer = None
+    def _draw(self, options: Sequence[Outcome], choices: list[DrawnChoice]) -> None:
+        ending = [outcome for outcome in options if outcome.status != "RUNNING"]
+        self._drawn = None
         if ending:
-            self._answer = self.random.choices(ending, middle(probabilities(ending)))[0]
-            after_sec = round(self.random.uniform(*self._answer.sec), 3)
+            self._drawn = self.random.choices(ending, middle(probabilities(ending)))[0]
+            after_sec = round(self.random.uniform(*self._drawn.sec), 3)
             self._until = self.clock.now() + after_sec
-            usual = self._answer == nominal(options) and not after_sec
-            choices.append(DrawnChoice(self.leaf, self._answer.name, after_sec, usual=usual))
+            usual = self._drawn == nominal(options) and not after_sec
+            choices.append(DrawnChoice(self.leaf, self._drawn.name, after_sec, usual=usual))
 
 
 @dataclass(eq=False)
@@ -161,7 +161,7 @@ class _Plan:
     _current: DrawnChoice | None = None
     _since: float = 0.0
 
-    def choose(self, options: Sequence[Answer], choices: list[DrawnChoice]) -> Answer:
+    def choose(self, options: Sequence[Outcome], choices: list[DrawnChoice]) -> Outcome:
         """Return the leaf's next outcome, and record the choice."""
         if self.leaf.status is not Status.RUNNING:
             self._current = None  # an interrupted step counts as done
@@ -174,9 +174,9 @@ class _Plan:
             return self._named_outcome("RUNNING", options)
         self._current = None
         at_once = choice.usual and not choice.after_sec
-        return nominal(options) if at_once else self._named_outcome(choice.answer, options)
+        return nominal(options) if at_once else self._named_outcome(choice.outcome, options)
 
-    def _next(self, options: Sequence[Answer]) -> DrawnChoice:
+    def _next(self, options: Sequence[Outcome]) -> DrawnChoice:
         """Return the choice from the remaining steps, or the default one."""
         step = next((left.step for left in self.steps if left.use(self._holds, self.random)), None)
         usual = nominal(options)
@@ -186,21 +186,21 @@ class _Plan:
         if step.longest_sec > after_sec:
             after_sec = round(self.random.uniform(after_sec, step.longest_sec), 3)
         return DrawnChoice(
-            self.leaf, step.answer, after_sec, _default_outcomes(step.answer, options)[:1] == [usual]
+            self.leaf, step.outcome, after_sec, _default_outcomes(step.outcome, options)[:1] == [usual]
         )
 
-    def _named_outcome(self, name: str, options: Sequence[Answer]) -> Answer:
+    def _named_outcome(self, name: str, options: Sequence[Outcome]) -> Outcome:
         found = _default_outcomes(name, options)
         if found:
             return found[0]
         leaf = self.leaf
-        conditions = [a.when for a in leaf.answers if name in (a.label, a.status) and a.when]
+        conditions = [a.when for a in leaf.outcomes if name in (a.label, a.status) and a.when]
         raise ScriptedError(
             f"'{leaf.name}' cannot return '{name}' here, which needs {' or '.join(conditions)}. It can return "
-            f"{', '.join(answer.name for answer in options)}"
+            f"{', '.join(outcome.name for outcome in options)}"
         )
 
-    def _holds(self, step: AnswerStep) -> bool:
+    def _holds(self, step: OutcomeStep) -> bool:
         if step.when is None:
             return True
         try:
@@ -209,19 +209,19 @@ class _Plan:
             raise ScriptedError(f"'{self.leaf.name}': when '{step.when.script.text}': {error}") from error
 
 
-def _default_outcomes(name: str, options: Sequence[Answer]) -> list[Answer]:
+def _default_outcomes(name: str, options: Sequence[Outcome]) -> list[Outcome]:
     """Return the outcomes with a label or a status, those with the label first."""
-    labelled = [answer for answer in options if answer.label == name]
-    return labelled + [answer for answer in options if answer.status == name]
+    labelled = [outcome for outcome in options if outcome.label == name]
+    return labelled + [outcome for outcome in options if outcome.status == name]
 
 
-_Holds = Callable[[AnswerStep], bool]
+_Holds = Callable[[OutcomeStep], bool]
 
 
 class _RemainingUses:
     """The number of times that a step can still be used."""
 
-    def __init__(self, step: AnswerStep) -> None:
+    def __init__(self, step: OutcomeStep) -> None:
         self.step = step
         self._left = step.times
         self._probabilities = 0
@@ -294,7 +294,7 @@ class Player:
 
     Attributes:
         run: The run so far.
-        scripted: The choices of answers.
+        scripted: The choices of outcomes.
     """
 
     def __init__(
@@ -484,7 +484,7 @@ class NodeCoverage:
     Attributes:
         bound: The node.
         ticked: Whether it was ever ticked.
-        outcomes: All possible outcomes of a leaf: the names of its answers.
+        outcomes: All possible outcomes of a leaf: the names of its outcomes.
         seen: The observed outcomes.
     """
 
@@ -544,9 +544,9 @@ class OutcomeCoverage:
 
 def _outcomes(behaviour: Behaviour, bound: BoundNode) -> list[str]:
     if isinstance(behaviour, StubLeaf):
-        return [answer.name for answer in behaviour.answers]
+        return [outcome.name for outcome in behaviour.outcomes]
     leaf = bound.spec.kind.is_leaf and not behaviour.children
-    return [status for status in STATUSES if leaf and status in bound.spec.outcomes]
+    return [status for status in STATUSES if leaf and status in bound.spec.statuses]
 
 
 def _location_key(bound: BoundNode) -> tuple[str, int, int]:

@@ -19,11 +19,11 @@ from sar_compiler.analysis.state_search.searching import NOTHING
 from sar_compiler.analysis.state_search.stub_nodes import LeafNodes, Reply, StubNode
 from sar_compiler.analysis.state_search.tick_steps import Judge, TickSteps
 from sar_compiler.errors import SarError, UndecidableError
-from sar_compiler.runtime.answers import Answer, probabilities
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, Ticker
+from sar_compiler.runtime.outcomes import Outcome, probabilities
 
 TOLERANCE_SEC: Final = 1e-6
 """Tolerance for ticks at multiples of the period, which floats reach only approximately."""
@@ -130,12 +130,12 @@ class Choice(NamedTuple):
 
     Attributes:
         leaf: The index of the leaf.
-        answers: The outcomes.
+        outcomes: The outcomes.
         bounds: The least and the greatest probability of each.
     """
 
     leaf: int
-    answers: tuple[Answer, ...]
+    outcomes: tuple[Outcome, ...]
     bounds: tuple[tuple[float, float], ...]
 
 
@@ -144,12 +144,12 @@ class TransitionProbability(NamedTuple):
 
     Attributes:
         choice: The number of the choice.
-        answer: The index of its outcome.
+        outcome: The index of its outcome.
         share: The share of this outcome's probability.
     """
 
     choice: int
-    answer: int
+    outcome: int
     share: float
 
 
@@ -290,13 +290,13 @@ class ProbabilisticLeaf(StubNode):
 
     def _work_out_options(self, replies: list[Reply]) -> list[Option]:
         ending = self._ending_replies(replies)
-        answers = tuple([reply.answer for reply in ending])
+        outcomes = tuple([reply.declared for reply in ending])
         given, options = self._probabilities, []
-        given.choices.append(Choice(self.index, answers, tuple(probabilities(answers))))
+        given.choices.append(Choice(self.index, outcomes, tuple(probabilities(outcomes))))
         for place, reply in enumerate(ending):
             if given.choices[-1].bounds[place][1] == 0.0:
                 continue
-            for ticks, share in given.spread(reply.answer.sec):
+            for ticks, share in given.spread(reply.declared.sec):
                 given.weights.append(TransitionProbability(len(given.choices) - 1, place, share))
                 options.append(Option(reply, ticks, len(given.weights) - 1))
         return options

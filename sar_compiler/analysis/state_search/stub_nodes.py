@@ -7,35 +7,35 @@ from sar_compiler.analysis.state_search.choices import Choices
 from sar_compiler.analysis.state_search.trail import Trail
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.answers import Answer
-from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED
+from sar_compiler.runtime.events import HALTED, RETURNED, STARTED
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED, WORDS
 from sar_compiler.runtime.kernel.entry_cells import Memo, OutcomeMemo
 from sar_compiler.runtime.kernel.table import known_node
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree_nodes import ChoosingNode, NodeBuilder, Ticker, TreeNode
 from sar_compiler.runtime.language_nodes import ScriptCondition
+from sar_compiler.runtime.outcomes import Outcome
 
 
 class Reply:
     """An outcome of a leaf.
 
     Attributes:
-        answer: Its declaration.
+        declared: Its declaration.
         event: The number of its event.
         outcome: The outcome of the tick.
         change: Changes facts and keys; None if the outcome changes nothing.
         effect: Remembers these changes.
     """
 
-    def __init__(self, event: int, leaf: StubLeaf, answer: Answer, memo: Callable[..., Memo]) -> None:
-        self.answer = answer
+    def __init__(self, event: int, leaf: StubLeaf, outcome: Outcome, memo: Callable[..., Memo]) -> None:
+        self.declared = outcome
         self.event = event
-        self.outcome = WORDS.index(answer.status)
+        self.outcome = WORDS.index(outcome.status)
         self.change: Callable[[], None] | None = None
-        if answer.then:
-            self.change = lambda: leaf.change(answer)
-            self.effect = memo(leaf.entries([answer.then]))
+        if outcome.then:
+            self.change = lambda: leaf.change(outcome)
+            self.effect = memo(leaf.entries([outcome.then]))
 
 
 class LeafNodes:
@@ -171,13 +171,13 @@ class StubNode(ChoosingNode):
         # length those with failures are found first, which are shorter to read. The first outcome of a status is the
         # usual one.
         ranks = {
-            status: rank for rank, status in enumerate(dict.fromkeys(each.status for each in leaf.answers))
+            status: rank for rank, status in enumerate(dict.fromkeys(each.status for each in leaf.outcomes))
         }
         self._replies = [
-            Reply(numbers[id(leaf), ANSWERED, id(answer)], leaf, answer, leaves.board.memo)
-            for answer in sorted(leaf.answers, key=lambda each: -ranks[each.status])
+            Reply(numbers[id(leaf), RETURNED, id(outcome)], leaf, outcome, leaves.board.memo)
+            for outcome in sorted(leaf.outcomes, key=lambda each: -ranks[each.status])
         ]
-        conditions = [answer.when for answer in leaf.answers if answer.when]
+        conditions = [outcome.when for outcome in leaf.outcomes if outcome.when]
         self._asked: Memo | None = leaves.board.memo(leaf.entries(conditions)) if conditions else None
         # Created once, because each access would create a new method object.
         self._work: Callable[[], list[Reply]] = self._work_out
@@ -230,7 +230,7 @@ class StubNode(ChoosingNode):
 
     def _work_out(self) -> list[Reply]:
         possible = self.behaviour.options()
-        return [reply for reply in self._replies if any(reply.answer is each for each in possible)]
+        return [reply for reply in self._replies if any(reply.declared is each for each in possible)]
 
 
 _STARTED: Final = 1

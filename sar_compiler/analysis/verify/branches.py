@@ -80,9 +80,9 @@ class EntrySharing:
         for leaf in simulated.leaves:
             made = self._origins.construction(leaf.id)
             number = self._places.position_of(made.instance, made.bound).number
-            for answer in leaf.answers:
-                self._add_uses(leaf.entries(filter(None, [answer.when])), number, changes=False)
-                self._add_uses(leaf.entries(filter(None, [answer.then])), number, changes=True)
+            for outcome in leaf.outcomes:
+                self._add_uses(leaf.entries(filter(None, [outcome.when])), number, changes=False)
+                self._add_uses(leaf.entries(filter(None, [outcome.then])), number, changes=True)
 
     def _add_uses(self, entries: Iterable[Entry], number: int, *, changes: bool) -> None:
         for entry in entries:

@@ -109,7 +109,7 @@ class _BranchQuestions:
         self.numbers: dict[frozenset[Behaviour], list[int]] = {frozenset(): []}
         self.numbers |= {frozenset([branch.root]): [] for branch in branches}
         for number in range(len(properties.names)):
-            leaves = [prepared.alphabet.answers[event][0] for event in properties.events(number)]
+            leaves = [prepared.alphabet.outcomes[event][0] for event in properties.events(number)]
             named = frozenset(roots[leaf] for leaf in leaves if leaf in roots)
             self.numbers.setdefault(named, []).append(number)
 
@@ -129,7 +129,7 @@ class _BranchQuestions:
         return graph
 
     def verdicts(self) -> Iterator[Verdict]:
-        """Yield the answers."""
+        """Yield the verdicts."""
         explain = self._prepared.simulated.explain
         questions = {concrete: ProofQuestions(space, explain) for concrete, space in self.spaces.items()}
         whole = questions[frozenset()]
@@ -140,14 +140,14 @@ class _BranchQuestions:
         yield whole.verdict_on_leaves(leaves, {leaf.index for leaf in leaves if leaf.behaviour in ran})
         if self._properties.has_end:
             yield from whole.endings()
-        answers = {
+        verdicts = {
             number: verdict
             for concrete, numbers in self.numbers.items()
             for number, verdict in zip(
                 numbers, questions[concrete].properties(self._properties.select(numbers)), strict=True
             )
         }
-        yield from (answers[number] for number in sorted(answers))
+        yield from (verdicts[number] for number in sorted(verdicts))
 
 
 class BranchArrangement:

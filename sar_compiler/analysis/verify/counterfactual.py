@@ -90,9 +90,9 @@ def counterfactual(
         for change, own in changes(ways):
             rest = after.way_to_success(change.way, unusual - own)
             if rest is not None:
-                later = (answer for way in rest for answer in way.answers)
-                then = [*change.way.answers[change.place + 1 :], *later]
-                ended = tuple(answer for answer in then if answer.status != _RUNNING)
+                later = (outcome for way in rest for outcome in way.outcomes)
+                then = [*change.way.outcomes[change.place + 1 :], *later]
+                ended = tuple(outcome for outcome in then if outcome.status != _RUNNING)
                 return Counterfactual(
                     moment.number, moment.time_sec, change.was, change.instead, ended, unusual
                 )
@@ -153,7 +153,7 @@ class _OtherOutcome(NamedTuple):
     @property
     def instead(self) -> Event:
         """The other outcome."""
-        return self.way.answers[self.place]
+        return self.way.outcomes[self.place]
 
     @property
     def unusual_count(self) -> int:
@@ -166,7 +166,7 @@ def _changes(moment: FoundTick, runs: TreeRuns) -> list[_OtherOutcome]:
     changes = []
     for state, was in moment.ways:
         for way in runs.possible_ticks(state):
-            for place, (one, other) in enumerate(zip(was.answers, way.answers, strict=False)):
+            for place, (one, other) in enumerate(zip(was.outcomes, way.outcomes, strict=False)):
                 if one != other:
                     # If another leaf follows, a timer caused the difference.
                     if one.number == other.number:
@@ -184,14 +184,14 @@ class _Continuations:
 
     def follow(self, change: _OtherOutcome) -> WhatIfResult:
         """Return the consequence of another outcome: some usual ticks until the tree has ended."""
-        way, answers = change.way, list(change.way.answers[change.place + 1 :])
+        way, outcomes = change.way, list(change.way.outcomes[change.place + 1 :])
         for _ in range(_MOST_FOLLOWED):
             ways = self._runs.possible_ticks(way.state) if way.root == _RUNNING else []
             if not ways:
                 break
             way = min(ways, key=lambda each: sum(each.unusual))
-            answers += way.answers
-        then = tuple(answer for answer in answers if answer.status != _RUNNING)
+            outcomes += way.outcomes
+        then = tuple(outcome for outcome in outcomes if outcome.status != _RUNNING)
         return WhatIfResult(change.was, change.instead, then, way.root)
 
     def way_to_success(self, way: PossibleTick, most: int) -> list[PossibleTick] | None:

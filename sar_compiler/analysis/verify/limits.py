@@ -35,7 +35,7 @@ def find_limits(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
         simulated: The tree with stub leaves.
         known: The facts whose initial values a run has recorded.
     """
-    scripts = [parse(answer.then) for leaf in simulated.leaves for answer in leaf.answers if answer.then]
+    scripts = [parse(outcome.then) for leaf in simulated.leaves for outcome in leaf.outcomes if outcome.then]
     changes = [each for script in scripts for each in script.statements if isinstance(each, Assignment)]
     others = {each.target.name for each in changes if each.operator != "-="}.union(known)
     return simulated.fact_values().keys() & {each.target.name for each in changes} - others
@@ -57,6 +57,6 @@ def spending_conditions(simulated: SimulatedTree, limits: Collection[str]) -> se
         for leaf in (simulated.leaves if limits else ())
         if origins[leaf.id].bound.spec.kind is Kind.CONDITION
         and any(
-            use.name in limits for each in leaf.answers if each.then for use in name_uses(parse(each.then))
+            use.name in limits for each in leaf.outcomes if each.then for use in name_uses(parse(each.then))
         )
     }

@@ -14,11 +14,11 @@ from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.opener import PROPERTIES
-from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Script, name_uses
 from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.outcomes import Fact
 from sar_compiler.runtime.variables import Enums, ScriptValue
 
 ROOT = "root"
@@ -360,7 +360,7 @@ class PropertyFile:
         events: The properties over events.
         ends: The conditions that must hold at the end of a run, by the names of their properties.
         facts: The facts that it defines.
-        answers: The outcomes of leaves that it defines.
+        outcomes: The outcomes of leaves that it defines.
         parameters: The keys of the root blackboard.
         controls: The semantics of controls and decorators that only a model describes.
         if_broken: The reaction of a run to a violation, by the property's name, if it is more than a report: `hold`
@@ -372,7 +372,7 @@ class PropertyFile:
     events: tuple[EventProperty, ...] = ()
     ends: Mapping[str, Value] = field(default_factory=dict)
     facts: Value | None = None
-    answers: Value | None = None
+    outcomes: Value | None = None
     parameters: Mapping[str, Fact] = field(default_factory=dict)
     controls: Value | None = None
     if_broken: Mapping[str, Value] = field(default_factory=dict)
@@ -408,7 +408,7 @@ def _understood(document: Document) -> PropertyFile:
         tuple(_events(name, value.mapping) for name, value in written.items() if "at_end" not in value.data),
         {name: value.mapping["at_end"] for name, value in written.items() if "at_end" in value.data},
         parts.get("facts"),
-        parts.get("answers"),
+        parts.get("outcomes"),
         parameters(parts.get("parameters")),
         parts.get("controls"),
         {name: value.mapping["if_broken"] for name, value in written.items() if "if_broken" in value.data},

@@ -80,20 +80,20 @@ class ObservedPrefix(NamedTuple):
         statuses.update({event.number: "" for event in events if event.what in (HALTED, RESET)})
         return ObservedPrefix(statuses, self.labels | {event.number: event.label or None for event in came})
 
-    def is_known(self, answer: Event) -> bool:
+    def is_known(self, outcome: Event) -> bool:
         """Return whether a result equals the leaf's last one, so that the record may omit it."""
-        return _is_same(answer, self.statuses.get(answer.number, ""), self.labels.get(answer.number))
+        return _is_same(outcome, self.statuses.get(outcome.number, ""), self.labels.get(outcome.number))
 
 
-def _is_same(answer: Event, status: str, label: str | None) -> bool:
-    return answer.status == status and label in (None, answer.label)
+def _is_same(outcome: Event, status: str, label: str | None) -> bool:
+    return outcome.status == status and label in (None, outcome.label)
 
 
 class PossibleTick(NamedTuple):
     """A tick from a state.
 
     Attributes:
-        answers: The outcomes of leaves in it.
+        outcomes: The outcomes of leaves in it.
         root: The root's status.
         state: The state after it.
         unusual: Which of the outcomes are unusual.
@@ -103,7 +103,7 @@ class PossibleTick(NamedTuple):
         broken: The rules that it violates, each with the violating event.
     """
 
-    answers: tuple[Event, ...]
+    outcomes: tuple[Event, ...]
     root: str
     state: bytes
     unusual: tuple[bool, ...]
@@ -121,7 +121,7 @@ class PossibleTick(NamedTuple):
             noted: The recorded outcomes.
             before: The state recorded before that tick.
         """
-        return _common(self.answers, noted, before)
+        return _common(self.outcomes, noted, before)
 
     def other_status(self, recorded: Sequence[tuple[int, str]]) -> tuple[int, str] | None:
         """Return the first node with a different recorded status, and that status; None if all match.
@@ -152,35 +152,35 @@ class PossibleTick(NamedTuple):
         return (
             self.root == root
             and self.halted == halted
-            and self.common(noted, before) == (len(noted), len(self.answers))
+            and self.common(noted, before) == (len(noted), len(self.outcomes))
         )
 
 
-def _common(answers: Sequence[Event], noted: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
+def _common(outcomes: Sequence[Event], noted: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
     """Return what `PossibleTick.common` returns for a tick with these outcomes."""
     told = ObservedPrefix({}, {})
     count = 0
-    for place, answer in enumerate(answers):
-        known = told if answer.number in told.statuses else before
+    for place, outcome in enumerate(outcomes):
+        known = told if outcome.number in told.statuses else before
         following = count
-        while following < len(noted) - 1 and _may_be_missing(answer, noted[following]):
+        while following < len(noted) - 1 and _may_be_missing(outcome, noted[following]):
             following += 1
-        if following < len(noted) and _is_noted(answer, noted[following]):
-            told.statuses[answer.number], told.labels[answer.number] = answer.status, answer.label
+        if following < len(noted) and _is_noted(outcome, noted[following]):
+            told.statuses[outcome.number], told.labels[outcome.number] = outcome.status, outcome.label
             count = following + 1
-        elif not known.is_known(answer):
+        elif not known.is_known(outcome):
             return count, place
     while count < len(noted) and noted[count].is_unsure:
         count += 1
-    return count, len(answers)
+    return count, len(outcomes)
 
 
-def _may_be_missing(answer: Event, noted: Event) -> bool:
-    return noted.is_unsure and not _is_noted(answer, noted)
+def _may_be_missing(outcome: Event, noted: Event) -> bool:
+    return noted.is_unsure and not _is_noted(outcome, noted)
 
 
-def _is_noted(answer: Event, noted: Event) -> bool:
-    return answer.number == noted.number and _is_same(answer, noted.status, noted.label or None)
+def _is_noted(outcome: Event, noted: Event) -> bool:
+    return outcome.number == noted.number and _is_same(outcome, noted.status, noted.label or None)
 
 
 _FoundWays = list[tuple[bytes, PossibleTick]]
@@ -352,12 +352,12 @@ class TreeRuns:
     def ticks_like(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[PossibleTick]:
         """Return the ticks of a state with the recorded outcomes; all ticks if they are few.
 
-        Of the ticks with other answers, one is among them for each first answer that differs. So their number grows with that of the
-        leaves that are ticked, and not with that of the combinations of their answers.
+        Of the ticks with other outcomes, one is among them for each first outcome that differs. So their number grows with that of the
+        leaves that are ticked, and not with that of the combinations of their outcomes.
 
         Args:
             state: The state.
-            noted: The answers that were noted in the tick.
+            noted: The outcomes that were noted in the tick.
             before: The statuses before it.
         """
         if self._has_few_ticks(state):
@@ -367,7 +367,7 @@ class TreeRuns:
     def _ticks_with(
         self, state: bytes, noted: Sequence[Event], before: ObservedPrefix
     ) -> Iterable[PossibleTick]:
-        """Return the ticks of a state that have the recorded answers and no others; of a state with few ticks all."""
+        """Return the ticks of a state that have the recorded outcomes and no others; of a state with few ticks all."""
         if self._has_few_ticks(state):
             return self._known[state]
         ways = self._play_ticks(state, noted, before, is_whole=True)
@@ -407,9 +407,9 @@ class TreeRuns:
 
         Args:
             state: The state.
-            noted: Recorded answers: only ticks like it are played (see `ticks_like`).
+            noted: Recorded outcomes: only ticks like it are played (see `ticks_like`).
             before: The statuses before it.
-            is_whole: Whether only ticks with no other answers are yielded.
+            is_whole: Whether only ticks with no other outcomes are yielded.
         """
         self.stepper.steps.restore(state)
         running = frozenset(number for number, status in enumerate(self._statuses()) if status == _RUNNING)
@@ -423,11 +423,11 @@ class TreeRuns:
             if not is_whole:
                 way = self._last_tick(step.state or _NOWHERE)._replace(running=running)
             if noted is not None and before is not None:
-                answers = self.stepper.outcomes()
-                count, place = _common(answers, noted, before)
-                if is_whole and (count, place) == (len(noted), len(answers)):
+                outcomes = self.stepper.outcomes()
+                count, place = _common(outcomes, noted, before)
+                if is_whole and (count, place) == (len(noted), len(outcomes)):
                     way = self._last_tick(step.state or _NOWHERE)._replace(running=running)
-                if place < len(answers):
+                if place < len(outcomes):
                     self.stepper.pass_over(place)
             if way is not None:
                 yield way
@@ -442,11 +442,11 @@ class TreeRuns:
         """Return the last tick, which has not raised an error."""
         statuses = self._statuses()
         tick, broken = self.stepper.tick_record(), self.stepper.violated_properties()
-        answers = tuple(event for event in tick.events if event.outcome)
+        outcomes = tuple(event for event in tick.events if event.outcome)
         last = {event.number: event.what for event in tick.events if event.what != TICKED}
         halted = frozenset(number for number, what in last.items() if what == HALTED)
         return PossibleTick(
-            answers,
+            outcomes,
             tick.root,
             state,
             self.stepper.unusual_outcomes(),

@@ -64,7 +64,7 @@ def merge_values(prepared: PreparedTree, properties: Properties) -> None:
 def _mergeable(simulated: SimulatedTree, properties: Properties) -> dict[str, MergedValues]:
     """Return the values that can be merged, by the absolute names of entries."""
     flows = ScriptFlows(simulated.enums)
-    for script, resolve, is_condition in (*_scripts_of_nodes(simulated), *_scripts_of_answers(simulated)):
+    for script, resolve, is_condition in (*_scripts_of_nodes(simulated), *_scripts_of_outcomes(simulated)):
         flows.add_script(script, resolve, is_condition=is_condition)
     for condition in properties.conditions:
         flows.add_script(condition.script, condition.entry_name, is_condition=True)
@@ -94,15 +94,15 @@ def _scripts_of_nodes(simulated: SimulatedTree) -> Iterator[_ReadScript]:
                 yield from ((script, resolve, bound.spec.cls is not RunScript) for script in scripts)
 
 
-def _scripts_of_answers(simulated: SimulatedTree) -> Iterator[_ReadScript]:
+def _scripts_of_outcomes(simulated: SimulatedTree) -> Iterator[_ReadScript]:
     for leaf in simulated.leaves:
 
         def resolve(name: str, leaf: StubLeaf = leaf) -> str | None:
             is_unknown = name == UNKNOWN and not leaf.variables.is_fact(name)
             return None if is_unknown else leaf.variables.entry(name).name
 
-        for answer in leaf.answers:
-            written = ((answer.when, True), (answer.then, False))
+        for outcome in leaf.outcomes:
+            written = ((outcome.when, True), (outcome.then, False))
             yield from ((parse(script), resolve, is_used) for script, is_used in written if script)
 
 

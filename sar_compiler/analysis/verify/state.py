@@ -15,9 +15,9 @@ from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.numbering import StateStore
 from sar_compiler.analysis.state_search.tick_steps import TickSteps
 from sar_compiler.analysis.stub_leaf import StubLeaf
-from sar_compiler.runtime.answers import Answer
-from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
+from sar_compiler.runtime.events import HALTED, RETURNED, STARTED, Event
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
+from sar_compiler.runtime.outcomes import Outcome
 
 # The number of states in which growing values are searched, and the number of reported names.
 _SAMPLE = 5000
@@ -32,25 +32,25 @@ class EventAlphabet:
 
     Attributes:
         events: The event of each number.
-        answers: The leaf of each number, and its outcome; None if the event is not an outcome.
+        outcomes: The leaf of each number, and its outcome; None if the event is not an outcome.
         numbers: The number of each event, by the identities of the leaf and of the outcome (or of None).
     """
 
     def __init__(self, simulated: SimulatedTree) -> None:
         self.events: list[Event] = []
-        self.answers: list[tuple[StubLeaf, Answer | None]] = []
+        self.outcomes: list[tuple[StubLeaf, Outcome | None]] = []
         self.numbers: dict[tuple[int, str, int], int] = {}
         for leaf in simulated.leaves:
-            for answer in leaf.answers:
-                self._add(leaf, ANSWERED, answer)
+            for outcome in leaf.outcomes:
+                self._add(leaf, RETURNED, outcome)
             self._add(leaf, STARTED)
             self._add(leaf, HALTED)
 
-    def _add(self, leaf: StubLeaf, what: str, answer: Answer | None = None) -> None:
+    def _add(self, leaf: StubLeaf, what: str, outcome: Outcome | None = None) -> None:
         # By identity: two outcomes of a leaf may be equal.
-        self.numbers[id(leaf), what, id(answer)] = len(self.events)
-        self.events.append(leaf.event(what, answer))
-        self.answers.append((leaf, answer))
+        self.numbers[id(leaf), what, id(outcome)] = len(self.events)
+        self.events.append(leaf.event(what, outcome))
+        self.outcomes.append((leaf, outcome))
 
     def matching_events(self, pattern: EventPattern) -> set[int]:
         """Return the numbers of all events that a pattern matches."""

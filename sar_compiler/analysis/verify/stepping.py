@@ -23,13 +23,13 @@ from sar_compiler.compiler import CompiledTree
 from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.outcome_sets import ALL, BITS, WORD_OF
 from sar_compiler.nodes.semantics import Order
-from sar_compiler.runtime.answers import nominal
 from sar_compiler.runtime.events import Event, TickRecord, append_end, changes_in, value_changes
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.kernel.user_nodes import Claim, UserNode
+from sar_compiler.runtime.outcomes import nominal
 from sar_compiler.runtime.variables import UNKNOWN
 
 
@@ -46,7 +46,7 @@ def check_declarations(
     possible: PossibleOutcomes | None = None
     for node in nodes:
         bound = compiled.origins[node.behaviour.id].bound
-        means, said = bound.spec.semantics, bound.spec.outcomes
+        means, said = bound.spec.semantics, bound.spec.statuses
         if means.possible is None and not said:
             continue
         possible = possible or PossibleOutcomes(trees_in(compiled.instance.tree))
@@ -120,7 +120,7 @@ class TreeStepper:
         judged_by = [entries.place_of(entry.name) for entry in rules.entries]
         self.leaves = simulated.leaves
         self.writes_unknown_values = any(
-            UNKNOWN in each.then for leaf in self.leaves for each in leaf.answers
+            UNKNOWN in each.then for leaf in self.leaves for each in leaf.outcomes
         )
         self.steps = (
             WeighedSteps(self.flat, self.ticker, rules.judge, judged_by, probabilities.times)
@@ -177,15 +177,15 @@ class TreeStepper:
     def pass_over(self, place: int) -> None:
         """Skip the ticks that begin like the last one, up to the outcome with an index.
 
-        What is chosen behind the answer makes no difference then: the next combination is another one up to it.
+        What is chosen behind the outcome makes no difference then: the next combination is another one up to it.
         """
-        answers = [
+        outcomes = [
             at
             for at, event in enumerate(self._trail.numbers)
-            if event < len(self._alphabet.events) and self._alphabet.answers[event][1] is not None
+            if event < len(self._alphabet.events) and self._alphabet.outcomes[event][1] is not None
         ]
         forks = self.ticker._forks  # noqa: SLF001 - compiled together with what has them
-        behind = (fork.asked for fork in forks if fork.happened > answers[place])
+        behind = (fork.asked for fork in forks if fork.happened > outcomes[place])
         self.ticker.choices.go_back(next(behind, self.ticker.choices.choice_count))
 
     def play(self, state: bytes, wanted: Callable[[TickSteps], bool], number: int = 0) -> TickRecord:
@@ -221,10 +221,10 @@ class TreeStepper:
         entries, unusual = self.ticker.entries, []
         after = entries.now
         for event, past in self._recorded_events():
-            leaf, answer = self._alphabet.answers[event]
-            if answer is not None:
+            leaf, outcome = self._alphabet.outcomes[event]
+            if outcome is not None:
                 entries.restore(vec[i32](past))
-                unusual.append(nominal(leaf.options()) is not answer)
+                unusual.append(nominal(leaf.options()) is not outcome)
         entries.restore(after)
         return tuple(unusual)
 
@@ -257,10 +257,10 @@ class TreeStepper:
 
     def restore_before_outcome(self, place: int) -> None:
         """Restore the entries before an outcome of the last tick, by its index among its outcomes."""
-        answers = [
-            past for event, past in self._recorded_events() if self._alphabet.answers[event][1] is not None
+        outcomes = [
+            past for event, past in self._recorded_events() if self._alphabet.outcomes[event][1] is not None
         ]
-        self.ticker.entries.restore(vec[i32](answers[place]))
+        self.ticker.entries.restore(vec[i32](outcomes[place]))
 
     def _recorded_events(self) -> list[tuple[int, list[int]]]:
         """Return the events of the last tick, each with the values of entries before it."""

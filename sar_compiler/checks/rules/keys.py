@@ -27,7 +27,7 @@ from sar_compiler.nodes.collector import file_of
 from sar_compiler.nodes.outcome_sets import ALLOWED, BITS, K, S
 from sar_compiler.nodes.semantics import WRITES, AccessKind, Order
 from sar_compiler.nodes.spec import Kind
-from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity
 from sar_compiler.tree.guessing import Guesses, likeness
 
@@ -332,7 +332,7 @@ def find_unwritten_ends(entry: EntryAccesses, outcomes: PossibleOutcomes) -> Ite
     branch. If anything on the way may depend on the same end (a condition, a script before a node, a branch that is
     chosen), nothing is reported: a wrong finding is worse than none.
     """
-    if not entry.writers or any(_silent_answers(writer) is None for writer in entry.writers):
+    if not entry.writers or any(_silent_outcomes(writer) is None for writer in entry.writers):
         return
     for use in entry.of_kinds(AccessKind.READ):
         before = [each for each in entry.writers if each.position.number < use.position.number]
@@ -342,8 +342,8 @@ def find_unwritten_ends(entry: EntryAccesses, outcomes: PossibleOutcomes) -> Ite
 
 
 def _finding(writer: EntryAccess, use: EntryAccess) -> Diagnostic:
-    answers = _silent_answers(writer) or []
-    labels = ", ".join(f"'{each.name}'" for each in answers if each.status != "RUNNING")
+    outcomes = _silent_outcomes(writer) or []
+    labels = ", ".join(f"'{each.name}'" for each in outcomes if each.status != "RUNNING")
     when = f"ends with {labels}" if labels else "runs"
     key, element = use.access.key, use.node.element
     message = (
@@ -354,12 +354,12 @@ def _finding(writer: EntryAccess, use: EntryAccess) -> Diagnostic:
     return element.finding("maybe-unwritten-key", message, use.access.span(), hint=hint)
 
 
-def _silent_answers(writer: EntryAccess) -> list[Answer] | None:
+def _silent_outcomes(writer: EntryAccess) -> list[Outcome] | None:
     """Return the outcomes of a leaf with which it does not write a key; None if that is not known."""
-    answers = writer.node.spec.answers
-    if not answers or any(answer.writes is None for answer in answers):
+    outcomes = writer.node.spec.outcomes
+    if not outcomes or any(outcome.writes is None for outcome in outcomes):
         return None
-    return [answer for answer in answers if writer.access.attribute not in (answer.writes or ())]
+    return [outcome for outcome in outcomes if writer.access.attribute not in (outcome.writes or ())]
 
 
 def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes) -> bool:
@@ -381,8 +381,8 @@ def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes)
 def _ends_of(writer: EntryAccess, top: TreePosition, outcomes: PossibleOutcomes) -> int:
     """Return a node's outcome set after one of its leaves did not write a key; empty if unknown."""
     ended = 0
-    for answer in _silent_answers(writer) or ():
-        ended |= BITS[answer.status]
+    for outcome in _silent_outcomes(writer) or ():
+        ended |= BITS[outcome.status]
     place = writer.position
     while not _has_scripts(place.bound):
         if place is top:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, K, R, S
+from sar_compiler.nodes.outcome_sets import ALLOWED, RESULTS, F, K, R, S
 from sar_compiler.nodes.semantics import Gate, Order
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
@@ -50,14 +50,14 @@ def _check_gates(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagn
         yield _unreachable(children[0], f"'{bound.name}' ticks it 0 times")
     for number, gate in means.gates(bound).items():
         if number < len(children) and not any(
-            outcomes.possible_results(children[each]) & gate.answers for each in gate.children
+            outcomes.possible_results(children[each]) & gate.outcomes for each in gate.children
         ):
             yield _unreachable(children[number], _gate_reason(gate, children))
 
 
 def _gate_reason(gate: Gate, children: Sequence[BoundNode]) -> str:
     """Return why a child is never ticked, if its ticks depend on other children's results."""
-    verb = _VERBS[gate.answers & ~K]
+    verb = _VERBS[gate.outcomes & ~K]
     if len(gate.children) > 1:
         return f"no earlier child ever {verb}"
     return f"'{children[gate.children[0]].name}' never {verb}"
@@ -67,10 +67,10 @@ def _check_last_reachable(bound: BoundNode, outcomes: PossibleOutcomes) -> Itera
     """Report the first child that is unreachable because its predecessor never passes the tick on."""
     goes_on = bound.spec.semantics.goes_on
     for before, child in itertools.pairwise(bound.children):
-        answers = outcomes.possible_results(before)
-        if not answers & (goes_on | K):
+        results = outcomes.possible_results(before)
+        if not results & (goes_on | K):
             # `_check_endless` reports the nodes that unintentionally never end.
-            if answers != R or not before.children:
+            if results != R or not before.children:
                 yield _unreachable(child, f"the previous child '{before.name}' never {_VERBS[goes_on]}")
             return
 
@@ -132,8 +132,8 @@ def _cancels_inner_decorator(bound: BoundNode, child: BoundNode) -> bool:
     once, twice = child.spec.semantics.possible, bound.spec.semantics.possible
     if once is None or twice is None or {bound.spec.kind, child.spec.kind} != {Kind.DECORATOR}:
         return False
-    turned = tuple(once(child, [answer], ALLOWED) for answer in ANSWERS)
-    return turned != ANSWERS and tuple(twice(bound, [answer], ALLOWED) for answer in turned) == ANSWERS
+    turned = tuple(once(child, [result], ALLOWED) for result in RESULTS)
+    return turned != RESULTS and tuple(twice(bound, [result], ALLOWED) for result in turned) == RESULTS
 
 
 def _check_interrupting(

@@ -16,14 +16,14 @@ from sar_compiler.checks.rules.entry_accesses import (
     comes_first,
     enclosing_sequences,
 )
-from sar_compiler.nodes.answers import SELF, fill_placeholders, number_text
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.instances import TreeInstance
+from sar_compiler.nodes.outcomes import SELF, fill_placeholders, number_text
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.nodes.spec import NodeSpec
-from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Access, Script, name_uses
+from sar_compiler.runtime.outcomes import Fact
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.variables import PlainVariables
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -55,11 +55,11 @@ class _LeafFacts:
             return fill_placeholders(text, names)
 
         self.facts = {fill_attributes(name): value for name, value in spec.facts.items()}
-        self.results = [fill_attributes(answer.then) for answer in spec.answers if answer.then]
+        self.results = [fill_attributes(outcome.then) for outcome in spec.outcomes if outcome.then]
         self.reads = frozenset(map(fill_attributes, spec.reads))
         self.writes = frozenset(map(fill_attributes, spec.writes))
         self.conditions = [
-            fill_attributes(answer.when) for answer in spec.answers if answer.status != "FAILURE"
+            fill_attributes(outcome.when) for outcome in spec.outcomes if outcome.status != "FAILURE"
         ]
         if any(not script or _holds(script, _variables(self.facts)) for script in self.conditions):
             self.conditions = []  # it may act from the start

@@ -208,7 +208,7 @@ def is_telling(spec: NodeSpec) -> bool:
     """Return whether a node allows conclusions: not if it returns at once or its outcomes are unknown."""
     if not spec.kind.is_leaf:
         return spec.semantics.order is not Order.IN_ORDER
-    outcomes = spec.outcomes if not spec.is_only_described else frozenset()
+    outcomes = spec.statuses if not spec.is_only_described else frozenset()
     return bool(spec.effects or spec.uses) or outcomes not in _YES_OR_NO
 
 
@@ -251,7 +251,7 @@ def _outcomes_of_node(bound: BoundNode, children: Sequence[OutcomeSets]) -> Outc
     spec, possible = bound.spec, bound.spec.semantics.possible
     if possible is None:
         # A custom node may tick its children in any way.
-        known = bits(spec.outcomes)
+        known = bits(spec.statuses)
         return known | known << _SHIFT if known and not spec.is_only_described else _UNKNOWN
     least, most = spec.child_count
     if not least <= len(children) <= (most or len(children)):

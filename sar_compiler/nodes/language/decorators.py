@@ -25,10 +25,10 @@ from sar_compiler.nodes.outcome_sets import WORD_OF, F, K, R, S, milliseconds, n
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, SkipPossibility, SkipSupport
 from sar_compiler.nodes.values import CONDITION, MILLISECONDS, SECONDS, require_value_type
-from sar_compiler.runtime.answers import Outcome
+from sar_compiler.runtime.outcomes import ReturnedStatus
 from sar_compiler.tree.model import SUBTREE_TAG
 
-_OUTCOME = require_value_type(Outcome)._replace(cpp=STATUS)
+_OUTCOME = require_value_type(ReturnedStatus)._replace(cpp=STATUS)
 _NOUNS = {S: "success", F: "failure", R: "running"}
 
 _own = partial(language_spec, Kind.DECORATOR, skipping=FROM_CHILD)
@@ -80,7 +80,7 @@ def _stock_unless_skipping(
         doc,
         semantics=Semantics.mapping(turns)._replace(repeats=repeats),
         skipping=SkipSupport(possible, replacement),
-        outcomes=_results_after(turns),
+        statuses=_results_after(turns),
     )
 
 
@@ -92,7 +92,7 @@ def _mapping_decorator(tag: str, old: int, new: int, instead: str = "", hint: st
         tag,
         f"Turns {_NOUNS[old]} into {_NOUNS[new]}.",
         semantics=Semantics.mapping(turns)._replace(counterpart=Counterpart(rewrite=rewrite, hint=hint)),
-        outcomes=_results_after(turns),
+        statuses=_results_after(turns),
         instead=instead,
     )
 
@@ -126,10 +126,10 @@ def _loop(tag: str, kind: type, item: str, items: str, example: str) -> NodeSpec
             "from a deque.",
         ),
         output_port("value", require_value_type(kind), f"The key to which each {items} is written.", None),
-        input_port("if_empty", _OUTCOME, "The status to return when none is left.", Outcome.SUCCESS),
+        input_port("if_empty", _OUTCOME, "The status to return when none is left.", ReturnedStatus.SUCCESS),
         fixed={"kind": kind},
         semantics=Semantics(outcome_sets.loop, keys={"queue": KeyRole(AccessKind.PEEK)}),
-        skipping=SkipSupport(SkipPossibility.ALWAYS, only_if=("if_empty", Outcome.SKIPPED)),
+        skipping=SkipSupport(SkipPossibility.ALWAYS, only_if=("if_empty", ReturnedStatus.SKIPPED)),
     )
 
 
@@ -212,9 +212,11 @@ BEHAVIORTREE_CPP = [
         input_port("if_", CONDITION, "The condition, a script."),
         SCOPE,
         ENUMS,
-        input_port("else_", _OUTCOME, "The status to return if the condition is false.", Outcome.FAILURE),
+        input_port(
+            "else_", _OUTCOME, "The status to return if the condition is false.", ReturnedStatus.FAILURE
+        ),
         semantics=Semantics(partial(outcome_sets.guard, "if")),
-        skipping=SkipSupport(SkipPossibility.ALWAYS, only_if=("else", Outcome.SKIPPED)),
+        skipping=SkipSupport(SkipPossibility.ALWAYS, only_if=("else", ReturnedStatus.SKIPPED)),
         former_tags=tuple(f"BlackboardCheck{kind}" for kind in ("Bool", "Double", "Int", "String")),
     ),
     _unless_written(
@@ -285,7 +287,7 @@ PY_TREES = [
         "Runs until its child returns a given status, then succeeds.",
         attribute("status", StatusName, "The status to wait for."),
         semantics=Semantics(outcome_sets.awaiting_results, steady=True),
-        outcomes=frozenset({"SUCCESS", "RUNNING"}),
+        statuses=frozenset({"SUCCESS", "RUNNING"}),
     ),
     _stock(
         "Count",

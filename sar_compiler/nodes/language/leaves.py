@@ -52,7 +52,7 @@ def _question(
         doc,
         *parameters,
         SCOPE,
-        outcomes=_SUCCESS | _FAILURE,
+        statuses=_SUCCESS | _FAILURE,
         semantics=_peeking_semantics(*asks),
         made_by=made_by,
     )
@@ -72,8 +72,8 @@ _COMPARISON = (
 )
 
 BEHAVIORTREE_CPP = [
-    _own("AlwaysSuccess", "py_trees.behaviours:Success", "Succeeds.", outcomes=_SUCCESS),
-    _own("AlwaysFailure", "py_trees.behaviours:Failure", "Fails.", outcomes=_FAILURE),
+    _own("AlwaysSuccess", "py_trees.behaviours:Success", "Succeeds.", statuses=_SUCCESS),
+    _own("AlwaysFailure", "py_trees.behaviours:Failure", "Fails.", statuses=_FAILURE),
     _own(
         "Script",
         "language_nodes:RunScript",
@@ -81,7 +81,7 @@ BEHAVIORTREE_CPP = [
         input_port("code", Script, "The script."),
         SCOPE,
         ENUMS,
-        outcomes=_SUCCESS,
+        statuses=_SUCCESS,
         effects=WRITES,
     ),
     language_spec(
@@ -95,7 +95,7 @@ BEHAVIORTREE_CPP = [
         ),
         SCOPE,
         ENUMS,
-        outcomes=_SUCCESS | _FAILURE,
+        statuses=_SUCCESS | _FAILURE,
         semantics=Semantics(partial(outcome_sets.condition_of_leaf, "code")),
     ),
     _own(
@@ -110,7 +110,7 @@ BEHAVIORTREE_CPP = [
         ),
         SCOPE,
         ENUMS,
-        outcomes=_SUCCESS | _FAILURE,
+        statuses=_SUCCESS | _FAILURE,
         effects=WRITES,
         semantics=Semantics(
             keys={"output_key": KeyRole(AccessKind.WRITE, by_name=True, indirect=True)}, copies="value"
@@ -122,7 +122,7 @@ BEHAVIORTREE_CPP = [
         "Removes an entry of the same tree instance. Entries of other instances are not removed.",
         input_port("key", str, "The entry's key, without braces."),
         SCOPE,
-        outcomes=_SUCCESS,
+        statuses=_SUCCESS,
         effects=REMOVES,
         semantics=Semantics(keys={"key": _REMOVED}),
     ),
@@ -132,7 +132,7 @@ BEHAVIORTREE_CPP = [
         "Succeeds if an entry was written since the last check, else fails.",
         input_port("entry", ANY_ENTRY, "The entry."),
         SCOPE,
-        outcomes=_SUCCESS | _FAILURE,
+        statuses=_SUCCESS | _FAILURE,
         semantics=Semantics(keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)}),
     ),
     _own(
@@ -141,24 +141,24 @@ BEHAVIORTREE_CPP = [
         "Waits, then succeeds.",
         input_port("msec", MILLISECONDS, "Duration of the wait, in milliseconds; 0 for none."),
         CLOCK,
-        outcomes=_SUCCESS | _RUNNING,
+        statuses=_SUCCESS | _RUNNING,
         semantics=Semantics(wait_sec=partial(outcome_sets.milliseconds, name="msec")),
     ),
 ]
 
 PY_TREES = [
-    _stock("Success", "Succeeds.", outcomes=_SUCCESS, semantics=_as_in_btcpp("AlwaysSuccess")),
-    _stock("Failure", "Fails.", outcomes=_FAILURE, semantics=_as_in_btcpp("AlwaysFailure")),
+    _stock("Success", "Succeeds.", statuses=_SUCCESS, semantics=_as_in_btcpp("AlwaysSuccess")),
+    _stock("Failure", "Fails.", statuses=_FAILURE, semantics=_as_in_btcpp("AlwaysFailure")),
     _stock(
         "Running",
         "Always returns RUNNING.",
-        outcomes=_RUNNING,
+        statuses=_RUNNING,
         semantics=Semantics(counterpart=Counterpart(rewrite=rewrites.rewrite_running)),
     ),
     _stock(
         "Dummy",
         "Returns RUNNING forever, as a placeholder for a node that is not written yet.",
-        outcomes=_RUNNING,
+        statuses=_RUNNING,
     ),
     _stock(
         "Periodic",
@@ -193,7 +193,7 @@ PY_TREES = [
             NTH,
             "The period of the successes in ticks: 1 for every tick, 2 for every second one. The sign is ignored.",
         ),
-        outcomes=_SUCCESS | _FAILURE,
+        statuses=_SUCCESS | _FAILURE,
     ),
     _stock(
         "TickCounter",
@@ -220,7 +220,7 @@ PY_TREES = [
         "Runs for a time measured by the mission's clock, then succeeds.",
         CLOCK,
         attribute("duration", SECONDS, "Duration, in seconds; 0 or less to succeed at once.", 5.0),
-        outcomes=_SUCCESS | _RUNNING,
+        statuses=_SUCCESS | _RUNNING,
         semantics=Semantics(
             wait_sec=partial(outcome_sets.number, name="duration"),
             counterpart=Counterpart(rewrite=rewrites.timer),
@@ -248,7 +248,7 @@ PY_TREES = [
         "Runs until a key was written, then succeeds.",
         _KEY,
         SCOPE,
-        outcomes=_SUCCESS | _RUNNING,
+        statuses=_SUCCESS | _RUNNING,
         semantics=_peeking_semantics("variable_name", resumes=True),
     ),
     _stock(
@@ -263,7 +263,7 @@ PY_TREES = [
             "Replace an existing value. If false, the node fails if there is one.",
             default=True,
         ),
-        outcomes=_SUCCESS | _FAILURE,
+        statuses=_SUCCESS | _FAILURE,
         effects=WRITES,
         semantics=Semantics(keys={"variable_name": _WRITTEN}),
     ),
@@ -272,7 +272,7 @@ PY_TREES = [
         "Removes a key from the blackboard, even if another tree owns it, and succeeds.",
         inout_port("key", KEY, "The key."),
         SCOPE,
-        outcomes=_SUCCESS,
+        statuses=_SUCCESS,
         effects=REMOVES,
         semantics=Semantics(keys={"key": _REMOVED}),
     ),
@@ -288,7 +288,7 @@ PY_TREES = [
         "Runs until the comparison of a key with a value is true, then succeeds.",
         *_COMPARISON,
         SCOPE,
-        outcomes=_SUCCESS | _RUNNING,
+        statuses=_SUCCESS | _RUNNING,
         semantics=_peeking_semantics("variable", resumes=True),
         made_by="comparing",
     ),

@@ -53,7 +53,7 @@ def _key(text: str) -> str:
 
 
 def _status_names(text: str) -> list[str]:
-    return [str(answer) for answer in items_of(text, STATUS_NAME.convert, blanks=True)]
+    return [str(outcome) for outcome in items_of(text, STATUS_NAME.convert, blanks=True)]
 
 
 def _names(text: str) -> list[str]:

@@ -5,9 +5,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
 from sar_compiler.nodes.collector import FindingCollector, file_of
+from sar_compiler.nodes.outcomes import outcomes_of
 from sar_compiler.nodes.registry import Registry, is_library_tag
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, ParameterRole, Signature, any_port
 from sar_compiler.nodes.values import (
@@ -47,7 +47,7 @@ FROM_USE = {"made": "from use"}
 LIBRARY = {"library": "py_trees"}
 """The marker of a py_trees node's description, which distinguishes it from a user's node."""
 # The assumed outcomes of a leaf that is only described.
-_ANSWERS = {Kind.ACTION: ("SUCCESS", "FAILURE", "RUNNING"), Kind.CONDITION: ("SUCCESS", "FAILURE")}
+_STATUSES = {Kind.ACTION: ("SUCCESS", "FAILURE", "RUNNING"), Kind.CONDITION: ("SUCCESS", "FAILURE")}
 _DIRECTIONS_HINT = (
     "write input_port for a port that is read, output_port for one that is written, inout_port for both"
 )
@@ -121,7 +121,7 @@ class NodeModel(NamedTuple):
             None,
             kind,
             frozenset({"SUCCESS", "FAILURE", "RUNNING", "SKIPPED"}),
-            answers=answers_of(_ANSWERS.get(kind, ())) if kind.is_leaf else (),
+            outcomes=outcomes_of(_STATUSES.get(kind, ())) if kind.is_leaf else (),
             signature=Signature(described=parameters, from_use=self.is_from_use),
         )
 

@@ -13,11 +13,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.declaring import CLOCK, signature
 from sar_compiler.nodes.nav2 import outcomes
 from sar_compiler.nodes.numbers import PlausibleRange, convert_with_unit, number_hint, unit_name
 from sar_compiler.nodes.outcome_sets import F, S, passing_results, with_own_results
+from sar_compiler.nodes.outcomes import outcomes_of
 from sar_compiler.nodes.palettes import KnownSpec
 from sar_compiler.nodes.semantics import Counterpart, Order, Semantics
 from sar_compiler.nodes.spec import (
@@ -42,7 +42,7 @@ from sar_compiler.nodes.values import (
     parse_real,
     type_of_cpp_name,
 )
-from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.ports import Input
 
 _POSE = 9
@@ -208,16 +208,16 @@ def specs(version: str) -> Iterator[NodeSpec]:
 def _spec(tag: str, said: Mapping[str, Any], version: str) -> NodeSpec:
     kind = Kind(said["kind"])
     if kind.is_leaf:
-        statuses, ports = said["answers"], _ports(said["ports"], version)
-        by_status = {each.status: each for each in answers_of(statuses)}
-        answers = tuple(by_status[status] for status in statuses)
+        statuses, ports = said["outcomes"], _ports(said["ports"], version)
+        by_status = {each.status: each for each in outcomes_of(statuses)}
+        outcomes = tuple(by_status[status] for status in statuses)
         signed = signature(kind, said["doc"], *ports)
-        return KnownSpec(tag, None, kind, frozenset(statuses), answers=answers, signature=signed)
+        return KnownSpec(tag, None, kind, frozenset(statuses), outcomes=outcomes, signature=signed)
     free = _FREE.get(f"{tag} {version}") or _FREE.get(tag)
     if free is None:
-        stand_in, semantics, answers = _STAND_INS[tag]
+        stand_in, semantics, outcomes = _STAND_INS[tag]
         made = NodeSpec(tag, f"{_KERNEL}{stand_in}", kind)
-        spec: NodeSpec = KnownSpec(tag, None, kind, _ALL, answers=answers, stand_in=made)
+        spec: NodeSpec = KnownSpec(tag, None, kind, _ALL, outcomes=outcomes, stand_in=made)
         counts = (1, 4) if kind is Kind.CONTROL else (1, 1)
         free = _FreeNode(
             "",
@@ -313,18 +313,18 @@ _FREE: Mapping[str, _FreeNode] = {
     ),
 }
 
-_DUE = (Answer("SUCCESS", "due"), Answer("RUNNING", "waiting"))
-_DRIVEN = (Answer("SUCCESS", "driven"), Answer("RUNNING", "on the way"), Answer("FAILURE", "no pose"))
-_GOAL = (Answer("FAILURE", "same goal"), Answer("SUCCESS", "new goal"))
-_LONGER = (Answer("FAILURE", "not longer"), Answer("SUCCESS", "longer"))
+_DUE = (Outcome("SUCCESS", "due"), Outcome("RUNNING", "waiting"))
+_DRIVEN = (Outcome("SUCCESS", "driven"), Outcome("RUNNING", "on the way"), Outcome("FAILURE", "no pose"))
+_GOAL = (Outcome("FAILURE", "same goal"), Outcome("SUCCESS", "new goal"))
+_LONGER = (Outcome("FAILURE", "not longer"), Outcome("SUCCESS", "longer"))
 _REQUESTS = (
-    Answer("SUCCESS", "no request"),
-    Answer("FAILURE", "pause"),
-    Answer("RUNNING", "resume"),
-    Answer("SKIPPED", "resume and pause"),
+    Outcome("SUCCESS", "no request"),
+    Outcome("FAILURE", "pause"),
+    Outcome("RUNNING", "resume"),
+    Outcome("SKIPPED", "resume and pause"),
 )
 # Nodes that depend on the world, which their stand-in queries.
-_STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Answer, ...]]] = {
+_STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Outcome, ...]]] = {
     "SpeedController": ("nav2_decorators:WhenDueNode", _TIMED, _DUE),
     "GoalUpdatedController": ("nav2_decorators:WhenDueNode", _TIMED, _GOAL),
     "DistanceController": (

@@ -310,7 +310,7 @@ class RosService(ServiceLeaf):
 
     def on_failure(self, reason: str) -> Status:
         """Return FAILURE, because there is no response."""
-        return self.answer(super().on_failure(reason), "no answer")
+        return self.outcome(super().on_failure(reason), "no answer")
 
     def on_response(self, response: Any) -> Status:
         """Write the response's fields; return SUCCESS unless the response reports failure."""
@@ -318,10 +318,10 @@ class RosService(ServiceLeaf):
         if self._success and not self._is_true(response, self._success):
             said = _failure_reason(response, self._success) or str(self._success)
             self.warn(f"'{self.name}': '{self.service_name}' reports a failure: {said}")
-            return self.answer(Status.FAILURE, "refused")
+            return self.outcome(Status.FAILURE, "refused")
         if missing:
             return self.on_failure(missing)
-        return self.answer(Status.SUCCESS, "answered")
+        return self.outcome(Status.SUCCESS, "answered")
 
     @staticmethod
     def _is_true(response: Any, field: FieldPath) -> bool:
@@ -439,7 +439,7 @@ class RosAction(ActionLeaf):
 
     def on_failure(self, reason: str) -> Status:
         """Return FAILURE, because there is no result."""
-        return self.answer(super().on_failure(reason), "no result")
+        return self.outcome(super().on_failure(reason), "no result")
 
     def on_unavailable(self, reason: str) -> Status:
         """Return FAILURE, and write the result if the goal has succeeded without an arrival."""
@@ -451,7 +451,7 @@ class RosAction(ActionLeaf):
             or self._received.write(goal.answer.result)
         ):
             return failed
-        return self.answer(failed, "aborted")
+        return self.outcome(failed, "aborted")
 
     def on_result(self, status: int, result: Any) -> Status:
         """Write the result's fields if there is one; return SUCCESS if the goal has succeeded."""
@@ -461,10 +461,10 @@ class RosAction(ActionLeaf):
             self._received.write(result) if has_result else "its result is lost" if self._received else ""
         )
         if status == SUCCEEDED:
-            return self.on_failure(missing) if missing else self.answer(Status.SUCCESS, "succeeded")
+            return self.on_failure(missing) if missing else self.outcome(Status.SUCCESS, "succeeded")
         reason = describe_status(status, result if has_result else None)
         failed = self.on_failure(f"'{self.action_name}': {reason}")
-        return self.answer(failed, "aborted" if has_result and not missing else "no result")
+        return self.outcome(failed, "aborted" if has_result and not missing else "no result")
 
 
 class RosTopic(TopicLeaf):

@@ -82,12 +82,12 @@ class RosLeaf(Behaviour):
         name: The node's name.
 
     Attributes:
-        answer_label: The label of the declared answer that it has returned, if its status has several (`answer`).
+        outcome_label: The label of the declared outcome that it has returned, if its status has several (`outcome`).
     """
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self.answer_label = ""
+        self.outcome_label = ""
         self._node: Node | None = None
         self._wake: Wake = ignore_wake
 
@@ -127,14 +127,14 @@ class RosLeaf(Behaviour):
             raise MissingNodeError(self.name, type(self).__name__)
         return self._node
 
-    def answer(self, status: Status, label: str) -> Status:
+    def outcome(self, status: Status, label: str) -> Status:
         """Return a status, and record the label of its declared outcome.
 
         Args:
             status: The status.
-            label: The label of the answer; empty for no declared answer.
+            label: The label of the outcome; empty for no declared outcome.
         """
-        self.answer_label = label
+        self.outcome_label = label
         return status
 
     def log(self, text: str) -> None:

@@ -283,7 +283,7 @@ class ConstantNode(ChildlessNode):
         self.tells = False
 
     def begin(self, ticker: Ticker) -> int:
-        """Answer."""
+        """Return the constant outcome."""
         if not self.tells:
             self.set_message(self.outcome)
         ticker.cells[self.status_cell] = self.outcome

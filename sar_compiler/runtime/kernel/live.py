@@ -243,10 +243,10 @@ def show_visits(visits: list[Visit]) -> Iterator[Any]:
     for visit in visits:
         behaviour, status = visit.behaviour, STATUSES[visit.status]
         now = behaviour.status, behaviour.feedback_message
-        label = getattr(behaviour, "answer_label", "")
+        label = getattr(behaviour, "outcome_label", "")
         behaviour.status, behaviour.feedback_message = status, visit.message
         if label != visit.label:
-            behaviour.answer_label = visit.label
+            behaviour.outcome_label = visit.label
         try:
             yield behaviour
         finally:
@@ -254,4 +254,4 @@ def show_visits(visits: list[Visit]) -> Iterator[Any]:
             if behaviour.status is status:
                 behaviour.status, behaviour.feedback_message = now
             if label != visit.label:
-                behaviour.answer_label = label
+                behaviour.outcome_label = label

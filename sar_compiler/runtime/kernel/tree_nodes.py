@@ -223,7 +223,7 @@ class Visit:
         outcome: The outcome of its tick.
         status: Its status.
         message: Its feedback message.
-        label: The `answer_label` of a leaf that has one.
+        label: The `outcome_label` of a leaf that has one.
     """
 
     def __init__(self, behaviour: Any, outcome: int, status: int) -> None:
@@ -231,7 +231,7 @@ class Visit:
         self.outcome = outcome
         self.status = status
         self.message: str = behaviour.feedback_message
-        self.label: str = getattr(behaviour, "answer_label", "")
+        self.label: str = getattr(behaviour, "outcome_label", "")
 
 
 class Ticker:

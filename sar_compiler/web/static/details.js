@@ -19,7 +19,7 @@ export function showDetails(place, run, id) {
     ["node", node.name],
     ["type", node.path],
     ["status", state.status ? `${state.status}${former} for ${duration(run.time - state.since)}` : "not ticked yet"],
-    ["answer", state.label],
+    ["outcome", state.label],
     ["says", state.message],
     ["last change", state.status ? `${ago(state.time)}, tick ${state.tick}` : ""],
     ["last failure", state.failed === null ? "" : `${state.failure || "no reason given"}, ${ago(state.failed)}`],

@@ -22,9 +22,9 @@ export class WhyView {
     this.place.hidden = !why;
     if (!why) return;
     const [summary, rest] = this.place.children;
-    const [first] = why.answers;
+    const [first] = why.causes;
     summary.replaceChildren("Why: ", html("b", {}, first.name), ` ${said(first)}`);
-    const others = why.chain.length ? why.chain : why.answers.slice(0, SHOWN);
+    const others = why.chain.length ? why.chain : why.causes.slice(0, SHOWN);
     const heading = why.chain.length ? (why.went_on ? "The root failed, and then continued" : "The root has failed") : "Failures, the likeliest cause first";
     rest.replaceChildren(
       ...(condition.reason ? [html("p", {}, condition.reason)] : []),

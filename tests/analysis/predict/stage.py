@@ -16,11 +16,11 @@ from tests.analysis.verify.stage import TAGS, bound, simulated_tree
 PERIOD_SEC = 0.5
 _OTHERS = 10_000
 CHANCES = """
-A: [{answer: SUCCESS, p: 0.8, sec: [0.5, 4]}, {answer: FAILURE, p: 0.2, sec: 3}]
-P: [{answer: SUCCESS, p: 0.6}, {answer: FAILURE, p: 0.4}]
-X: [{answer: SUCCESS, p: 0.7, sec: [0, 2]}, {answer: FAILURE, p: 0.3}]
-Y: [{answer: counted, p: 0.5}, {answer: FAILURE, p: 0.5, sec: 1}]
-Z: [{answer: SUCCESS, p: 0.9, sec: 1.2}, {answer: FAILURE, p: 0.1}]
+A: [{outcome: SUCCESS, p: 0.8, sec: [0.5, 4]}, {outcome: FAILURE, p: 0.2, sec: 3}]
+P: [{outcome: SUCCESS, p: 0.6}, {outcome: FAILURE, p: 0.4}]
+X: [{outcome: SUCCESS, p: 0.7, sec: [0, 2]}, {outcome: FAILURE, p: 0.3}]
+Y: [{outcome: counted, p: 0.5}, {outcome: FAILURE, p: 0.5, sec: 1}]
+Z: [{outcome: SUCCESS, p: 0.9, sec: 1.2}, {outcome: FAILURE, p: 0.1}]
 """
 
 
@@ -28,7 +28,7 @@ def file_of(body, chances, rest=""):
     """Return a file of properties that gives the leaves of a tree their chances, a line for each, and says the rest."""
     tags = set(re.findall(r"<(\w+)", body))
     lines = [line for line in chances.split("\n") if line.partition(":")[0] in tags]
-    text = "\n".join(["answers:" if lines else "answers: {}", *(f"  {line}" for line in lines), rest])
+    text = "\n".join(["outcomes:" if lines else "outcomes: {}", *(f"  {line}" for line in lines), rest])
     return parse_property_file(text, "props.yaml")
 
 
@@ -37,7 +37,7 @@ def assumed(body, chances, rest):
     file, binding = file_of(body, chances, rest), bound(body)
     with file.document.prefer_findings():
         plain = compile_simulated(binding, {}, all_runs=True)
-        assumptions = read_assumptions(file.document, file.facts, file.answers, plain)
+        assumptions = read_assumptions(file.document, file.facts, file.outcomes, plain)
         return compile_simulated(binding, {}, assumptions, all_runs=True), file
 
 

@@ -9,15 +9,15 @@ import pytest
 from sar_compiler import load
 from sar_compiler.analysis.predict import weighed_graph
 from sar_compiler.errors import UndecidableError
-from sar_compiler.runtime.answers import Answer, middle, probabilities
+from sar_compiler.runtime.outcomes import Outcome, middle, probabilities
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.predict.stage import CHANCES, PERIOD_SEC, played, predicted, random_timed_tree
 from tests.chance import rounds
 
 INDEPENDENT = """
-A: [{answer: SUCCESS, p: 0.9}]
-B: [{answer: SUCCESS, p: 0.8}]
-C: [{answer: SUCCESS, p: 0.5}]
+A: [{outcome: SUCCESS, p: 0.9}]
+B: [{outcome: SUCCESS, p: 0.8}]
+C: [{outcome: SUCCESS, p: 0.5}]
 """
 
 
@@ -48,19 +48,19 @@ def test_independent_leaves_have_the_chance_that_is_reckoned_by_hand(body, chanc
 
 
 def test_answers_that_are_not_named_share_what_the_others_leave():
-    assert predicted("<Inverter><A/></Inverter>", "A: [{answer: SUCCESS, p: 0.75}]").success == exactly(0.25)
+    assert predicted("<Inverter><A/></Inverter>", "A: [{outcome: SUCCESS, p: 0.75}]").success == exactly(0.25)
 
 
 def test_a_chance_between_two_gives_bounds():
     found = predicted(
         "<Sequence><A/><B/></Sequence>",
-        "A: [{answer: SUCCESS, p: [0.6, 0.9]}]\nB: [{answer: SUCCESS, p: 0.8}]",
+        "A: [{outcome: SUCCESS, p: [0.6, 0.9]}]\nB: [{outcome: SUCCESS, p: 0.8}]",
     )
     assert found.success == exactly(0.6 * 0.8, 0.9 * 0.8)
 
 
 def test_a_leaf_of_which_nothing_is_known_does_its_best_and_its_worst():
-    found = predicted("<Fallback><A/><B/></Fallback>", "B: [{answer: SUCCESS, p: 0.8}]")
+    found = predicted("<Fallback><A/><B/></Fallback>", "B: [{outcome: SUCCESS, p: 0.8}]")
     assert found.success == exactly(0.8, 1.0)
     assert found.unknown == (("Fallback", "A"),)
 
@@ -72,14 +72,14 @@ def test_the_worst_of_what_is_not_known_may_go_on_for_ever():
 
 
 def test_a_chance_above_0_comes_one_day():
-    found = predicted("<FailureIsRunning><A/></FailureIsRunning>", "A: [{answer: SUCCESS, p: 0.01}]")
+    found = predicted("<FailureIsRunning><A/></FailureIsRunning>", "A: [{outcome: SUCCESS, p: 0.01}]")
     assert found.success == exactly(1.0)
     # A tick for each try, and the first one is at once.
     assert found.time_sec == exactly(99 * PERIOD_SEC)
 
 
 def test_answers_that_are_impossible_now_leave_their_chance_to_the_others():
-    text = "Y: [{answer: counted, p: 0.5}, {answer: FAILURE, p: 0.5}]\nX: [{answer: SUCCESS, p: 1}]"
+    text = "Y: [{outcome: counted, p: 0.5}, {outcome: FAILURE, p: 0.5}]\nX: [{outcome: SUCCESS, p: 1}]"
     # Nothing was counted yet, so Y cannot count back; then it can.
     assert predicted("<Y/>", text).success == exactly(0.0)
     assert predicted("<Sequence><X/><Y/></Sequence>", text).success == exactly(0.5)
@@ -91,7 +91,7 @@ def test_answers_that_are_impossible_now_leave_their_chance_to_the_others():
 )
 def test_a_limit_and_a_leaf_that_takes_time_meet_as_in_flight(limit_msec, chance):
     # The leaf ends by 2.5, 3, 3.5 or 4 s, each as likely; the limit is looked at before it is.
-    text = "A: [{answer: SUCCESS, p: 1, sec: [2, 4]}]"
+    text = "A: [{outcome: SUCCESS, p: 1, sec: [2, 4]}]"
     assert predicted(f'<Timeout msec="{limit_msec}"><A/></Timeout>', text).success == exactly(chance)
 
 
@@ -109,19 +109,19 @@ def test_a_limit_and_a_leaf_that_takes_time_meet_as_in_flight(limit_msec, chance
     ],
 )
 def test_chances_of_what_is_possible_now_add_up(answers, bounds):
-    found = probabilities([Answer("SUCCESS", str(number), p=p) for number, p in enumerate(answers)])
+    found = probabilities([Outcome("SUCCESS", str(number), p=p) for number, p in enumerate(answers)])
     assert found == [pytest.approx(each, abs=1e-3) for each in bounds]
     assert sum(middle(found)) == pytest.approx(1.0)
 
 
 def test_time_that_only_passes_takes_no_states():
-    short, long = (predicted("<A/>", f"A: [{{answer: SUCCESS, p: 1, sec: {sec}}}]") for sec in (5, 5000))
+    short, long = (predicted("<A/>", f"A: [{{outcome: SUCCESS, p: 1, sec: {sec}}}]") for sec in (5, 5000))
     assert long.states == short.states
     assert (short.time_sec, long.time_sec) == (exactly(5.0), exactly(5000.0))
 
 
 def test_a_time_between_two_is_as_likely_to_be_any():
-    found = predicted("<A/>", "A: [{answer: SUCCESS, p: 1, sec: [10, 20]}]")
+    found = predicted("<A/>", "A: [{outcome: SUCCESS, p: 1, sec: [10, 20]}]")
     ends = [0.0, *(share for _, _, share in found.distribution)]
     assert [after - before for before, after in pairwise(ends)] == pytest.approx([0.05] * 20)
     assert found.distribution[-1][0] == 20.0
@@ -143,13 +143,13 @@ def test_what_is_owed_at_the_end_is_not_kept():
 
 
 def test_what_must_hold_at_the_end_counts_there():
-    chances, text = "X: [{answer: SUCCESS, p: 0.7}]", "properties: {counted: {at_end: f == 1}}"
+    chances, text = "X: [{outcome: SUCCESS, p: 0.7}]", "properties: {counted: {at_end: f == 1}}"
     assert predicted("<ForceSuccess><X/></ForceSuccess>", chances, text).properties["counted"] == exactly(0.7)
 
 
 def test_no_number_is_computed_where_a_tick_raises_an_error():
     with pytest.raises(UndecidableError, match=r"a tick raises an error: .*there is no variable 'b'"):
-        predicted('<Sequence><P/><Script code="a = b + 1"/></Sequence>', "P: [{answer: SUCCESS, p: 0.3}]")
+        predicted('<Sequence><P/><Script code="a = b + 1"/></Sequence>', "P: [{outcome: SUCCESS, p: 0.3}]")
 
 
 FAR = '<ScriptCondition code="d &gt; 1"/>'
@@ -167,7 +167,7 @@ MEASURED = {
     ),
     "no run": ('<Sequence><A/><M distance="{d}"/></Sequence>', (0.54, 0.54)),
 }
-MEASURES = f"{INDEPENDENT}\nM: [{{answer: SUCCESS, p: 0.6}}, {{answer: FAILURE, p: 0.4}}]"
+MEASURES = f"{INDEPENDENT}\nM: [{{outcome: SUCCESS, p: 0.6}}, {{outcome: FAILURE, p: 0.4}}]"
 DECIDED = 'M: [{{status: SUCCESS, p: 0.6, then: "d := {}"}}, {{status: FAILURE, p: 0.4, then: "d := {}"}}]'
 
 
@@ -177,7 +177,7 @@ def test_what_needs_an_unknown_value_makes_bounds_that_hold_for_every_value(name
     found = predicted(body, MEASURES)
     assert found.success == pytest.approx((low, high))
     assert bool(found.undecided) == (name != "no run")
-    assert all("answers: {M: [{status: SUCCESS" in reason for reason in found.undecided)
+    assert all("outcomes: {M: [{status: SUCCESS" in reason for reason in found.undecided)
     if found.undecided:
         assert (found.time_sec, found.success_sec, found.distribution, found.influences) == (
             None,
@@ -254,7 +254,7 @@ def test_a_derivative_is_what_a_little_more_of_a_chance_brings():
 def test_what_may_be_no_bound_yet_is_not_told(monkeypatch):
     monkeypatch.setattr(weighed_graph, "_MOST_ROUNDS", 1)
     with pytest.raises(UndecidableError, match="no bound of a probability was found in 1 round"):
-        predicted("<Fallback><A/><B/></Fallback>", "B: [{answer: SUCCESS, p: 0.8}]")
+        predicted("<Fallback><A/><B/></Fallback>", "B: [{outcome: SUCCESS, p: 0.8}]")
 
 
 @pytest.mark.random
@@ -262,7 +262,7 @@ def test_what_may_be_no_bound_yet_is_not_told(monkeypatch):
 @pytest.mark.parametrize("seed", range(rounds(20)))
 def test_bounds_are_the_same_however_the_best_chances_are_looked_for(seed, monkeypatch):
     body = random_timed_tree(seed)
-    chances = re.sub(r"p: 0\.([2-8])", r"p: [0.1, 0.\1]", CHANCES).replace("{answer: FAILURE, p: 0.4}", "")
+    chances = re.sub(r"p: 0\.([2-8])", r"p: [0.1, 0.\1]", CHANCES).replace("{outcome: FAILURE, p: 0.4}", "")
     found = []
     for few in (-1, 0, 2):
         monkeypatch.setattr(weighed_graph, "_FEW_ROUNDS", few)
@@ -295,14 +295,14 @@ def test_what_is_computed_is_what_is_played(seed):
 @pytest.mark.parametrize(
     ("answers", "message"),
     [
-        ("A: [{answer: SUCCESS, p: 0.7}, {answer: FAILURE, p: 0.6}]", "add up to 1.3, not to 1"),
-        ("A: [{answer: SUCCESS, p: 0.2}, {answer: FAILURE, p: 0.6}]", "add up to 0.8 at most"),
-        ("A: [{answer: SUCCESS, p: [0.7, 0.6]}]", "from the lower to the higher number"),
-        ("A: [{answer: SUCCESS, p: 0.7}, {answer: SUCCESS, p: 0.3}]", "'SUCCESS' is listed twice"),
-        ("A: [{answer: SUCCES, p: 0.7}]", "never returns 'SUCCES'"),
-        ("P: [{answer: SUCCESS, sec: 3}]", "none of these outcomes is RUNNING"),
-        ("A: [{answer: SUCCESS, when: f == 1}]", "'answer' refers to a declared outcome"),
-        ("A: [{answer: SUCCESS, p: 1.5}]", "p"),
+        ("A: [{outcome: SUCCESS, p: 0.7}, {outcome: FAILURE, p: 0.6}]", "add up to 1.3, not to 1"),
+        ("A: [{outcome: SUCCESS, p: 0.2}, {outcome: FAILURE, p: 0.6}]", "add up to 0.8 at most"),
+        ("A: [{outcome: SUCCESS, p: [0.7, 0.6]}]", "from the lower to the higher number"),
+        ("A: [{outcome: SUCCESS, p: 0.7}, {outcome: SUCCESS, p: 0.3}]", "'SUCCESS' is listed twice"),
+        ("A: [{outcome: SUCCES, p: 0.7}]", "never returns 'SUCCES'"),
+        ("P: [{outcome: SUCCESS, sec: 3}]", "none of these outcomes is RUNNING"),
+        ("A: [{outcome: SUCCESS, when: f == 1}]", "'outcome' refers to a declared outcome"),
+        ("A: [{outcome: SUCCESS, p: 1.5}]", "p"),
         ("A: [{p: 0.5}]", "needs"),
     ],
 )
@@ -323,13 +323,13 @@ def test_two_choices_in_one_step_are_refused_and_not_weighed_wrongly():
 def test_statistics_of_journals_are_such_a_file(tmp_path):
     answers = tmp_path / "answers.yaml"
     answers.write_text(
-        'answers:\n  "A":  # 12 answers\n  - {"answer": "SUCCESS", "p": [0.6, 0.9], "sec": [2.0, 4.5]}\n',
+        'outcomes:\n  "A":  # 12 outcomes\n  - {"outcome": "SUCCESS", "p": [0.6, 0.9], "sec": [2.0, 4.5]}\n',
         encoding="utf-8",
     )
     tree = tmp_path / "tree.xml"
     tree.write_text(
         '<root BTCPP_format="4"><BehaviorTree ID="Tree"><A/></BehaviorTree></root>', encoding="utf-8"
     )
-    found = load(tree, nodes=["tests.analysis.verify.leaves"]).predict(answers=[answers])
+    found = load(tree, nodes=["tests.analysis.verify.leaves"]).predict(outcomes=[answers])
     assert found.success == exactly(0.6, 0.9)
     assert found.success_sec == exactly(3.5)

@@ -45,5 +45,5 @@ def missed(text: str, body: str = PATROL) -> list[tuple[str, str, int]]:
 def answers(run: ScenarioRun, leaf: str) -> list[str]:
     """Return what a leaf answered, tick by tick; `halted` where it was halted."""
     return [
-        event.action for event in run.events if event.leaf == leaf and event.what in ("answered", "halted")
+        event.action for event in run.events if event.leaf == leaf and event.what in ("returned", "halted")
     ]

@@ -7,9 +7,9 @@ from tests.analysis.simulate.stage import missed
 RUN = """
 until: "zones_left == 0 && at == 'base'"
 leaves:
-  NavigateToZone: {answer: arrived, after: 1s}
+  NavigateToZone: {outcome: arrived, after: 1s}
   DetectSurvivor: [nothing, found, nothing]
-  NavigateToBase: {answer: arrived, after: 2s}
+  NavigateToBase: {outcome: arrived, after: 2s}
 expect:
   """
 BEHIND = RUN.count("\n") + 1

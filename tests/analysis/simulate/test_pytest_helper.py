@@ -10,7 +10,7 @@ HOME = "zones_left == 0 && at == 'base'"
 
 
 def test_a_zone_that_is_not_reached_at_once_is_tried_again():
-    home = {"answer": "arrived", "after": "5s"}
+    home = {"outcome": "arrived", "after": "5s"}
     run = simulate(TREE, NavigateToZone=["aborted", "arrived"], NavigateToBase=home, scenario={"until": HOME})
     run.run_to_end()
     run.expect(order=["NavigateToZone aborted", "NavigateToZone arrived"], count={"AdvanceZone advanced": 3})

@@ -29,9 +29,9 @@ until: "{until}"
 parameters: {{a: 0, b: 1, n: 0}}
 leaves:
   {leaf}:
-    - {{answer: RUNNING, probability: 0.2, times: 3}}
-    - {{answer: FAILURE, after: 0s to 0.6s, probability: 0.4, times: always}}
-    - {{answer: SUCCESS, probability: 0.7, every: 2, when: "n != 2", times: always}}
+    - {{outcome: RUNNING, probability: 0.2, times: 3}}
+    - {{outcome: FAILURE, after: 0s to 0.6s, probability: 0.4, times: always}}
+    - {{outcome: SUCCESS, probability: 0.7, every: 2, when: "n != 2", times: always}}
 """
 ENDS = ("tick == 20", "n == 3", "root == 'SUCCESS'", "time > 1 || b == 0")
 

@@ -32,11 +32,11 @@ def test_a_status_is_the_first_answer_that_has_it():
 
 
 def test_an_answer_after_a_time_comes_at_the_first_tick_when_the_time_is_over():
-    assert drives("[{answer: aborted, after: 0.6s}]") == ["driving", "driving", "aborted", "arrived"]
+    assert drives("[{outcome: aborted, after: 0.6s}]") == ["driving", "driving", "aborted", "arrived"]
 
 
 def test_the_period_is_that_of_the_scenario():
-    text = f"period: 0.1s\n{FOUR}[{{answer: aborted, after: 0.3s}}]"
+    text = f"period: 0.1s\n{FOUR}[{{outcome: aborted, after: 0.3s}}]"
     run = played(text, DRIVE)
     assert answers(run, "NavigateToZone") == ["driving"] * 3 + ["aborted"]
     assert [tick.time_sec for tick in run.ticks] == [0.0, 0.1, 0.2, 0.3]
@@ -47,18 +47,18 @@ def test_running_alone_is_running_for_ever():
 
 
 def test_an_answer_may_be_given_several_times_or_always():
-    assert drives("[{answer: aborted, times: 2}, arrived]") == ["aborted", "aborted", "arrived", "arrived"]
-    assert drives("[arrived, {answer: aborted, times: always}]") == ["arrived"] + ["aborted"] * 3
+    assert drives("[{outcome: aborted, times: 2}, arrived]") == ["aborted", "aborted", "arrived", "arrived"]
+    assert drives("[arrived, {outcome: aborted, times: always}]") == ["arrived"] + ["aborted"] * 3
 
 
 def test_an_answer_may_be_given_every_so_many_times():
-    assert drives("{answer: aborted, every: 2}") == ["arrived", "aborted", "arrived", "aborted"]
+    assert drives("{outcome: aborted, every: 2}") == ["arrived", "aborted", "arrived", "aborted"]
 
 
 def test_every_so_many_times_is_not_used_up_in_a_list_unless_it_says_how_often():
-    always = "{answer: arrived, times: always}"
-    assert drives(f"[{{answer: aborted, every: 2}}, {always}]") == ["arrived", "aborted"] * 2
-    assert drives(f"[{{answer: aborted, every: 2, times: 1}}, {always}]") == [
+    always = "{outcome: arrived, times: always}"
+    assert drives(f"[{{outcome: aborted, every: 2}}, {always}]") == ["arrived", "aborted"] * 2
+    assert drives(f"[{{outcome: aborted, every: 2, times: 1}}, {always}]") == [
         "arrived",
         "aborted",
         "arrived",
@@ -70,14 +70,14 @@ def test_an_answer_may_depend_on_facts_and_on_the_run_itself():
     text = """
     until: "zones_left == 0"
     leaves:
-      NavigateToZone: {answer: aborted, when: "zones_left == 2 && tick < 4 && time > 0 && root == 'SUCCESS'"}
+      NavigateToZone: {outcome: aborted, when: "zones_left == 2 && tick < 4 && time > 0 && root == 'SUCCESS'"}
     """
     run = played(text, "<Sequence><NavigateToZone/><AdvanceZone/></Sequence>")
     assert answers(run, "NavigateToZone") == ["arrived", "aborted", "arrived", "arrived"]
 
 
 def test_a_step_whose_condition_is_false_leaves_its_turn_to_the_next():
-    assert drives('[{answer: aborted, when: "tick == 2"}, RUNNING]') == [
+    assert drives('[{outcome: aborted, when: "tick == 2"}, RUNNING]') == [
         "driving",
         "aborted",
         "arrived",
@@ -89,7 +89,7 @@ def test_a_leaf_that_is_halted_has_had_its_turn():
     text = """
     until: tick == 4
     leaves:
-      NavigateToZone: [{answer: arrived, after: 10s}, aborted]
+      NavigateToZone: [{outcome: arrived, after: 10s}, aborted]
     """
     body = '<Sequence memory="false"><ScriptCondition code="a := 1; 1"/><NavigateToZone/></Sequence>'
     play = read(text, body)
@@ -115,7 +115,7 @@ def test_a_path_counts_before_a_name_and_a_name_before_a_tag():
       <NavigateToZone name="Third"/></Sequence>"""
     text = """
     leaves:
-      In/NavigateToZone: {answer: arrived, after: 1s}
+      In/NavigateToZone: {outcome: arrived, after: 1s}
       NavigateToZone: aborted
       First: arrived
       Second: aborted
@@ -131,7 +131,7 @@ def test_a_label_may_have_blanks():
 
 
 def test_a_run_ends_when_the_root_has_succeeded_or_failed():
-    run = played("leaves: {NavigateToZone: {answer: arrived, after: 1s}}")
+    run = played("leaves: {NavigateToZone: {outcome: arrived, after: 1s}}")
     assert (run.ended, run.root, len(run.ticks)) == (True, "SUCCESS", 3)
 
 
@@ -172,7 +172,7 @@ def test_parameters_of_the_mission_are_those_of_the_scenario():
 def test_answers_of_the_scenario_take_the_place_of_those_that_the_leaf_declares():
     text = """
     facts: {battery: 2}
-    answers:
+    outcomes:
       NavigateToZone:
         - {status: FAILURE, label: flat, when: "battery == 0"}
         - {status: RUNNING, label: rolling, then: "battery -= 1"}
@@ -190,7 +190,7 @@ def test_answers_of_the_scenario_take_the_place_of_those_that_the_leaf_declares(
             "'DetectSurvivor' cannot return 'found' here, which needs zones_left > 0. It can return no zone",
         ),
         (
-            'leaves: {AdvanceZone: {answer: advanced, when: "zone_left > 1"}}',
+            'leaves: {AdvanceZone: {outcome: advanced, when: "zone_left > 1"}}',
             '<Sequence><AdvanceZone/><Script code="{program}"/></Sequence>',
             "did you mean 'zones_left'?",
         ),
@@ -226,27 +226,29 @@ def by_chance(script, seed=0, ticks=200):
 
 
 def test_a_step_with_a_chance_is_taken_now_and_then_and_else_the_next_one():
-    script = "[{answer: aborted, probability: 0.25, times: always}, {answer: arrived, times: always}]"
+    script = "[{outcome: aborted, probability: 0.25, times: always}, {outcome: arrived, times: always}]"
     said = answers(by_chance(script, ticks=400), "NavigateToZone")
     assert set(said) == {"aborted", "arrived"}
     assert 70 <= said.count("aborted") <= 130
 
 
 def test_the_same_seed_gives_the_same_run_and_another_one_another():
-    script = "{answer: aborted, probability: 0.5}"
+    script = "{outcome: aborted, probability: 0.5}"
     runs = [answers(by_chance(script, seed), "NavigateToZone") for seed in (1, 1, 2)]
     assert runs[0] == runs[1] != runs[2]
 
 
 def test_a_time_between_two_durations_is_another_one_each_time():
-    run = by_chance("[{answer: aborted, after: 1s to 3s, times: always}]", ticks=300)
+    run = by_chance("[{outcome: aborted, after: 1s to 3s, times: always}]", ticks=300)
     said = "".join("." if each == "driving" else "!" for each in answers(run, "NavigateToZone"))
     lengths = {len(part) for part in said.split("!")[:-1]}
     assert lengths == {3, 4, 5, 6}
 
 
 def test_what_was_chosen_is_kept_with_whether_it_is_usual():
-    play = read("until: tick == 3\nleaves:\n  NavigateToZone: [aborted, {answer: arrived, after: 9s}]", DRIVE)
+    play = read(
+        "until: tick == 3\nleaves:\n  NavigateToZone: [aborted, {outcome: arrived, after: 9s}]", DRIVE
+    )
     player = ScenarioPlayer(play.simulated, play.scenario)
     player.run_to_end()
     assert [each[1:] for each in player.scripted.choices] == [("aborted", 0.0, False), ("arrived", 9.0, True)]

@@ -6,7 +6,7 @@ A, B, C and U act, P answers at once; X, Y and Z share a fact, about which W doe
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.leaves import Answer, Kind, register
+from sar_compiler.leaves import Kind, Outcome, register
 from sar_compiler.runtime.ports import Output
 
 _ACTS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
@@ -48,8 +48,7 @@ class P(A):
 @register(
     "X",
     kind=Kind.ACTION,
-    outcomes=_ACTS,
-    answers=[Answer("SUCCESS", then="f = f == 2 ? 0 : f + 1"), Answer("FAILURE"), Answer("RUNNING")],
+    outcomes=[Outcome("SUCCESS", then="f = f == 2 ? 0 : f + 1"), Outcome("FAILURE"), Outcome("RUNNING")],
     facts={"f": 0},
 )
 class X(A):
@@ -59,8 +58,7 @@ class X(A):
 @register(
     "Y",
     kind=Kind.ACTION,
-    outcomes=_ACTS,
-    answers=[Answer("SUCCESS", "counted", "f > 0", "f -= 1"), Answer("FAILURE"), Answer("RUNNING")],
+    outcomes=[Outcome("SUCCESS", "counted", "f > 0", "f -= 1"), Outcome("FAILURE"), Outcome("RUNNING")],
     facts={"f": 0},
 )
 class Y(A):
@@ -70,8 +68,7 @@ class Y(A):
 @register(
     "Z",
     kind=Kind.ACTION,
-    outcomes=_ACTS,
-    answers=[Answer("SUCCESS"), Answer("RUNNING", when="f == 0"), Answer("FAILURE", when="f == 1")],
+    outcomes=[Outcome("SUCCESS"), Outcome("RUNNING", when="f == 0"), Outcome("FAILURE", when="f == 1")],
     facts={"f": 0},
 )
 class Z(A):

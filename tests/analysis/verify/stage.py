@@ -24,7 +24,7 @@ def simulated_tree(binding, file=None):
         return compile_simulated(binding, {})
     with file.document.prefer_findings():
         plain = compile_simulated(binding, file.parameters)
-        assumptions = read_assumptions(file.document, file.facts, file.answers, plain)
+        assumptions = read_assumptions(file.document, file.facts, file.outcomes, plain)
         return compile_simulated(binding, file.parameters, assumptions)
 
 
@@ -46,7 +46,7 @@ def told(trace):
     """Return what the leaves answered in each tick of a trace, and where it was halted, as one text a tick."""
     return [
         " ".join(
-            f"{event.leaf}:{event.action}" for event in tick.events if event.what in ("answered", "halted")
+            f"{event.leaf}:{event.action}" for event in tick.events if event.what in ("returned", "halted")
         )
         for tick in trace.ticks
     ]

@@ -226,7 +226,7 @@ def test_a_branch_that_is_skipped_is_asked_again():
     skipped = '<AlwaysFailure _skipIf="@k := 1 - @k; @k == 1"/>'
     body = f'<Parallel success_count="-1">{skipped}<AlwaysSuccess/><A/></Parallel>'
     asked = "{p: {after: A RUNNING, eventually: A SUCCESS}}"
-    case = Case(body, f"answers: {{A: [SUCCESS, RUNNING]}}\nparameters: {{k: 0}}\nproperties: {asked}")
+    case = Case(body, f"outcomes: {{A: [SUCCESS, RUNNING]}}\nparameters: {{k: 0}}\nproperties: {asked}")
     found = case.verified(1)
     assert (found.searches, len(verdict(found, "p").trace.ticks)) == (4, 2)
     assert answers(found) == answers(case.verified(_PLAINLY))

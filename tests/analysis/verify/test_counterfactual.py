@@ -10,8 +10,8 @@ from sar_compiler.analysis.verify.recorded_runs import NotReplayedError, OtherTr
 from sar_compiler.errors import UndecidableError
 from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.runtime.answers import nominal
-from sar_compiler.runtime.events import ANSWERED, HALTED, RESET, Event, append_end
+from sar_compiler.runtime.events import HALTED, RESET, RETURNED, Event, append_end
+from sar_compiler.runtime.outcomes import nominal
 from sar_compiler.runtime.walking import pre_order
 from tests.chance import rounds
 from tests.trees import document
@@ -104,7 +104,7 @@ def test_a_run_of_other_nodes_is_refused(path):
 
 def tick(number, time_sec, root, answers, label=""):
     """Return the events of a tick: what the root came to, and leaves by their numbers."""
-    events = [Event((), leaf, ANSWERED, status, label) for leaf, status in answers.items()]
+    events = [Event((), leaf, RETURNED, status, label) for leaf, status in answers.items()]
     return append_end(events, "root", root, number, time_sec)
 
 

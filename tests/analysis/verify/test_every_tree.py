@@ -86,7 +86,7 @@ def test_the_run_to_a_dead_end_stops_at_the_last_end_that_there_is():
 
 def test_a_time_out_ends_the_wait_for_a_leaf():
     body = '<Timeout msec="100"><A/></Timeout>'
-    answers = "answers: {A: [RUNNING]}"
+    answers = "outcomes: {A: [RUNNING]}"
     assert verified(body, answers).is_proved
     assert outcome(verified("<A/>", answers), AN_END) is BROKEN
 
@@ -94,7 +94,7 @@ def test_a_time_out_ends_the_wait_for_a_leaf():
 def test_a_timer_may_be_up_before_and_after_any_answer():
     never = "properties: {p: {never: B starts}}"
     tree = '<Fallback><Timeout msec="100"><A/></Timeout><B/></Fallback>'
-    found = verdict(verified(tree, f"{never}\nanswers: {{A: [SUCCESS, RUNNING]}}"), "p")
+    found = verdict(verified(tree, f"{never}\noutcomes: {{A: [SUCCESS, RUNNING]}}"), "p")
     assert told(found.trace)[:1] == ["A:RUNNING"]
     assert "A:halted" in told(found.trace)[1]
 

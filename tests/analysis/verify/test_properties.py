@@ -58,19 +58,19 @@ def test_the_run_that_is_told_has_as_few_ticks_as_can_be():
 
 
 def test_a_condition_says_while_what_an_event_counts():
-    facts = "facts: {ready: false}\nanswers: {A: [{status: SUCCESS, then: ready = true}, FAILURE]}"
+    facts = "facts: {ready: false}\noutcomes: {A: [{status: SUCCESS, then: ready = true}, FAILURE]}"
     assert answer(TWO, '{never: B starts, while: "!ready"}', facts).outcome is PROVED
     assert answer(ANY, '{never: B starts, while: "!ready"}', facts).outcome is BROKEN
 
 
 @pytest.mark.parametrize("status", ["SUCCESS", "FAILURE", "RUNNING"])
 def test_a_leaf_that_does_not_say_how_it_can_end_may_be_assumed_to_end_in_any_way(status):
-    always = verified("<U/>", f"answers: {{U: [{status}]}}\nproperties: {{p: {{never: U {status}}}}}")
+    always = verified("<U/>", f"outcomes: {{U: [{status}]}}\nproperties: {{p: {{never: U {status}}}}}")
     assert outcome(always, "p") is BROKEN
 
 
 def test_a_condition_is_looked_at_before_the_answer_changes_anything():
-    facts = "facts: {ready: false}\nanswers: {A: [{status: SUCCESS, then: ready = true}]}"
+    facts = "facts: {ready: false}\noutcomes: {A: [{status: SUCCESS, then: ready = true}]}"
     once = '<A oneshot="ON_COMPLETION"/>'
     assert answer(once, "{never: A SUCCESS, while: ready}", facts).outcome is PROVED
 
@@ -78,7 +78,7 @@ def test_a_condition_is_looked_at_before_the_answer_changes_anything():
 def test_an_event_under_a_condition_may_bound_its_own_property():
     alternating = "{before: A starts, comes: B starts, since: A starts, while: n > 0}"
     tree = '<Sequence><Script code="n := 0" oneshot="ON_COMPLETION"/><A/>{}<Script code="n = 1"/></Sequence>'
-    answers = "answers: {A: [SUCCESS], B: [SUCCESS]}"
+    answers = "outcomes: {A: [SUCCESS], B: [SUCCESS]}"
     assert answer(tree.format("<B/>"), alternating, answers).outcome is PROVED
     assert answer(tree.format('<B _skipIf="n == 0"/>'), alternating, answers).outcome is BROKEN
 
@@ -99,7 +99,7 @@ def test_what_must_come_one_day_must_come_before_the_end():
 def test_what_must_come_one_day_and_is_put_off_for_ever_is_told_as_a_round():
     tree = "<KeepRunningUntilFailure><Sequence><P/><ForceSuccess><B/></ForceSuccess></Sequence></KeepRunningUntilFailure>"
     found = answer(
-        tree, "{after: P SUCCESS, eventually: B SUCCESS}", "answers: {P: [SUCCESS], B: [SUCCESS, FAILURE]}"
+        tree, "{after: P SUCCESS, eventually: B SUCCESS}", "outcomes: {P: [SUCCESS], B: [SUCCESS, FAILURE]}"
     )
     assert (found.outcome, found.trace.loop) == (BROKEN, 1)
     assert told(found.trace)[-1] == "P:SUCCESS B:FAILURE"
@@ -129,7 +129,7 @@ def test_there_may_be_more_properties_than_a_word_has_bits():
 
 
 def test_an_end_can_be_something_else_than_the_end_of_the_root():
-    two_done = "facts: {done: 0}\nanswers: {A: [{status: SUCCESS, when: done < 2, then: done += 1}, FAILURE]}"
+    two_done = "facts: {done: 0}\noutcomes: {A: [{status: SUCCESS, when: done < 2, then: done += 1}, FAILURE]}"
     properties = f"{two_done}\nproperties: {{p: {{at_end: done == 2}}}}\nend: "
     assert outcome(verified("<A/>", f"{properties} done == 2"), "p") is PROVED
     assert outcome(verified("<A/>", f"{properties} root == 'FAILURE'"), "p") is BROKEN
@@ -177,7 +177,7 @@ def test_a_property_of_nothing_but_leaves_that_the_tree_does_not_have_is_left_ou
         ),
         ("properties:\n  p: {before: A starts}", "2:3", "missing-key", "'before' needs 'comes'"),
         ("properties:\n  p: {never: A starts, since: B starts}", "2:24", "conflicting-keys", "has while"),
-        ("properties:\n  p: {never: A strats}", "2:16", "unknown-answer", "did you mean 'starts'?"),
+        ("properties:\n  p: {never: A strats}", "2:16", "unknown-outcome", "did you mean 'starts'?"),
         ("properties:\n  p: {never: E starts}", "2:14", "unknown-leaf", "known: A, B"),
         ("properties:\n  p: {never: A}", "2:14", "wrong-value", "write A SUCCESS"),
         (

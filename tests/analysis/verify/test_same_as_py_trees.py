@@ -10,7 +10,7 @@ from sar_compiler.analysis.verify.properties import without_properties
 from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.state_space import StateSpace
 from sar_compiler.analysis.verify.stepping import TreeStepper
-from sar_compiler.runtime.events import ANSWERED
+from sar_compiler.runtime.events import RETURNED
 from sar_compiler.runtime.kernel.cells import STATUSES
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.verify.random_trees import random_tree
@@ -119,7 +119,7 @@ class Repeating:
 
     def __init__(self, trace):
         self._answers = [
-            (event.path, event.status, event.label) for event in trace.events if event.what == ANSWERED
+            (event.path, event.status, event.label) for event in trace.events if event.what == RETURNED
         ]
 
     def choose(self, leaf, options):

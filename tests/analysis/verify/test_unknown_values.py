@@ -7,7 +7,7 @@ import pytest
 from sar_compiler.analysis.verify.recorded_runs import TreeRuns
 from sar_compiler.analysis.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK, ProofStatus
 from sar_compiler.errors import UndecidableError
-from sar_compiler.runtime.events import ANSWERED, Event, append_end
+from sar_compiler.runtime.events import RETURNED, Event, append_end
 from tests.analysis.verify.stage import bound, outcome, simulated_tree, told, verdict, verified
 from tests.analysis.verify.test_composing import Case, guarded
 from tests.cli.running import run
@@ -15,7 +15,7 @@ from tests.trees import document
 
 PROVED, BROKEN, UNDECIDED = ProofStatus
 MEASURES = '<M distance="{d}"/>'
-HINT = 'answers: {M: [{status: SUCCESS, then: "d := ..."}]}'
+HINT = 'outcomes: {M: [{status: SUCCESS, then: "d := ..."}]}'
 
 
 def test_a_value_that_is_needed_and_not_known_leaves_open_what_depends_on_it():
@@ -30,7 +30,7 @@ def test_a_value_that_is_needed_and_not_known_leaves_open_what_depends_on_it():
 
 
 def test_the_hint_decides():
-    properties = 'answers: {M: [{status: SUCCESS, then: "d := 2.5"}, FAILURE]}'
+    properties = 'outcomes: {M: [{status: SUCCESS, then: "d := 2.5"}, FAILURE]}'
     found = verified(f'<Sequence>{MEASURES}<ScriptCondition code="d &gt; 1"/><A/></Sequence>', properties)
     assert found.is_proved
 
@@ -79,7 +79,7 @@ def test_an_error_that_depends_on_no_unknown_value_is_told_first(first):
     error = f'<Sequence>{first}<Script code="a = b"/></Sequence>'
     found = verified(f"<Fallback><Sequence><P/>{unknown}</Sequence>{error}</Fallback>")
     assert outcome(found, NO_ERROR) is BROKEN
-    assert "answers: {M:" not in verdict(found, NO_ERROR).reason
+    assert "outcomes: {M:" not in verdict(found, NO_ERROR).reason
 
 
 def test_a_run_for_ever_that_needs_no_unknown_value_is_shown_all_the_same():
@@ -91,7 +91,7 @@ def test_a_run_for_ever_that_needs_no_unknown_value_is_shown_all_the_same():
 
 def test_an_end_that_only_an_unknown_value_may_lead_to_is_left_open():
     body = f'<KeepRunningUntilFailure><Sequence>{MEASURES}<ScriptCondition code="d == 5"/></Sequence></KeepRunningUntilFailure>'
-    found = verified(body, "answers: {M: [{status: SUCCESS}]}")
+    found = verified(body, "outcomes: {M: [{status: SUCCESS}]}")
     assert outcome(found, AN_END) is UNDECIDED
 
 
@@ -161,7 +161,7 @@ def test_an_end_that_fails_for_another_reason_ends_the_search_all_the_same():
 
 def test_a_file_can_say_that_a_value_is_not_known():
     body = '<Sequence><A/><ScriptCondition code="n == 1"/></Sequence>'
-    found = verified(body, 'answers: {A: [{status: SUCCESS, then: "n := unknown"}]}')
+    found = verified(body, 'outcomes: {A: [{status: SUCCESS, then: "n := unknown"}]}')
     assert outcome(found, NO_ERROR) is UNDECIDED
     assert "because 'A' writes it in a run" in verdict(found, NO_ERROR).reason
 
@@ -220,7 +220,7 @@ def test_a_recorded_run_that_depends_on_the_value_is_not_decided():
     tree = simulated_tree(bound(f'<Sequence>{MEASURES}<ScriptCondition code="d &gt; 1"/><A/></Sequence>'))
     runs = TreeRuns(tree, ["Sequence", "M", "ScriptCondition", "A"])
     measured, acted = (
-        Event(("Sequence", name), number, ANSWERED, "SUCCESS") for number, name in ((1, "M"), (3, "A"))
+        Event(("Sequence", name), number, RETURNED, "SUCCESS") for number, name in ((1, "M"), (3, "A"))
     )
     with pytest.raises(UndecidableError, match="tick 1: ") as caught:
         runs.locate(append_end([measured, acted], "Sequence", "SUCCESS", 1, 0.0))

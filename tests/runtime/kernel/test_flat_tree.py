@@ -109,11 +109,11 @@ class Ticking(Behaviour):
 
     def __init__(self, name, *answers):
         super().__init__(name)
-        self.answers = list(answers)
+        self.outcomes = list(answers)
         self.stops = []
 
     def tick(self):
-        self.status = self.answers.pop(0)
+        self.status = self.outcomes.pop(0)
         yield self
 
     def update(self):
@@ -299,7 +299,7 @@ class Asked(Times):
     """Timers that are up as they are told, and note what they are asked."""
 
     def __init__(self, answers: Iterable[bool] = ()) -> None:
-        self.answers = list(answers)
+        self.outcomes = list(answers)
         self.started: list[tuple[int, float]] = []
 
     def start(self, index: int, seconds: float) -> Hashable:
@@ -308,7 +308,7 @@ class Asked(Times):
 
     def is_up(self, index: int, token: Hashable) -> bool:
         assert (index, token) == (self.started[-1][0], len(self.started))
-        return self.answers.pop(0)
+        return self.outcomes.pop(0)
 
     def remaining_sec(self, index: int, token: Hashable) -> float:
         return 0.0

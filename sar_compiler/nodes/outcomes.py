@@ -4,7 +4,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
-from sar_compiler.runtime.answers import STATUSES, Answer
+from sar_compiler.runtime.outcomes import STATUSES, Outcome
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
 
@@ -17,10 +17,10 @@ _FACT = r"([A-Za-z_]|\{\w+\})([A-Za-z0-9_]|\{\w+\})*"
 _NO_WORD = r"[^A-Za-z0-9_]"
 
 
-def answers_of(outcomes: Collection[str]) -> tuple[Answer, ...]:
+def outcomes_of(outcomes: Collection[str]) -> tuple[Outcome, ...]:
     """Return the outcomes of a leaf whose declaration has only statuses."""
     known = outcomes or ("SUCCESS", "FAILURE", "RUNNING")
-    return tuple(Answer(status) for status in STATUSES if status in known)
+    return tuple(Outcome(status) for status in STATUSES if status in known)
 
 
 def is_fact_name(text: str) -> bool:
@@ -33,10 +33,10 @@ def placeholders(text: str) -> list[str]:
     return re.findall(_PLACEHOLDER, text)
 
 
-def fill_outcome(answer: Answer, names: Mapping[str, str]) -> Answer:
+def fill_outcome(outcome: Outcome, names: Mapping[str, str]) -> Outcome:
     """Return an outcome with its placeholders replaced by identifiers."""
     return replace(
-        answer, when=fill_placeholders(answer.when, names), then=fill_placeholders(answer.then, names)
+        outcome, when=fill_placeholders(outcome.when, names), then=fill_placeholders(outcome.then, names)
     )
 
 
@@ -51,13 +51,13 @@ def number_text(value: object) -> str:
 
 
 def find_script_error(
-    answer: Answer, known: Iterable[str] = (SELF,), numbers: Iterable[str] = ()
+    outcome: Outcome, known: Iterable[str] = (SELF,), numbers: Iterable[str] = ()
 ) -> tuple[str, str, ScriptError] | None:
     """Find an outcome's first script that cannot be parsed; return its part, its text and the reason."""
     # As long as its placeholder, so that locations in the error match those in the text.
     names = {name: f"x{name}x" for name in known}
     names |= {name: f"({'1' * len(name)})" for name in numbers}
-    for part, text in (("when", answer.when), ("then", answer.then)):
+    for part, text in (("when", outcome.when), ("then", outcome.then)):
         if text:
             try:
                 parse(fill_placeholders(text, names))

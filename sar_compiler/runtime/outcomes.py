@@ -13,7 +13,7 @@ Fact: TypeAlias = bool | int | float | str
 """The types of a fact."""
 
 
-class Outcome(enum.Enum):
+class ReturnedStatus(enum.Enum):
     """An outcome of a tick, as chosen by an attribute of a tree file."""
 
     SUCCESS = "SUCCESS"
@@ -28,15 +28,15 @@ class Outcome(enum.Enum):
 
         from sar_compiler.runtime.skipping import SKIPPED
 
-        return SKIPPED if self is Outcome.SKIPPED else Status[self.name]
+        return SKIPPED if self is ReturnedStatus.SKIPPED else Status[self.name]
 
 
-STATUSES = tuple(Outcome.__members__)
+STATUSES = tuple(ReturnedStatus.__members__)
 """The statuses of an outcome, the most common ones first."""
 
 
 @dataclass(frozen=True)
-class Answer:
+class Outcome:
     """One possible outcome of a leaf's tick.
 
     In the scripts, and in the names of facts, `{self}` is replaced by the node's name as an identifier, and
@@ -67,27 +67,27 @@ class Answer:
         return self.label or self.status
 
 
-def nominal(options: Sequence[Answer]) -> Answer:
+def nominal(options: Sequence[Outcome]) -> Outcome:
     """Return the first outcome that is not RUNNING, or the first one."""
-    return next((answer for answer in options if answer.status != "RUNNING"), options[0])
+    return next((outcome for outcome in options if outcome.status != "RUNNING"), options[0])
 
 
-def probabilities(answers: Sequence[Answer]) -> list[tuple[float, float]]:
+def probabilities(outcomes: Sequence[Outcome]) -> list[tuple[float, float]]:
     """Return the minimum and maximum probability of each outcome, given that one of them occurs.
 
     If all have a probability, they are normalised, because some of a leaf's outcomes may be impossible now. An outcome
     without a probability gets the rest. If all probabilities are zero, nothing is known.
     """
-    known = [answer.p for answer in answers if answer.p is not None]
+    known = [outcome.p for outcome in outcomes if outcome.p is not None]
     low, high = sum(p[0] for p in known), sum(p[1] for p in known)
-    if len(answers) == 1:
+    if len(outcomes) == 1:
         return [(1.0, 1.0)]
     if not high:
-        return [(0.0, 1.0)] * len(answers)
-    if len(known) < len(answers) and low < 1.0:
-        least = max(0.0, 1.0 - high) if len(known) + 1 == len(answers) else 0.0
-        return [answer.p or (least, 1.0 - low) for answer in answers]
-    weights = [answer.p or (0.0, 0.0) for answer in answers]
+        return [(0.0, 1.0)] * len(outcomes)
+    if len(known) < len(outcomes) and low < 1.0:
+        least = max(0.0, 1.0 - high) if len(known) + 1 == len(outcomes) else 0.0
+        return [outcome.p or (least, 1.0 - low) for outcome in outcomes]
+    weights = [outcome.p or (0.0, 0.0) for outcome in outcomes]
     return [(_probability(p[0], high - p[1]), _probability(p[1], low - p[0])) for p in weights]
 
 
@@ -102,28 +102,28 @@ def _probability(weight: float, others: float) -> float:
     return weight / (weight + others) if weight else 0.0
 
 
-class DeclaredAnswers:
-    """The declared outcomes of a live leaf, for looking up its status and `answer_label`.
+class DeclaredOutcomes:
+    """The declared outcomes of a live leaf, for looking up its status and `outcome_label`.
 
     Args:
-        answers: The outcomes.
+        outcomes: The outcomes.
     """
 
-    def __init__(self, answers: Iterable[Answer]) -> None:
+    def __init__(self, outcomes: Iterable[Outcome]) -> None:
         self._labels: dict[str, list[str]] = defaultdict(list)
-        for answer in answers:
-            if answer.label not in self._labels[answer.status]:
-                self._labels[answer.status].append(answer.label)
+        for outcome in outcomes:
+            if outcome.label not in self._labels[outcome.status]:
+                self._labels[outcome.status].append(outcome.label)
         self._all = {label for labels in self._labels.values() for label in labels}
 
     def label(self, status: str, said: str) -> str:
         """Return the label of a leaf's outcome; empty if it is unknown.
 
-        The only outcome of a status needs no `answer_label`. A label of another status is ignored then.
+        The only outcome of a status needs no `outcome_label`. A label of another status is ignored then.
 
         Args:
             status: The leaf's status.
-            said: Its `answer_label`.
+            said: Its `outcome_label`.
         """
         labels = self._labels.get(status, [])
         if said in labels:
@@ -131,9 +131,9 @@ class DeclaredAnswers:
         return labels[0] if len(labels) == 1 else ""
 
     def why_invalid(self, status: str, said: str) -> str:
-        """Return why a leaf's `answer_label` is invalid; empty if it is valid."""
+        """Return why a leaf's `outcome_label` is invalid; empty if it is valid."""
         labels = self._labels.get(status, [])
         if said in ("", *labels) or (said in self._all and len(labels) == 1):
             return ""
         known = ", ".join(filter(None, labels)) or "none"
-        return f"its answer_label '{said}' is not declared for {status} (declared: {known})"
+        return f"its outcome_label '{said}' is not declared for {status} (declared: {known})"
