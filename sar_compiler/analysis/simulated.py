@@ -96,7 +96,7 @@ class Simulated:
 
         Raises:
             AssertionError: If an expectation is not met, with the trace.
-            TreeError: If an outcome is expected that a leaf never gives.
+            TreeError: If an expected outcome is impossible for its leaf.
         """
         run = self.run
         document = _document({"expect": expectations})

@@ -176,7 +176,7 @@ def replace_nodes(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
                 tree.skips = tree.skips or is_skippable_itself(node)
 
 
-# A leaf of the language that outcomes randomly would make every run different.
+# A leaf of the language with random outcomes would make every run different.
 _BY_CHANCE = "py_trees.behaviours:ProbabilisticBehaviour"
 _LANGUAGE = {(each.tag, each.class_path) for each in language.SPECS if each.class_path != _BY_CHANCE}
 

@@ -167,8 +167,8 @@ class StubLeaf(SkippableLeaf):
 
     Args:
         name: The node's name.
-        tag: The tag of the leaf that it stands for.
-        outcomes: The possible outcomes of that leaf; no placeholders are left in the scripts.
+        tag: The tag of the leaf that it replaces. outcomes: The possible outcomes of that leaf; no placeholders are
+        left in the scripts.
         variables: The variables of scripts: facts, and keys of the tree.
         enums: The names that stand for numbers.
 
@@ -177,7 +177,7 @@ class StubLeaf(SkippableLeaf):
         outcomes: Its possible outcomes.
         path: The names of its ancestors, from the root down, and its own.
         number: Its number in the tree, from 0 in pre-order.
-        variables: What its scripts read and write.
+        variables: The variables that its scripts read and write.
         policy: Chooses its outcomes.
         events: Its events are recorded here; shared by the leaves of a tree.
     """

@@ -47,7 +47,7 @@ class ScenarioRuns:
         additions: The user's additions to its project.
         scenario: The scenario, as the text of a file.
         path: The name of the file.
-        unusual: The probability with which an unscripted leaf gives another than its default outcome.
+        unusual: The probability with which an unscripted leaf returns another outcome than its default.
         counted: The events to count, such as `NotifyBase acknowledged`.
     """
 

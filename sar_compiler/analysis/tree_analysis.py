@@ -82,12 +82,12 @@ def verify_tree(
         params: The mission's ROS parameter file; *properties* and *facts* override what it says.
         tree_id: The tree in the file; by default the one that the file executes.
         max_states: The largest number of states to explore.
-        budget: Limits time and memory, and is told the progress; by default there is no limit but that of states.
+        budget: Limits time and memory, and receives the progress; by default only the number of states is limited.
 
     Raises:
-        TreeError: If there are errors, or a property makes no sense for the tree.
+        TreeError: If there are errors, or a property cannot apply to the tree.
         UndecidableError: If the runs of the tree cannot be enumerated.
-        ParameterFileError, ParameterError: If the mission cannot begin with the parameters.
+        ParameterFileError, ParameterError: If the mission cannot start with the parameters.
     """
     from sar_compiler.analysis.proofs import search_runs
     from sar_compiler.analysis.verify import verify
@@ -224,13 +224,14 @@ def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`
 
     Args:
         tree: The tree file.
-        properties: A file with the properties, and with the chances `p` and times `sec` of outcomes; by default the mission's own.
-        outcomes: Further files that say how likely outcomes are; the file of properties overrides them.
+        properties: A file with the properties, and with the probabilities `p` and durations `sec` of outcomes; by
+            default the mission's own.
+        outcomes: Further files with probabilities of outcomes; the file of properties overrides them.
         facts: As for `verify`.
         params: As for `verify`.
         tree_id: As for `verify`.
         period_sec: The time between two ticks, seconds; by default that of *params*, or half a second.
-        max_states: As for `verify`; what is behind the others may be anything, so the numbers have wider bounds.
+        max_states: As for `verify`. The behaviour after unexplored states is unknown, which widens the bounds.
         budget: As for `verify`.
 
     Raises:

@@ -26,7 +26,7 @@ class TrialOutcome(NamedTuple):
         findings: Findings about ticks that raise.
         spent: The work done.
         is_limited: Whether more work could have found more.
-        is_cut: Whether its user has stopped it.
+        is_cut: Whether `is_spent` has stopped the search.
     """
 
     findings: Sequence[Diagnostic] = ()
@@ -42,7 +42,7 @@ def try_runs_within(
 
     Args:
         tree: The tree file.
-        work: How much may be tried; None for any amount of work.
+        work: The maximum amount of work; None for no limit.
         seconds: The processor time for it; None for any.
         is_spent: Returns whether the user wants it to end.
     """

@@ -277,8 +277,8 @@ def _calls(error: Exception) -> list[FrameType]:
     return [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
 
 
-# Of the part of a file before the location where it is malformed. Whatever the rest of the file contains, these
-# findings stay, because they are about start tags and about elements that are complete.
+# Findings that are reported for the part of a file before a malformed location. The rest of the file cannot change
+# them, because they concern start tags and complete elements.
 _OF_A_START_TAG = frozenset(
     {
         "conflicting-attributes",

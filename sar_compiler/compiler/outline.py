@@ -70,7 +70,7 @@ def add_tags(drawing: str, tree: Drawable) -> str:
 def _tag(behaviour: Behaviour, tree: Drawable) -> str:
     bound = tree.origins[behaviour.id].bound
     tag = bound.spec.tag
-    # A wrapper from an attribute has a name of its own; a composite has its sign.
+    # A wrapper that an attribute adds has another name than the element, and the drawing shows composites by their symbols.
     sign = " ?" if is_unknown(bound) else ""
     is_other = behaviour.name != bound.name or bound.spec.kind is Kind.CONTROL
     if is_other or behaviour.name in (tag, f"{tag}?"):

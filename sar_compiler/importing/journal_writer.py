@@ -129,7 +129,7 @@ class JournalWriter:
         for uid, index in now.items():
             self._show_ancestors(uid, index, now)
         for uid, index in sorted(now.items()):
-            # Its end remains shown until a node above it restarts; the log has it reset before.
+            # Its status stays in the journal until an ancestor restarts, although the log resets it earlier.
             if 1 < uid <= count and recording.statuses[index] == IDLE and self._shown[uid] == RUNNING:
                 self._row(index, uid, "HALTED", f', "last": {self._ticked[uid]}')
                 self._show(uid, IDLE)
@@ -183,7 +183,7 @@ class JournalWriter:
                     last.pop(uid, None)  # a leaf that was halted, and starts again, returns twice
                 continue
             before = last.get(uid)
-            # A leaf that says RUNNING first, and ends in the same tick, has returned once.
+            # A leaf that is RUNNING first and ends in the same tick has returned once.
             if before is not None and (nodes[uid - 1].children or recording.statuses[before] == RUNNING):
                 left_out.add(before)
             last[uid] = index

@@ -544,7 +544,7 @@ class TickFinder:
             at += 1
         bound = self._nodes[parent - 1].bound
         if at < len(uids) and uids[at] == parent:
-            # Another child has decided if a control that ticks its children in order ends otherwise.
+            # If a control that ticks its children in order ends with another status, another child has decided.
             is_in_order = bound.spec.semantics.order is Order.IN_ORDER
             return statuses[at] == end if is_in_order else statuses[at] != IDLE
         return bound.spec.kind is not Kind.CONTROL or bound.spec.semantics.resumes

@@ -27,7 +27,8 @@ PROPERTIES_WATCHED, PROPERTIES_OWED = "properties_watched", "properties_owed"
 and, whenever that changes, the names of those by which something still has to come, `owed`."""
 
 PROPERTY_BROKEN, ASSUMPTION_FAILED = "property_broken", "assumption_failed"
-"""Kinds of facts that no mission has: the `property` is broken by an `event`, or is `owed` at an end; what the `assumption` is that an outcome contradicts.
+"""Kinds of events that no mission defines: an `event` violates a `property`, an obligation is pending at the end, an
+outcome contradicts an `assumption`.
 Each with the `tick`, the `node` (the leaf's number, null for none) and the `run` that led there: time in seconds, tick, node and deed of the last events."""
 
 LEAF_RAISED = "leaf_raised"

@@ -152,7 +152,7 @@ class _RecordedRun:
                 self._events.append(self._event(leaf, STARTED))
             if status == RUNNING:
                 self._running.add(leaf)
-            elif status != "SKIPPED":  # which goes on if it was running
+            elif status != "SKIPPED":  # which continues if it was running
                 self._running.discard(leaf)
         facts = tuple(self._facts.pop(leaf, ())) if self._facts else ()
         self._events.append(self._event(leaf, what, status, label, facts)._replace(is_unsure=is_unsure))

@@ -305,7 +305,7 @@ class MessageFiller:
         """
         cls: Any = type(message)
         kinds = fields_of(cls)
-        # Since Jazzy, messages check the types of their fields only if they are told to.
+        # Since Jazzy, messages check the types of their fields only on request.
         if hasattr(message, "_check_fields"):
             message._check_fields = True  # noqa: SLF001 - rosidl's own switch
         for name, (written, place) in fields.fields.items():

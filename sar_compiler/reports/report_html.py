@@ -235,7 +235,7 @@ _MARK = 0.12
 _LETTER, _SAID, _WIDE = 2.2, 0.7, 0.62
 # The distance of a label from the middle of its mark, in symbols.
 _BESIDE = 1.9
-# Penalty of a cut-off label relative to one that covers something: this factor.
+# A label that is cut off counts this many times as much as one that covers something.
 _OUTSIDE = 4
 # A gap of this many metres in the path is not a movement of the robot: it was carried, or the localisation has jumped.
 _JUMP_M = 5.0

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _STANDSTILL_SEC = 2.0
 # Time that others may need to be discovered again: participants of Fast DDS announce themselves every three seconds.
 _RECOVERY_SEC = 5.0
-# A process that stands still repeatedly, such as by a leaf that blocks, gets this grace time only so often.
+# A process that stops repeatedly, for instance because a leaf blocks, gets this grace time only this many times.
 _SPARED_EVERY_SEC = 60.0
 
 

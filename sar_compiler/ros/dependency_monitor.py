@@ -85,7 +85,7 @@ class UnrequestedMotion:
             if seconds >= _BRAKES_SEC:
                 self._judge()
             elif seconds >= _ABORTED_SEC and self._cancels_early and self._is_ours:
-                self._cancels_early = False  # once: what still moves then is reported
+                self._cancels_early = False  # once: a robot that still moves then is reported
                 self._cancel_all_goals()
         elif self._robot.moves is None:
             self._report_missing_odometry()
@@ -167,8 +167,8 @@ _LOST_SEC = 2.0
 # Two unanswered queries are no coincidence. A crashed process has left the graph long before the second.
 _DEAF_SEC, _DEAD_SEC = 4.0, SHADOW_SEC + 8.0
 _ANOTHER = "start a new process (--resume continues from the journal; --supervise does both by itself)"
-# This long after a crash of a Nav2 node its lifecycle manager brings it back, seconds (bond_respawn_max_duration).
-# Later a person must.
+# For this long after a crash of a Nav2 node its lifecycle manager tries to restart it, seconds
+# (bond_respawn_max_duration). After that, a person must.
 _RESPAWN_SEC = 12.0
 # Rotations below this are ignored, as by AMCL (its update_min_a), radians.
 _TURNED = 0.2

@@ -208,7 +208,7 @@ def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node |
             executor.spin_once(timeout_sec=_TURN_SEC)
         except (ExternalShutdownException, InvalidHandle):
             break
-        except Exception as error:  # noqa: BLE001 - somebody's callback; the goals still count
+        except Exception as error:  # noqa: BLE001 - a user's callback; the goals must end all the same
             log_error(node, f"while the tree was stopping: {error_text(error)}")
         if not executor.context.ok():
             break
@@ -225,7 +225,7 @@ def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
 def send_cancels(root: Behaviour, node: Node | None) -> None:
     """Cancel the goals of a tree's leaves from another thread, because the executor's thread is blocked.
 
-    The requests are sent, and their answers are not awaited. Leaves that can have work in progress come first.
+    The requests are sent without waiting for the responses. Leaves that can have work in progress come first.
     """
     leaves = [each for each in root.iterate() if not each.children]
     for leaf in sorted(leaves, key=lambda each: not isinstance(each, SettlingLeaf)):

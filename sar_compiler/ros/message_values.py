@@ -41,8 +41,8 @@ _PLANAR_VARIANCES = (0, 7, 35)
 _APART_SEC, _SIMULATED_APART_SEC = 2.0, 30.0
 # Clocks that differ by more are different clocks.
 _ANOTHER_CLOCK_SEC = 86_400.0
-# A problem that was not seen for this long is reported again, and a stale stamp only if it stays: after a standstill
-# this process reads older messages first; seconds.
+# A problem is reported again if it did not occur for this long, seconds. A stale stamp is reported only if it
+# persists for this long, because after a standstill this process reads older messages first.
 _AGAIN_SEC, _STAYS_SEC = 60.0, 1.0
 
 

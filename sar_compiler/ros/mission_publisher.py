@@ -137,7 +137,7 @@ class MissionPublisher(RunExtension):
         if entry.kind in (STATUS, LOG):
             return
         self._mission.apply(entry)
-        # They are of no use here, and would grow.
+        # They are not used here, and would accumulate.
         self._mission.facts.clear()
         self._mission.trail.clear()
         if entry.kind == PLAN:

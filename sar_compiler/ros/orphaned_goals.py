@@ -1,4 +1,17 @@
-"""Cancel goals that another process left active, and wait for their ends."""
+"""Cancel goals that another process left active, and wait for their ends.
+
+Why the response to a request to cancel is not enough: it says that the server has accepted the request. The robot brakes
+after that, and the server may abort, finish or ignore the goal. A goal has ended when its final status was observed.
+
+Why requests are repeated: a server may accept a goal only after the request to cancel it, if both were sent by a process
+that died in between. A request that arrived too early has no effect, so it is sent every second until the end is seen.
+
+Why a server that does not know the goal ends it only after some seconds: it may not have received the goal yet. If it was
+restarted, it never will.
+
+Why clients are replaced: a server drops its responses while it has not discovered the client's reader, and may never
+discover it. A new client has a new chance. Goals of one action share their clients, because each takes time to be discovered.
+"""
 
 import math
 import os
@@ -40,7 +53,7 @@ _PERIOD_SEC = 1.0
 # A server that answers neither question for this long may not have discovered these clients' readers, and then sends
 # them nothing.
 _RENEWAL_SEC = 5.0
-# How long a server must deny knowing a goal: it may accept a goal that was sent just before the client's death later.
+# How long a server must report a goal as unknown: it may still receive one that was sent just before the client died.
 UNKNOWN_SEC = 3.0
 _TURN_SEC = 0.05
 
@@ -213,7 +226,7 @@ class OrphanedGoal:
             self._unknown_since = None
         elif self._unknown_since is None:
             self._unknown_since = now
-        # An answer calls a goal that is being cancelled "terminated", which is not yet its end.
+        # The response reports a goal as terminated while it is still being cancelled, which is not its end.
         if self._unknown_since is not None and now - self._unknown_since >= self._patience_sec:
             self._end(UNKNOWN)
 

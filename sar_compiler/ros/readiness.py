@@ -443,7 +443,7 @@ class Readiness:
             )
             self._closing.append(self._localised)
             self._steps.append(self._localised.poll)
-        # Asked even after it was active: it may no longer be when all else is there.
+        # Queried even after it was active: it may have become inactive before everything else is ready.
         self._steps.append(robot_estimate(self.node).lifecycle(localizer).poll)
         self._closing.append(Nav2Check(self.node, navigator, tells_pose=initial_pose is not None))
         self._steps.append(self._closing[-1].poll)
@@ -481,7 +481,7 @@ class Readiness:
         self.ends_by_itself = any(each.ends_by_itself for each in first)
         if self._localised is not None:
             self._localised.may_publish = not first
-        # Questions are asked, and answers heard, also while something must be there before anything is changed.
+        # Queries and their responses continue while a requirement is missing that must be met before anything is changed.
         others: list[str] = []
         with (
             suppress(SarError) if first else nullcontext()

@@ -32,7 +32,7 @@ from sar_compiler.tree.yaml_spans import SPLIT, YamlSpans, split_number
 
 _EMPTY_HINT = "write root: with BTCPP_format: 4 and children: below it"
 _OF_THE_ROOT = ("BTCPP_format", "main_tree_to_execute", CHILDREN_KEY)
-# A plain string followed by a single blank and a #: few comments look so.
+# A plain string followed by a single blank and a #, which is an unusual form of a comment.
 _CUT = re.compile(r" #[^\s#!][^\r\n]*")
 _HEADER_COMMENT = re.compile(r"[^\r\n#]*#([^\r\n]*)")
 REFERENCE = re.compile(r"\{[^{}:,\s]+\}")

@@ -1,4 +1,26 @@
-"""Server-sent events of runs for browsers: the state and its changes."""
+"""Server-sent events of runs for browsers: the state and its changes.
+
+A page receives `hello` (the robots, their commands), `changes`, a `beat` every second, `verbs` if the available commands
+change, and `bye` at the end.
+
+Why the first `changes` contain the whole state, as changes of an empty one: the page then needs one function for the
+start, for every later message and for a reconnection. A browser reconnects by itself after an interruption. It opens a
+new stream, so it starts again with the state of that time, and no message has to be stored or numbered.
+
+Why a browser misses nothing in between: the feed, its states and all streams belong to one thread and one event loop.
+`stream` registers the browser and takes the state without awaiting anything, so every change is either in that state or in
+the browser's queue.
+
+Why producers never wait: the thread that ticks the tree calls `take`. It only appends to a deque, which is safe without a
+lock. The server's thread applies the entries, a hundred at a time, and sends their effects together every tenth of a
+second. So a burst of entries costs the mission nothing, and a page receives the last value of a pose instead of each one.
+
+Why a slow browser is disconnected: its queue would grow without limit in the mission's process. It reconnects and
+receives the current state, which is smaller than the changes that it missed.
+
+Why there are heartbeats: a mission that waits sends nothing else. Without them, a page could not distinguish that from a
+server that is suspended or unreachable.
+"""
 
 import asyncio
 from collections import deque

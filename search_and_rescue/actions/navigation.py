@@ -106,7 +106,7 @@ class NavigateTo(ActionLeaf):
 
     action_type = "nav2_msgs/action/NavigateToPose"
     rivals = ("navigate_to_pose", "navigate_through_poses")
-    # A person reads no faster; the page is sent every change anyway.
+    # A person does not read faster than this, and the page receives every change anyway.
     feedback_period_sec = 0.4
 
     def __post_init__(self) -> None:

@@ -317,7 +317,7 @@ class AwaitSurvivor(TopicLeaf):
     def on_message(self, message: Any) -> Status:
         """Pass a new survivor to the search."""
         place = planar_point(message, MAP_FRAME)
-        if not self._is_new(place):  # any more
+        if not self._is_new(place):  # no longer new: found in the meantime
             return self.on_silence()
         zone = self.zone_manager.current_zone()["id"]
         self.record.zone_searched(zone, place)

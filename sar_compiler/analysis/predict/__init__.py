@@ -84,8 +84,8 @@ class Prediction:
         stopped: Whether it was stopped before that, or before all numbers were computed: missing numbers have the
             bounds 0 and 1.
         left_out: The properties that do not apply to this tree.
-        undecided: The reasons why some runs were not explore_decidable, or some conditions not evaluated, because they need
-            unknown values. The bounds of probabilities hold for all these values; times, the distribution and the
+        undecided: The reasons why some runs were not explored, or some conditions not evaluated: they need unknown
+            values. The bounds of probabilities hold for all these values; times, the distribution and the
             influences are not computed.
         merged: The keys and facts with merged values, because no run can distinguish them.
     """

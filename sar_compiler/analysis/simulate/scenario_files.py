@@ -101,8 +101,8 @@ class Expectations:
         never: None of these happens.
         counts: How often these happen.
         trace: A file that holds the trace.
-        lines: The lines in the scenario's file, by the word there, and what stands below it: `root`, `facts at`,
-            `never NotifyBase refused`.
+        lines: The line of each expectation in the scenario's file, by its key and what it is about: `root`, `facts
+            at`, `never NotifyBase refused`.
     """
 
     root: str | None = None
@@ -122,15 +122,15 @@ class Scenario:
     """A scripted run.
 
     Attributes:
-        name: What it is called.
+        name: Its name.
         path: Its file; empty for none.
         period_sec: The time between two ticks, seconds.
         max_ticks: The number of ticks after which it is aborted.
         until: The end condition; None: the root has succeeded or failed.
-        scripts: The outcomes of leaves; any other leaf gives its default outcome.
+        scripts: The outcomes of leaves; any other leaf returns its default outcome.
         expect: The expectations.
         seed: The seed of all random choices.
-        unusual: The probability with which an unscripted leaf gives another than its default outcome.
+        unusual: The probability with which an unscripted leaf returns another outcome than its default.
         warnings: Findings about its file that do not prevent the run.
     """
 

@@ -105,7 +105,7 @@ class ScenarioPolicy:
         """Return the scenario's outcome, or the default one.
 
         Raises:
-            ScriptedError: If the leaf cannot give that outcome now.
+            ScriptedError: If the leaf cannot return that outcome now.
         """
         plan = self._plans.get(leaf)
         if plan is None and leaf.is_random:

@@ -139,7 +139,8 @@ class AloneNode(DecoratorNode):
 
 
 class AllNode(ParallelNode):
-    """A Parallel that needs all of its children, of which it has fewer than its behaviour."""
+    """A Parallel that needs all of its children. It has fewer of them than its behaviour, because neighbours were
+    joined."""
 
     def threshold(self, port: str, wanted: int) -> int:  # noqa: ARG002 - it is that of more children
         """Return that all must succeed, and none may fail."""
@@ -152,7 +153,7 @@ class FlatComposition:
     Args:
         root: Its root.
         automata: The automata of these branches, by their roots.
-        joined: The children of parallel nodes that need all of them, if there are fewer than in the tree.
+        joined: The remaining children of each parallel node whose neighbouring branches were joined.
         around: The behaviour that ticks a branch on its own; None for a tree.
         told: The list that receives the results of the branches.
     """

@@ -1,9 +1,9 @@
 """Ticks that continue in every possible way.
 
-A ticked leaf may have several outcomes, and a timer may have expired or not. A tick in which k nodes choose among n
-ways each is n^k ticks. Played from their beginnings, each of them would tick the nodes before the last choice again.
-So a tick is saved just before a node that may continue in several ways (a `Fork`), and the next tick starts there:
-only the difference is played.
+A ticked leaf may have several outcomes, and a timer may have expired or not. If k nodes of a tick choose among n ways
+each, there are n^k ticks. If each were played from its beginning, the nodes before the last choice would be ticked
+again and again. So a tick is saved just before a node that may continue in several ways (a `Fork`). The next tick
+starts there, and only the difference is played.
 
 Why before the node: it has done nothing yet, so there is nothing to undo. A fork is a copy of the lists that make up
 a tree (cells, values, entries, the waiting nodes) and of the records of the tick, and restoring is copying them back.

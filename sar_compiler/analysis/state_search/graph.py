@@ -29,7 +29,7 @@ class Breach:
 
 
 class Numbers:
-    """Numbers that take two bytes each as long as none is larger, then four, and then eight."""
+    """An array of numbers with two bytes each, or four or eight as soon as one of them needs more."""
 
     def __init__(self) -> None:
         self._short = vec[i16]()
@@ -215,6 +215,6 @@ class Graph:
 
 
 def append_waits(going_on: int, changed: int, waits: Waits) -> tuple[int, int]:
-    """Return the waits of a tick after a further part of it."""
+    """Return the waits of a tick, given those of its first part and of the following part."""
     goes_on, changes, settled = waits
     return going_on & ~settled | goes_on & (settled | ~changed), changed & ~settled | changes

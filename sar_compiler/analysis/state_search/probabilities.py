@@ -1,11 +1,22 @@
 """Leaves and timers with known probabilities and times: the search of all runs, with nodes that assign probabilities.
 
-The number of remaining ticks of a time is part of the state. So a leaf that runs for forty seconds and a Timeout of a
-minute interact as in a real run, which probabilities for each tick could not express. A tick in which only time
-passes is followed by more of them until the next time expires. These are one step, so that a minute takes no more
-states than a second.
+Why time is part of the state: a leaf that runs for forty seconds below a Timeout of a minute always ends in time. A
+probability for each tick could not express that, because it forgets how long the leaf has run. So each running leaf and
+timer has its number of remaining ticks (`TicksLeft`) in a cell.
 
-The outcome of a leaf and its duration are chosen when it starts, as in `analysis.simulate`.
+Why a leaf chooses its outcome and duration when it starts: later choices would need the distribution of the rest of its
+duration, which differs in each tick. So there is one choice for each activation, as in `analysis.simulate`. If other
+nodes have changed the facts in between, the chosen outcome may be impossible at its time. Then the leaf chooses among the
+outcomes that are possible now.
+
+Why a weight has two parts: an outcome's probability may only be known within bounds, and the solver varies it
+(`predict.weighed_graph`). The share of each duration among those of the outcome is fixed. So a step has the number of
+a weight, which names the choice and the outcome and contains the share. A step has room for one weight, which suffices
+because a tick is divided at each choice (`forking`). The exception is a choice while a node is halted, which is rejected.
+
+Why ticks in which only time passes are one step: otherwise a minute would take as many states as ticks. They are
+recognised after the fact. If a tick made no choice and changed nothing but the remaining ticks, the next tick does the
+same, until the first of these times expires. So all ticks but the last one before that are skipped.
 """
 
 import math

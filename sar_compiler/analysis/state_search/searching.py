@@ -1,4 +1,16 @@
-"""Breadth-first search of the states of a tree."""
+"""Breadth-first search of the states of a tree.
+
+Why breadth first: the first violation that is found takes the least number of ticks, so the run that a person reads is a
+shortest one. States are numbered as they are found. So the states at one distance have consecutive numbers, those that
+are not expanded yet have the highest ones, and the search needs no queue beside the states themselves.
+
+Why a state is expanded completely or not at all: `liveness` assumes that a state without known steps can end, and trusts
+the steps of every other state. If some steps of a state were missing, a run that ends by one of them would be unknown, and
+a loop could be reported that a run can leave. So if the limit of states is reached within a state, its steps are dropped.
+
+Why a violation does not end the search: each property is decided separately, and the others may hold. Only the first
+violation of each is recorded, and the search continues for the others.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple

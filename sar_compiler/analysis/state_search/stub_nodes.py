@@ -25,7 +25,7 @@ class Reply:
         event: The number of its event.
         outcome: The outcome of the tick.
         change: Changes facts and keys; None if the outcome changes nothing.
-        effect: Remembers these changes.
+        effect: The cache of these changes.
     """
 
     def __init__(self, event: int, leaf: StubLeaf, outcome: Outcome, memo: Callable[..., Memo]) -> None:
@@ -124,7 +124,7 @@ class ConditionLeafNode(NotedNode):
         part: Its builder.
         node: Ticks it.
         ran: Receives its index.
-        memo: Remembers its results.
+        memo: The cache of its results.
     """
 
     def __init__(self, part: NodeBuilder, node: TreeNode, ran: set[int], memo: OutcomeMemo) -> None:

@@ -1,8 +1,7 @@
 """Proofs of trees with independent parallel branches, one branch at a time.
 
 The states of k parallel branches are the product of their states. But the rest of the tree observes only the results
-of a branch's ticks if it shares nothing with the branch. So for each question only the branches that it concerns are
-search_branch in full. Automata replace the others (`branches`, `state_search.branch_nodes`):
+of a branch's ticks if it shares nothing with the branch. So for each question only the branches that it concerns are searched in full. Automata replace the others (`branches`, `state_search.branch_nodes`):
 
 - Whether the leaves of a branch can run is decided with this branch in full, and all others replaced.
 - A property is decided with the branches in full whose leaves it names.

@@ -14,7 +14,7 @@ _WITHOUT_END = 1e18
 def remove_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
     """Remove the assumed limits on leaf outcomes; return whether there are any.
 
-    A record shows how often it happened.
+    The recorded run shows how often each event happened.
 
     Args:
         simulated: The tree with stub leaves.

@@ -20,7 +20,7 @@ from sar_compiler.runtime.variables import unknown_value_of
 
 # The maximum number of explored ticks times the nodes of the tree: some seconds.
 _MOST_TICKED = 5_000_000
-# Of a state with more ticks only those are tried that begin as the recorded one.
+# For a state with more ticks, only those are tried that begin like the recorded one.
 _MOST_WAYS = 200
 _RUNNING, _HALTED, _IDLE, _SKIPPED = "RUNNING", "HALTED", "IDLE", "SKIPPED"
 # The maximum number of different ticks of a record to keep: some ten megabytes.
@@ -270,11 +270,8 @@ class _RecordPosition:
 
     Args:
         states: The states that the run can be in.
-        told: What was told.
-
-    Attributes:
-        states, told: The same.
-        after: For each content of the next tick so far, the ways that fit, and the position behind it.
+        told: The recorded results up to here. Attributes: states, told: The same. after: The matching ways and the
+next position, for each content of a next tick that was looked up.
     """
 
     def __init__(self, states: frozenset[bytes], told: ObservedPrefix) -> None:
@@ -352,12 +349,12 @@ class TreeRuns:
     def ticks_like(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[PossibleTick]:
         """Return the ticks of a state with the recorded outcomes; all ticks if they are few.
 
-        Of the ticks with other outcomes, one is among them for each first outcome that differs. So their number grows with that of the
-        leaves that are ticked, and not with that of the combinations of their outcomes.
+        Ticks with other outcomes are represented by one tick for each first outcome that differs. So their number
+        grows with the number of ticked leaves, and not with the number of combinations of their outcomes.
 
         Args:
             state: The state.
-            noted: The outcomes that were noted in the tick.
+            noted: The outcomes recorded in the tick.
             before: The statuses before it.
         """
         if self._has_few_ticks(state):
@@ -367,7 +364,7 @@ class TreeRuns:
     def _ticks_with(
         self, state: bytes, noted: Sequence[Event], before: ObservedPrefix
     ) -> Iterable[PossibleTick]:
-        """Return the ticks of a state that have the recorded outcomes and no others; of a state with few ticks all."""
+        """Return the ticks of a state with exactly the recorded outcomes; all ticks if the state has few."""
         if self._has_few_ticks(state):
             return self._known[state]
         ways = self._play_ticks(state, noted, before, is_whole=True)
@@ -482,7 +479,8 @@ class TreeRuns:
             # The ways of equal ticks are one object, which is kept.
             return known.setdefault(tuple(id(way) for _, way in ways), ways)
 
-        # What follows from a tick depends on nothing but what is known before it. Few ticks of a long run differ.
+        # The ways of a tick depend only on its content and on the position before it. A long run has few different
+        # ticks, so the results are cached.
         position = _RecordPosition(frozenset({self.start}), ObservedPrefix({}, {}))
         positions = {position.key: position}
         waiting = record.read_ticks() if isinstance(record, TickSource) else recorded_ticks(record)

@@ -177,7 +177,7 @@ class TreeStepper:
     def pass_over(self, place: int) -> None:
         """Skip the ticks that begin like the last one, up to the outcome with an index.
 
-        What is chosen behind the outcome makes no difference then: the next combination is another one up to it.
+        Choices after that outcome make no difference then: the next combination differs at or before it.
         """
         outcomes = [
             at

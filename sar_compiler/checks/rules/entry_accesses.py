@@ -1,6 +1,6 @@
 """The accesses of nodes to blackboard keys and entries, and their order, with all subtrees expanded.
 
-It answers which of two accesses happens first in every run, from the positions of their nodes alone.
+It decides which of two accesses happens first in every run, from the positions of their nodes alone.
 """
 
 import bisect

@@ -140,7 +140,7 @@ def _check_finished_work(root: BoundNode, outcomes: PossibleOutcomes) -> Iterato
 
 def _check_repeated_work(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children):
-        # A condition before it may ask whether it is done; one after which the branch gives up does not.
+        # If an earlier branch begins with a condition, it may check whether the work is done, unless it also has an effect.
         if index and not _fails_after_effect(bound.children[index - 1], outcomes):
             return
         # A branch that begins with a condition checks by itself whether there is work left.

@@ -160,7 +160,7 @@ class AttributeBinder:
     def _has_condition(self, text: str) -> bool:
         """Return whether an ignored attribute's text is a key of the tree or a script with a condition's operator."""
         script = _read_condition(text)
-        # Several words that happen to form several statements are a text.
+        # Several words that happen to parse as several statements are prose, not a script.
         if script is None or len(script.statements) != 1:
             return False
         all_parts = list(parts(script.statements[0]))

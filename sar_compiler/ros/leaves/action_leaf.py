@@ -122,8 +122,8 @@ class ActionLeaf(GoalSender):
         self._arrival: Arrival | None = None
         self.has_not_arrived = False
         self._rivals: list[GoalStatuses] = []
-        # The row of failed goals that are not to blame: the last one, their number, the reason in words, until when
-        # they are sent again, and the robot's position.
+        # The consecutive goals that failed for reasons other than the goal itself: the last one, their number, the
+        # reason, the time until which they are repeated, and the robot's position.
         self._lost: ActionGoal | None = None
         self._lost_count = 0
         self._lost_words = ""

@@ -691,11 +691,12 @@ class ActionGoal(PendingCall):
         if self._granted or self.has_ended:
             return
         if response.return_code == response.ERROR_GOAL_TERMINATED:
-            # It has ended, or another client has canceled it: that is no end yet.
+            # The goal has ended, or another client has requested to cancel it, which does not end it yet.
             self._granted = True
             self._query_result()
         elif response.return_code == response.ERROR_UNKNOWN_GOAL_ID:
-            # Known once and now unknown: another server. Never known long after it was sent: it did not arrive.
+            # A server that no longer knows the goal is a new one. If the goal is unknown long after it was sent, it
+            # did not arrive.
             if self._is_accepted or self._is_too_late:
                 self._on_end(UNKNOWN)
         elif not self._refused:

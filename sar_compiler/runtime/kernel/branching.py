@@ -132,7 +132,7 @@ class SwitchNode(ControlNode):
 
 
 class TryCatchNode(InTurnNode):
-    """Ticks its children in order, except for the last one, which is ticked when one of them has failed.
+    """Ticks all children but the last in order, and ticks the last one if one of them fails.
 
     Attributes:
         skips: The cell with the number of children that were skipped.
@@ -183,7 +183,7 @@ class TryCatchNode(InTurnNode):
         return self.finish(ticker, SKIPPED if all_skipped else SUCCESS)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the running children; if the last one is to be ticked once, only those before it."""
+        """Return the running children, without the last one if it must be ticked once."""
         cells = ticker.cells
         self.catches = False
         try:

@@ -73,7 +73,7 @@ class CountingNode(ControlNode):
         return self.decide_early(ticker)
 
     def threshold(self, port: str, wanted: int) -> int:
-        """Return the number of children that an attribute means; a negative one is counted from the end.
+        """Return the number of children that an attribute sets; a negative number counts from the end.
 
         Raises:
             ThresholdError: If it exceeds the number of children.

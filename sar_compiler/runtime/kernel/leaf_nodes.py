@@ -1,4 +1,4 @@
-"""Leaves: the behaviours that do the work; their own methods are called at the same times as by py_trees."""
+"""Leaves, the behaviours that do the work. Their methods are called at the same points as by py_trees."""
 
 from typing import Any, Final
 
@@ -69,7 +69,7 @@ class LeafNode(ChildlessNode):
         return now
 
     def status_before_tick(self, ticker: Ticker) -> int:
-        """Return the status before the tick; afterwards the tree and the behaviour have the same status."""
+        """Return the status before the tick, after storing the behaviour's status in its cell."""
         before, status = ticker.cells[self.status_cell], self.behaviour.status
         if status is STATUSES[before]:
             return before
@@ -80,7 +80,7 @@ class LeafNode(ChildlessNode):
         return before
 
     def end_without(self, ticker: Ticker, answer: Any) -> int:
-        """End with a result that is not a usual status; py_trees converts it to INVALID and logs it."""
+        """End with a result other than SUCCESS, FAILURE and RUNNING; py_trees converts it to INVALID and logs it."""
         behaviour = self.behaviour
         ticker.number_of(behaviour, answer)
         if self.terminates:
@@ -115,7 +115,7 @@ class SkippableLeafNode(LeafNode):
 
 
 class StrictUpdate:
-    """The `update` of a behaviour that is ticked by its own methods; a result that is no status raises an error.
+    """The `update` of a behaviour that its own methods tick; raises an error if the result is not a status.
 
     Args:
         behaviour: The behaviour.
@@ -138,9 +138,10 @@ class StrictUpdate:
 
 
 def insist_on_status(behaviour: Any) -> None:
-    """Make a behaviour raise in the tick in which its `update` returns no status; py_trees only logs an error in each tick.
+    """Make a behaviour raise an error if its `update` does not return a status; py_trees only logs one in each tick.
 
-    Its class is kept, and only its own method is wrapped. py_trees' constants always return one, and their nodes replace `update`.
+    Its class stays unchanged; only the method of this object is wrapped. py_trees' constants always return a status,
+    and their nodes replace `update`.
     """
     if type(behaviour) not in _CONSTANTS and not isinstance(behaviour.update, StrictUpdate):
         behaviour.update = StrictUpdate(behaviour)
@@ -159,7 +160,7 @@ class ForeignNode(ChildlessNode):
                 insist_on_status(each)
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the behaviour; its descendants that it yields are visits, too."""
+        """Tick the behaviour, and record each descendant that it yields as a visit."""
         cells, behaviour, visits = ticker.cells, self.behaviour, ticker.visits
         self.write_status(ticker.cells)
         try:
@@ -183,7 +184,7 @@ class ForeignNode(ChildlessNode):
 
 
 class RememberingNode(LeafNode):
-    """A leaf with state between two ticks, which is stored in a cell; a live leaf may keep it privately.
+    """A leaf with state between two ticks. The state is stored in a cell; on a live tree the leaf may keep it itself.
 
     Attributes:
         kept: The cell.
@@ -221,7 +222,7 @@ class RememberingNode(LeafNode):
 
 
 class StatusQueueNode(RememberingNode):
-    """A StatusQueue; the rest of its queue is the end of its list."""
+    """A StatusQueue; the remaining queue is always the end of its list."""
 
     def save(self) -> Any:
         """Return the length of the remaining queue."""
@@ -290,7 +291,7 @@ class ConstantNode(ChildlessNode):
         return self.outcome
 
     def write_status(self, cells: vec[i32]) -> None:
-        """Set the behaviour's status from the cells, and its message."""
+        """Set the behaviour's message, and its status from the cells."""
         super().write_status(cells)
         if self.tells and cells[self.status_cell] == INVALID:
             self.set_message(INVALID)
@@ -302,7 +303,7 @@ class ConstantNode(ChildlessNode):
 
 
 class UpdateCheckNode(ChildlessNode):
-    """A leaf that succeeds if an entry was written since it last checked it, else fails.
+    """A leaf that succeeds if an entry was written since its last check, else fails.
 
     Attributes:
         seen: The cell with the entry's number of writes at that time.

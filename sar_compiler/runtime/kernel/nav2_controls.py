@@ -121,8 +121,8 @@ class PipelineNode(InTurnNode):
 class RoundRobinNode(InTurnNode):
     """Ticks one child after another until one succeeds; the next start continues with the following child.
 
-    Without wrapping around, any end of the last child ends it without success. After a success it keeps the index of the next
-    child.
+    Without wrapping around, the node ends without success when the last child has ended. After a success it keeps the
+    index of the next child.
 
     Attributes:
         failures: The cell with the number of children that have failed.
@@ -261,8 +261,9 @@ _NEXT: Final = (_RESUMED, _PAUSED, _PAUSED, _RESUMED)
 class PauseResumeNode(ControlNode):
     """Ticks the child of its mode: working, paused, and the transitions between them.
 
-    A leaf, its first node, returns the request in every tick. A request to pause is accepted unless it is paused, one to
-    resume only if it is; SKIPPED means both, the second one after the first.
+    Its first child is a leaf, which returns the request in every tick: FAILURE to pause, RUNNING to resume. A request
+    to pause is accepted unless the node is paused, and a request to resume only if it is. SKIPPED means both
+    requests, after which the node pauses.
 
     Attributes:
         asking: The cell with 1 while the leaf with the request is ticked.

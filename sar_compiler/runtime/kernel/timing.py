@@ -72,7 +72,7 @@ class Countdown:
             return ""
         seconds = ticker.times.remaining_sec(self.index, ticker.values[self.token])
         tenths = int(seconds * _TENTHS + _HALF)
-        # Halfway between two tenths, the printed digits depend on more than this sum.
+        # If the time is close to the middle between two tenths, rounding of the sum would decide the printed digit.
         if tenths != self.tenths or abs(seconds * _TENTHS + _HALF - tenths) < _CLOSE:
             self.tenths, self.told = tenths, f"remaining: {seconds:.1f}s"
         return self.told
