@@ -6,10 +6,10 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 GOAL_SENT, GOAL_ENDED = "goal_sent", "goal_ended"
-"""Kinds of the leaves that send goals. A mission has others."""
+"""Kinds of the events of leaves that send goals. A mission defines further kinds."""
 
 FACTS_LOST = "facts_lost"
-"""The kind of an event that replaces others which could not be written: their `count`, and the `numbers` given until then."""
+"""The kind of an event that replaces others that could not be written: their `count`, and the `numbers` that were used until then."""
 
 RUN_BEGAN = "run_began"
 """The kind of a run's first entry: the mission's description, with `run`, the run's own description."""
@@ -18,22 +18,22 @@ RUN_ENDED = "run_ended"
 """The kind of its last entry: `ending`, `status`, `reason`, and the `head` of the journal's chain, if any."""
 
 ORDERED = "ordered"
-"""The kind of a command by a service of the mission: its `verb`, its `label`, its author `by` if known, the "
-"`reason` and the `refusal`,
-empty if there is none, and `is_told`: whether events already show it."""
+"""The kind of a command to the mission: its `verb` and `label`, its author `by` if known, its `reason`, the `refusal` (empty if
+it was accepted), and `is_told`: whether other events already show it."""
 
 PROPERTIES_WATCHED, PROPERTIES_OWED = "properties_watched", "properties_owed"
-"""Kinds of what a run is watched for: once, the `file` and its `properties`, each with its `name` and what is done `if_broken`, and the names `left_out`;
-and, whenever that changes, the names of those by which something still has to come, `owed`."""
+"""Kinds of entries about the monitored properties. The first is written once: the `file`, its `properties`, each with its `name`
+and the reaction `if_broken`, and the names `left_out`. The second is written after every change: the names `owed` of
+the properties with a pending obligation."""
 
 PROPERTY_BROKEN, ASSUMPTION_FAILED = "property_broken", "assumption_failed"
-"""Kinds of events that no mission defines: an `event` violates a `property`, an obligation is pending at the end, an
-outcome contradicts an `assumption`.
-Each with the `tick`, the `node` (the leaf's number, null for none) and the `run` that led there: time in seconds, tick, node and deed of the last events."""
+"""Kinds of events that no mission defines. A `property` is violated by an `event`, or at the end by an obligation that is still
+`owed`; an outcome contradicts an `assumption`. Each has the `tick`, the `node` (the leaf's number, null for none) and
+the `run`, the last events before: the time in seconds, the tick, the node and the event of each."""
 
 LEAF_RAISED = "leaf_raised"
-"""The kind of an entry about a leaf that has raised an exception, which ends the run: its number `node`, null if "
-"unknown, and the `text`."""
+"""The kind of an entry about a leaf that has raised an exception, which ends the run: its number `node`, null if
+unknown, and the `text`."""
 
 CHANGED = "changed"
 """The kind of an entry after an event: the event as a sentence, and the changes of the mission's display."""
@@ -50,10 +50,10 @@ POSE, PLAN, MAP, LOG = "pose", "plan", "map", "log"
 BATTERY = "battery"
 """The kind of an entry with the state of the robot's battery."""
 OF_ROBOT = (POSE, PLAN, MAP, BATTERY, LOG)
-"""All of them."""
+"""All kinds that are recorded from the robot's topics."""
 
 OF_EVERY_MISSION = (RUN_BEGAN, RUN_ENDED, FACTS_LOST, GOAL_SENT, PROPERTY_BROKEN, ASSUMPTION_FAILED)
-"""Kinds of events that a mission's state receives beside those that the mission declares itself."""
+"""Kinds of events that a mission's state receives in addition to those that the mission declares itself."""
 
 
 _NUMBERS: dict[str, type] = dict.fromkeys(("node", "leaf", "tick", "last"), int)

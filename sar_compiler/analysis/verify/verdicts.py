@@ -225,7 +225,7 @@ def _violation(question: str, reason: str, trace: Trace | None = None) -> Verdic
 
 
 SAME, WORSE, BETTER, OTHER = "the same", "worse", "better", "different"
-"""The possible changes of an answer."""
+"""The possible changes of a verdict."""
 
 # A question that does not apply to a tree, because it lacks the leaves, ranks like an undecided one.
 _RANKS: Mapping[ProofStatus | None, int] = {
