@@ -61,7 +61,7 @@ def _influence_lines(found: Prediction) -> Iterator[str]:
         return
     width = max(len("/".join(each.leaf)) for each in leaves)
     yield f"\nSensitivity of success{', with unknown probabilities set to the middle' if found.unknown else ''}:"
-    yield f"  {'leaf':{width}}  a point more of it  if it never failed"
+    yield f"  {'leaf':{width}}      gain per point  if it never failed"
     for each in leaves:
         gain = f"{each.derivative:+.2f} points"
         yield f"  {'/'.join(each.leaf):{width}}  {gain:>18}  {100 * each.if_never_failed:>16.1f} %"

@@ -20,7 +20,7 @@ def add_stats(parser: argparse.ArgumentParser) -> None:
     add("journals", type=FILE, nargs="+", metavar="FILE", help="the journals, of one tree")
     text = "the confidence of the intervals, which are Wilson's (default 0.95)"
     add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
-    text = f"{FORMAT_HELP}; yaml: `answers:` of a properties file, with probabilities (p) and times (sec)"
+    text = f"{FORMAT_HELP}; yaml: `outcomes:` of a properties file, with probabilities (p) and times (sec)"
     add("--format", choices=("text", "json", "yaml"), default="text", help=text)
     parser.set_defaults(run=print_statistics)
 

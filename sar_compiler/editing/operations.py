@@ -91,11 +91,11 @@ class EditedFile:
         """
         first, end = self.element(number), self.element(number if last is None else last)
         if first.offset not in self._places:
-            message = f"<{first.tag}> contains the whole file, and stays"
+            message = f"<{first.tag}> contains the whole file and cannot be moved or deleted"
             raise EditError(message)
         (parent, index), (other, behind) = (self._places[each.offset] for each in (first, end))
         if other is not parent or behind < index:
-            message = "these elements are no siblings. Choose neighbours below one parent"
+            message = "these elements are not adjacent siblings. Select adjacent children of one parent"
             raise EditError(message)
         return Siblings(parent, index, behind)
 

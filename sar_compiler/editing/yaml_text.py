@@ -273,9 +273,7 @@ class YamlText:
         dash = self._text.rfind("-", 0, self._extents[element.offset].start)
         line = self._line(dash)
         if dash < 0 or self._text[line:dash].strip(" "):
-            message = (
-                f"<{element.tag}> in line {element.line} has no line of its own. Run sar-compile format first"
-            )
+            message = f"<{element.tag}> in line {element.line} is not on a separate line. Run sar-compile format first"
             raise EditError(message)
         return line, self._text[line:dash]
 

@@ -25,7 +25,7 @@ def read_btlog(data: bytes) -> Recording:
     """
     at = len(MAGIC)
     if data[at : at + 1] != bytes([_VERSION]):
-        raise UnusableRecordingError(f"byte {at} is not the version {_VERSION}, the only one that is known")
+        raise UnusableRecordingError(f"byte {at} is not the version {_VERSION}, the only supported one")
     at += 1
     if len(data) < at + _LENGTH.size:
         raise UnusableRecordingError(f"it ends at byte {len(data)}, before its tree")

@@ -63,7 +63,7 @@ class Groot2Client:
             self._socket.connect(f"tcp://{address}")
         except zmq.ZMQError as error:
             self.close()
-            raise UnusableRecordingError(f"{address} is no HOST:PORT: {error.strerror}") from error
+            raise UnusableRecordingError(f"{address} is not HOST:PORT: {error.strerror}") from error
 
     def close(self) -> None:
         """Disconnect."""
@@ -88,7 +88,7 @@ class Groot2Client:
         """
         text = self._request(b"r", b"start")
         if not text.isdigit() or len(text) > len(str(2**53)):
-            raise UnusableRecordingError(f"{self._address} cannot record: it answers {text[:40]!r}")
+            raise UnusableRecordingError(f"{self._address} cannot record: it responds with {text[:40]!r}")
         return int(text) / 1e6
 
     def stop_recording(self) -> None:
@@ -124,7 +124,7 @@ class Groot2Client:
     def _unpack_exactly(self, data: bytes, size: int) -> bytes:
         if len(data) % size:
             raise UnusableRecordingError(
-                f"{self._address} answers {len(data)} bytes instead of entries of {size}"
+                f"{self._address} responds with {len(data)} bytes instead of entries of {size}"
             )
         return data
 
@@ -135,7 +135,7 @@ class Groot2Client:
             reply, *rest = self._socket.recv_multipart()
         except zmq.ZMQError as error:
             raise UnusableRecordingError(
-                f"no program answers at {self._address}. Start one with BehaviorTree.CPP's Groot2Publisher, and name its first port"
+                f"no program responds at {self._address}. Start one with BehaviorTree.CPP's Groot2Publisher, and name its first port"
             ) from error
         if reply == b"error":
             text = b"".join(rest).decode("utf-8", "replace")
@@ -144,7 +144,7 @@ class Groot2Client:
             )
         if len(reply) != _HEADER.size + _ID_BYTES or reply[1 : _HEADER.size] != header[1:] or len(rest) > 1:
             raise UnusableRecordingError(
-                f"{self._address} does not answer by Groot2's protocol, version {_VERSION}"
+                f"{self._address} does not use Groot2's protocol, version {_VERSION}"
             )
         if self._id not in (b"", reply[_HEADER.size :]):
             raise UnusableRecordingError(

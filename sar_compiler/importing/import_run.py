@@ -207,7 +207,7 @@ def _add_autoremap(
     write_text(place, write_xml(exported.with_autoremap().without_models_of(palette)))
     if _count_unwritten(place, projects) < unwritten:
         recording.flaws.append(
-            "its tree does not say which subtrees have _autoremap. It is assumed for all, because one reads a key that no node in it writes"
+            "its tree does not show which subtrees have _autoremap. It is assumed for all, because one of them reads a key that none of its nodes writes"
         )
     else:
         as_exported.replace(place)

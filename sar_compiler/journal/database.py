@@ -344,7 +344,7 @@ class JournalFile:
         ]
         if strange:
             kind, name = strange[0]
-            return f"{self.path} contains a part that no journal has, the {kind} {name!r}. It is not read"
+            return f"{self.path} contains the {kind} {name!r}, which does not belong to a journal. It is not read"
         return ""
 
     @contextmanager

@@ -78,7 +78,9 @@ def _of_robot(state: MissionState) -> Iterator[OpenTask]:
     if now.word == LOST or (now.word == CRASHED and state.goals) or (run.ending and state.goals):
         yield OpenTask(ERROR, _STOP_BUTTON)
     elif now.word == CRASHED:
-        yield OpenTask(ERROR, "Have the mission resumed, or fetch the robot: its program has crashed")
+        yield OpenTask(
+            ERROR, "Ask an engineer to resume the mission, or fetch the robot: its program has crashed"
+        )
     elif run.ending and run.status and (end := _missed_end(state)):
         yield OpenTask(WARNING, f"Fetch the robot: it has not reached {end.name}", *_position_text(end))
     elif now.word == PAUSED:
@@ -87,7 +89,7 @@ def _of_robot(state: MissionState) -> Iterator[OpenTask]:
         yield OpenTask(ERROR, "Check where the robot is, and correct its position on the robot's computer")
     elif now.word == WAITING:
         # The details after the colon name nodes, and are for engineers.
-        yield OpenTask(WARNING, f"Have the cause of the wait removed: {now.reason.partition(': ')[0]}")
+        yield OpenTask(WARNING, f"Ask an engineer to end the wait: {now.reason.partition(': ')[0]}")
 
 
 def _is_over(state: MissionState) -> bool:

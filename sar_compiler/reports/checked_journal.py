@@ -94,7 +94,7 @@ def _chain_verdict(chain: "JournalChain", expected: str | None, *, is_written: b
     """Return the state of a chain, with its description."""
     has = f"{chain.entries:,} entries in {count_with_noun(chain.runs, 'run')}"
     if chain.wrong is not None:
-        why = "it was changed, or entries before it were removed, moved or put in"
+        why = "it was changed, or entries before it were removed, moved or inserted"
         return (
             "altered",
             f"was altered: {_wrong_text(chain.wrong)} does not match the entries before it: {why}",

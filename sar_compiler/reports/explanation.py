@@ -218,7 +218,7 @@ def candidate_trees(
     about: Mapping[str, Any] = state.runs[-1].about
     file = tree_file or about.get("tree_file")
     if file is None:
-        raise GoneTreeError("the journal does not say in which file the tree is")
+        raise GoneTreeError("the journal does not name the file of the tree")
     path = Path(str(file))
     if not is_file(path):
         raise GoneTreeError(f"{path} does not exist")

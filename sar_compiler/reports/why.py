@@ -770,7 +770,7 @@ def difference_text(difference: RunDifference | None, names: tuple[str, str]) ->
     lines = [f"The runs are equal in {difference.step} changes of status. Then:"]
     for name, cause in zip(names, (difference.here, difference.there), strict=True):
         lines.append(
-            f"  {escape_to_one_line(name)}: {_status_line(cause) if cause is not None else 'nothing more, because it had ended'}"
+            f"  {escape_to_one_line(name)}: {_status_line(cause) if cause is not None else 'nothing more, because the run had ended'}"
         )
     return "\n".join(lines)
 

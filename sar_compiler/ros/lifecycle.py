@@ -159,7 +159,7 @@ class LifecycleState(PolledService):
         """Query if due or if the response is older than *since*; describe the last state, None if it was `active`."""
         if not self.query(since):
             there = ros_graph(self._node).query(Endpoint("node", self.name)).hint
-            return f"node {self.name}: not there (no service {self._service}){there}"
+            return f"node {self.name}: missing (no service {self._service}){there}"
         if self.state is None:
             late = f" for {self.deadline_sec:g} s" if self.is_silent else ""
             return f"node {self.name}: {self._service} has not answered{late}"

@@ -292,7 +292,7 @@ class Nav2Check(Requirement):
         if {state, *states.values()} == {"unconfigured"} and not self._log.quote():
             call = self._node.resolve_service_name(f"{MANAGER}/manage_nodes")
             return (
-                f"; {MANAGER} has not started Nav2 up (autostart is off): "
+                f"; {MANAGER} has not started Nav2 (autostart is off): "
                 f'ros2 service call {call} nav2_msgs/srv/ManageLifecycleNodes "{{command: 0}}"'
             )
         stuck, what = _failed_bringup({**states, self._lifecycle.name: state}, self._log.failed_change())
@@ -301,7 +301,7 @@ class Nav2Check(Requirement):
         if self._robot.localisation_conflict():
             pose = ""
         return (
-            f"; {MANAGER} has given up starting Nav2, {stuck} {what}{f' ({said})' if said else ''}. Restart "
+            f"; {MANAGER} has stopped starting Nav2: {stuck} {what}{f' ({said})' if said else ''}. Restart "
             f"Nav2{pose if (stuck, what) == _WAITS_FOR_POSE else ''}"
         )
 

@@ -97,7 +97,7 @@ def _in_tag(text: str, place: int) -> XmlFault | None:
         start = near + ampersands.start()
         end = start + len(ampersands[1])
         end += text[end : end + 1] == "&"
-        return XmlFault("an & is written &amp; in XML", start, end, "&amp;" * (end - start))
+        return XmlFault("write & as &amp; in XML", start, end, "&amp;" * (end - start))
     value = _OPEN_VALUE.search(before)
     if text[place : place + 1] == "<" and value is not None:
         return _in_value(text, place, tag + value.start(1))
@@ -156,14 +156,12 @@ def _in_value(text: str, place: int, quote: int) -> XmlFault:
     value = text[quote:place].rstrip(" \t")
     if value.rstrip().endswith((">", "/")) or value.endswith("\n") or text.startswith("</", place):
         return XmlFault("the value that begins here has no closing quotation mark", quote, quote + 1)
-    return XmlFault("a < in a value is written &lt; in XML", place, place + 1, "&lt;")
+    return XmlFault("write < as &lt; in a value", place, place + 1, "&lt;")
 
 
 def _find_undefined_entity(text: str, place: int) -> XmlFault | None:
     for entity in _ENTITY.finditer(text, place):
         if entity[1] not in _BUILT_IN:
-            message = (
-                f"XML does not know '{entity[0]}'; an & is written &amp;, other characters as themselves"
-            )
+            message = f"XML does not know '{entity[0]}'; write & as &amp;, and all other characters unchanged"
             return XmlFault(message, entity.start(), entity.end())
     return None

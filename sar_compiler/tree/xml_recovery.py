@@ -251,7 +251,7 @@ def _loose(source: Source, start: int, end: int) -> Diagnostic:
             message, hint = "a comment begins inside another comment", "end the first one with -->"
     elif named is not None:
         message, end = f"XML does not know '{named[0]}': {_TOLD}", named.end()
-        hint = "an & is written &amp;, other characters as themselves"
+        hint = "write & as &amp;, and all other characters unchanged"
     else:
         what = "an &" if raw != "<" else "a <"
         message, suggestion = f"{what} is written {_replacement(raw[:1])} in XML: {_TOLD}", _replacement(raw)

@@ -293,7 +293,7 @@ def test_a_subtree_that_would_mean_something_else_is_not_inlined(ports, reason):
         ("move", {"element": 2, "parent": 3, "index": 0}, "<Sequence> cannot be moved into itself"),
         ("move", {"element": 0, "parent": 3, "index": 0}, "<root> contains the whole file"),
         ("move", {"element": 3, "parent": 2, "index": 3}, "has 2 children, and no place 3"),
-        ("wrap", {"element": 4, "tag": "A", "last": 3}, "no siblings"),
+        ("wrap", {"element": 4, "tag": "A", "last": 3}, "not adjacent siblings"),
         ("unwrap", {"element": 3}, "<A> has no children. Delete it instead"),
         ("delete", {"element": 9}, "there is no element 9"),
         ("inline", {"element": 3}, "<A> ticks no tree of this file"),

@@ -111,7 +111,7 @@ def test_a_program_with_groot2s_publisher_is_followed_from_the_statuses_that_it_
 
 
 def test_a_missing_program_is_reported_with_the_class_that_serves_the_protocol():
-    with pytest.raises(UnusableRecordingError, match=r"no program answers at .*Groot2Publisher"):
+    with pytest.raises(UnusableRecordingError, match=r"no program responds at .*Groot2Publisher"):
         Groot2Source(f"127.0.0.1:{free_port()}")
 
 

@@ -144,7 +144,7 @@ def test_a_pause_is_ended_by_the_command_of_that_role():
 
 def test_what_a_mission_waits_for_is_named():
     assert texts(mission(phase=MissionPhase("waiting", "Nav2 is not active"))) == [
-        "Have the cause of the wait removed: Nav2 is not active"
+        "Ask an engineer to end the wait: Nav2 is not active"
     ]
 
 
@@ -169,7 +169,7 @@ def test_a_robot_that_may_be_driving_alone_is_stopped_at_its_button(process):
 def test_a_crash_without_a_goal_asks_for_a_person_and_not_for_the_button():
     state = mission()
     state.process = RunProcess(is_gone=True)
-    assert texts(state) == ["Have the mission resumed, or fetch the robot: its program has crashed"]
+    assert texts(state) == ["Ask an engineer to resume the mission, or fetch the robot: its program has crashed"]
 
 
 def test_errors_come_before_warnings():

@@ -351,7 +351,7 @@ class TestTheFirstDifference:
         difference = first_difference(short, long)
         assert difference is not None and difference.there  # noqa: PT018
         assert (difference.here, difference.there.status) == (None, "SUCCESS")
-        assert "nothing more, because it had ended" in difference_text(difference, ("a", "b"))
+        assert "nothing more, because the run had ended" in difference_text(difference, ("a", "b"))
 
 
 class TestTheCommand:

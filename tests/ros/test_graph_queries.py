@@ -292,8 +292,8 @@ class TestNamespaces:
         robots.lines(
             self.ready(mission, *self.USES),
             NO_POSE,
-            "node amcl: not there (no service /amcl/get_state); there is /tb1/amcl",
-            "node bt_navigator: not there (no service /bt_navigator/get_state); there is /tb1/bt_navigator",
+            "node amcl: missing (no service /amcl/get_state); there is /tb1/amcl",
+            "node bt_navigator: missing (no service /bt_navigator/get_state); there is /tb1/bt_navigator",
             "action navigate_to_pose: no server; there is /tb1/navigate_to_pose",
             "run with `--ros-args -r __ns:=/tb1`",
         )

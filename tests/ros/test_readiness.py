@@ -356,7 +356,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'inactive', must be 'active'; lifecycle_manager_navigation has given up starting Nav2, planner_server failed to activate. Restart Nav2, and give the initial pose within its "
+            "node bt_navigator: state 'inactive', must be 'active'; lifecycle_manager_navigation has stopped starting Nav2: planner_server failed to activate. Restart Nav2, and give the initial pose within its "
             "initial_transform_timeout",
         )
 
@@ -379,7 +379,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has given up starting Nav2, {failed}. Restart Nav2",
+            f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has stopped starting Nav2: {failed}. Restart Nav2",
         )
 
     @pytest.mark.parametrize(
@@ -414,7 +414,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has given up starting Nav2, {failed}. Restart Nav2",
+            f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has stopped starting Nav2: {failed}. Restart Nav2",
         )
 
     @pytest.mark.parametrize(
@@ -432,7 +432,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: not there (no service /bt_navigator/get_state): lifecycle_manager_navigation waits for "
+            "node bt_navigator: missing (no service /bt_navigator/get_state): lifecycle_manager_navigation waits for "
             "bt_navigator, whose process was not started or has crashed. Restart Nav2",
         )
 
@@ -458,7 +458,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'unconfigured', must be 'active'; lifecycle_manager_navigation has given up starting Nav2, "
+            "node bt_navigator: state 'unconfigured', must be 'active'; lifecycle_manager_navigation has stopped starting Nav2: "
             'controller_server failed to configure (controller_server: "Failed to create controller. No plugin."). '
             "Restart Nav2",
         )
@@ -513,8 +513,8 @@ class TestNav2:
 
     def test_names_the_nodes_that_are_not_there(self, ros: Ros) -> None:
         assert missing(ros, readiness(ros.node(), Use.nav2(), initial_pose=None)) == [
-            "node amcl: not there (no service /amcl/get_state)",
-            "node bt_navigator: not there (no service /bt_navigator/get_state)",
+            "node amcl: missing (no service /amcl/get_state)",
+            "node bt_navigator: missing (no service /bt_navigator/get_state)",
         ]
 
     def test_if_no_node_of_it_is_there_the_message_names_the_simulator(self, ros: Ros) -> None:
@@ -539,8 +539,8 @@ class TestNav2:
         assert pose.startswith("topic amcl_pose (/robot3/amcl_pose): no response to the initial pose (")
         assert pose.endswith(", and no node subscribes to initialpose (/robot3/initialpose)")
         assert nodes == [
-            "node amcl: not there (no service /robot3/amcl/get_state)",
-            "node bt_navigator: not there (no service /robot3/bt_navigator/get_state)",
+            "node amcl: missing (no service /robot3/amcl/get_state)",
+            "node bt_navigator: missing (no service /robot3/bt_navigator/get_state)",
         ]
 
     def test_in_a_namespace_shows_the_full_name_of_a_node_that_is_not_active(self, ros: Ros) -> None:

@@ -157,7 +157,7 @@ class ProbabilityGraph:
                 better if turn != _FEW_ROUNDS else self._initial_policy(goal | left_out, values, sign)
             )
             values = self._reach(goal, probabilities, left_out)
-        raise UndecidableError(f"no bound of a probability was found in {_MOST_ROUNDS} rounds")
+        raise UndecidableError(f"the bounds of a probability did not converge in {_MOST_ROUNDS} rounds")
 
     def _interior_probabilities(self) -> Reals:
         """Return probabilities of the outcomes at each place that are within their bounds, and positive if possible."""

@@ -253,7 +253,7 @@ def test_a_derivative_is_what_a_little_more_of_a_chance_brings():
 
 def test_what_may_be_no_bound_yet_is_not_told(monkeypatch):
     monkeypatch.setattr(weighed_graph, "_MOST_ROUNDS", 1)
-    with pytest.raises(UndecidableError, match="no bound of a probability was found in 1 round"):
+    with pytest.raises(UndecidableError, match="the bounds of a probability did not converge in 1 round"):
         predicted("<Fallback><A/><B/></Fallback>", "B: [{outcome: SUCCESS, p: 0.8}]")
 
 
