@@ -40,7 +40,7 @@ _MORE_TIME, _MORE_MEMORY = 0.2, 0.5
 
 
 def work_for(files: int) -> int:
-    """Return the work for trying the runs of each of so many files; it depends neither on their order nor on the processors."""
+    """Return the work for trying the runs of each of some files, which depends only on their number."""
     return min(WORK, max(WORK * _FILES_TRIED // max(files, 1), WORK // 16))
 
 

@@ -139,7 +139,7 @@ def print_error(text: str) -> None:
 
 
 def print_note(text: str) -> None:
-    """Report a surprise that is not an error on standard error."""
+    """Print a note about something unexpected that is not an error on standard error."""
     print_error(f"note: {text}")
 
 

@@ -1,6 +1,6 @@
 """A leaf whose outcomes a policy chooses, instead of a real leaf.
 
-Its only state is py_trees' status. Answers change facts: entries of a board beside the tree's, so scripts and snapshots work
+Its only state is py_trees' status. Outcomes change facts: entries of a board beside the tree's, so scripts and snapshots work
 on them as on any entry.
 """
 

@@ -117,7 +117,7 @@ _node_types: "WeakKeyDictionary[Registry, dict[str, _NodeType | None]]" = WeakKe
 
 
 def is_surely_accepted(tree_file: TreeFile, registry: Registry, described: Iterable[NodeSpec] = ()) -> bool:
-    """Return True if the schema certainly accepts a file; False says nothing.
+    """Return True if the schema certainly accepts a file; False means that this is unknown.
 
     Args:
         tree_file: The file.

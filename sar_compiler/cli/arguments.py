@@ -250,7 +250,7 @@ def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[Pro
 
 
 def report_findings(findings: "Sequence[Diagnostic]") -> int:
-    """Print findings on standard error, each location as in `validate --all`; return the exit status: that of findings for errors."""
+    """Print findings on standard error, each location as in `validate --all`; return the exit status for the errors."""
     from sar_compiler.terminal import findings_as_text
     from sar_compiler.tree.diagnostic import Severity
 

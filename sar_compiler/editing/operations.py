@@ -84,7 +84,7 @@ class EditedFile:
         return next(index for index, each in enumerate(self.elements) if each is element)
 
     def siblings(self, number: int, last: int | None = None) -> Siblings:
-        """Return an element, or those up to another one, as children of their parent.
+        """Return an element and its following siblings up to another one, as children of their parent.
 
         Raises:
             EditError: If it is the root element, or the other one is no later sibling.
@@ -114,7 +114,7 @@ class EditedFile:
 
 
 def move(file: EditedFile, element: int, parent: int, index: int) -> list[TextEdit]:
-    """Move an element to a position among the children of another one, counted before it has moved.
+    """Move an element to a position among the children of another one; positions are counted before the move.
 
     Raises:
         EditError: If the other one is in it.
@@ -146,14 +146,14 @@ def wrap(
     attributes: Mapping[str, str] | None = None,
     last: int | None = None,
 ) -> list[TextEdit]:
-    """Put an element, or those from it up to another one, into a new one."""
+    """Wrap an element, or consecutive siblings, in a new element."""
     first, end = file.siblings(element, last).ends
     lines = file.text.wrap(synthetic_element(tag, attributes), file.text.copy(first, end))
     return file.text.replace(first, end, lines)
 
 
 def unwrap(file: EditedFile, element: int) -> list[TextEdit]:
-    """Put the children of an element in its place.
+    """Replace an element by its children.
 
     Raises:
         EditError: If it has none.
@@ -179,7 +179,7 @@ def duplicate(file: EditedFile, element: int) -> list[TextEdit]:
 
 
 def extract(file: EditedFile, element: int, tree: str) -> list[TextEdit]:
-    """Move an element into a new tree, and tick that tree in its place, with the same keys.
+    """Move an element into a new tree, and replace it by a `SubTree` of that tree with the same keys.
 
     Raises:
         EditError: If there is such a tree, or the element uses private keys.
@@ -209,7 +209,7 @@ def extract(file: EditedFile, element: int, tree: str) -> list[TextEdit]:
 
 
 def inline(file: EditedFile, element: int) -> list[TextEdit]:
-    """Put a copy of the content of a subtree in the place of the node that ticks it.
+    """Replace a `SubTree` node by a copy of its tree's content.
 
     Raises:
         EditError: If the tree is not in this file, or its keys cannot be written in place of its ports.
@@ -228,7 +228,7 @@ def inline(file: EditedFile, element: int) -> list[TextEdit]:
 
 
 def set_attribute(file: EditedFile, element: int, name: str, value: str | None = None) -> list[TextEdit]:
-    """Give an attribute a value, or with None remove it."""
+    """Set the value of an attribute; None removes the attribute."""
     return file.text.set_attribute(file.element(element), name, value)
 
 
@@ -271,7 +271,7 @@ def edits_of(tree_file: TreeFile, operation: str, /, **arguments: Any) -> list[T
 
 
 def _without_brackets(tree_file: TreeFile, operation: str, arguments: Mapping[str, Any]) -> TreeFile:
-    """Return a file in which the elements of an operation have lines of their own; in YAML they may be between brackets."""
+    """Return a file in which the elements of an operation are on separate lines; in YAML they may be between brackets."""
     if tree_file.source.form is Form.XML or operation == set_attribute.__name__:
         return tree_file
     names = [
@@ -293,7 +293,7 @@ def _without_brackets(tree_file: TreeFile, operation: str, arguments: Mapping[st
 
 
 def _separate_elements(file: EditedFile, element: Element, operation: str) -> Iterator[Element]:
-    """Yield an element, and others that have to have lines of their own for an operation on it."""
+    """Yield an element, and the others that must be on separate lines for an operation on it."""
     yield element
     if operation == inline.__name__:
         for tree in file.tree_file.trees:
@@ -324,7 +324,7 @@ def _scripts(element: Element) -> Iterator[str]:
 
 
 def _ports(call: Element, tree: Element, around: Element) -> dict[str, str]:
-    """Return the text in place of each key in braces when a subtree's content is written in its place.
+    """Return the replacement of each key in braces when a subtree is replaced by its content.
 
     Raises:
         EditError: If a key would have another meaning there.
@@ -404,7 +404,7 @@ def refactorings_at(tree_file: TreeFile, number: int) -> list[Refactoring]:
 
 
 def _free_name(tree_file: TreeFile, name: str) -> str:
-    """Return a name like one that no tree of a file has."""
+    """Return a tree name that the file does not use yet, similar to a given one."""
     taken = {each.attributes.get("ID") for each in tree_file.trees}
     plain = re.sub(r"[^\w.-]", "", name) or "Part"
     names = itertools.chain([plain], (f"{plain}{number}" for number in itertools.count(2)))

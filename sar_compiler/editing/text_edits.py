@@ -36,7 +36,7 @@ def apply_edits(text: str, edits: Iterable[TextEdit]) -> str:
 
 
 def inverse_edits(text: str, edits: Iterable[TextEdit]) -> list[TextEdit]:
-    """Return the edits that lead back from the edited text to the original one."""
+    """Return the edits that restore the original text from the edited one."""
     inverse, growth = [], 0
     for edit in sorted(edits):
         start = edit.start + growth

@@ -186,7 +186,7 @@ class XmlText:
         return [TextEdit(block.start, block.end, "")]
 
     def set_attribute(self, element: Element, name: str, value: str | None) -> list[TextEdit]:
-        """Return the edits that give an attribute a value, or with None remove it."""
+        """Return the edits that set an attribute's value; None removes the attribute."""
         places = self._source.attribute(element, name)
         if places is not None and value is None:
             start = len(self._text[: places[0]].rstrip())

@@ -225,7 +225,7 @@ class YamlText:
         return [TextEdit(start, self._end(element), "")]
 
     def set_attribute(self, element: Element, name: str, value: str | None) -> list[TextEdit]:
-        """Return the edits that give an attribute a value, or with None remove it."""
+        """Return the edits that set an attribute's value; None removes the attribute."""
         extent = self._extents[element.offset]
         places = self._source.attribute(element, name)
         if value is None:

@@ -81,7 +81,7 @@ class Groot2Client:
             raise UnusableRecordingError(f"the tree at {self._address} is not UTF-8") from error
 
     def start_recording(self) -> float:
-        """Start to record the changes of status; return the time from which they are measured, in seconds since 1970.
+        """Start recording status changes; return the time from which they are measured, in seconds since 1970.
 
         Raises:
             UnusableRecordingError: If no program answers, or not with a time.
@@ -92,7 +92,7 @@ class Groot2Client:
         return int(text) / 1e6
 
     def stop_recording(self) -> None:
-        """Stop to record.
+        """Stop recording.
 
         Raises:
             UnusableRecordingError: If no program answers.

@@ -605,7 +605,7 @@ class JournalFile:
                 self._connection.text_factory = str
 
     def spilled_count(self) -> int:
-        """Return how many events are in the reserve beside it, and not yet in the chain."""
+        """Return the number of events in the reserve that are not in the chain yet."""
         with self._limit_reading():
             counts = "SELECT (SELECT count(*) FROM fact) - (SELECT count(*) FROM main.fact)"
             return int(self._connection.execute(counts).fetchone()[0])

@@ -1,8 +1,8 @@
 """The language server: its open files, their checks, and the messages to the editor.
 
-Texts are processed in order. A check runs in a thread of its own, one at a time and within a budget. Each change is answered
-at once with the findings so far, moved with the text, and again after the check. A request that the editor cancels ends, with
-the process that it has started.
+Texts are processed in order. A check runs in a separate thread, one at a time and within a budget. After each change the server
+sends the findings so far at once, moved with the text, and the new findings after the check. When the editor cancels a request,
+the process that the request has started ends as well.
 """
 
 import asyncio
@@ -511,7 +511,7 @@ class TreeServer(LanguageServer):
         number = self.protocol.msg_id
         request = None if number is None else self.protocol._request_futures.get(number)  # noqa: SLF001
         if request is not None:
-            # pygls cancels the answer to the request, but not its computation.
+            # pygls cancels the response to the request, but not its computation.
             request.add_done_callback(lambda _: _kill(process))
         output, _ = await process.communicate(file.text.encode())
         said = output.decode("utf-8", "replace").strip().replace("<stdin>", str(file.path))

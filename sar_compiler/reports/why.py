@@ -286,7 +286,7 @@ class FailureAnalysis:
         return [*self._stalled_leaf(), ended]
 
     def _stalled_leaf(self) -> list[NodeStatus]:
-        """Return the leaf that ran for most of the run at its end, after the results because of which it ran."""
+        """Return the leaf that ran at the end, if it did for most of the run, after the results that led to it."""
         run, now, ends = self.state.runs[-1], self.state.now.wall, self._explained.ends
         # In a journal the end of a run has no time of the mission's clock.
         enough = _MOST_OF_IT * (now - run.began.wall)
@@ -489,18 +489,18 @@ class _ExplainedFailure:
         return found
 
     def _explain(self) -> None:
-        chain, causes = [], []
+        chain, found = [], []
         waiting = [(0, 0)]
         while waiting:
             number, depth = waiting.pop()
             chain.append(self.last_end(number)._replace(depth=depth))
             causes = self.ends.causes.get(number, [])
             if not causes:
-                causes.append(chain[-1])
+                found.append(chain[-1])
             waiting += [(child, depth + 1) for child in reversed(causes)]
-        self.chain, self.causes = tuple(chain), tuple(causes)
+        self.chain, self.causes = tuple(chain), tuple(found)
         before = {
-            cause.node: self.earlier_failed_nodes(cause.node) for cause in causes if cause.node is not None
+            cause.node: self.earlier_failed_nodes(cause.node) for cause in found if cause.node is not None
         }
         self.second_ways = frozenset(number for number, ways in before.items() if ways)
         self.responses = self.second_ways & self._kinds.constant

@@ -158,7 +158,7 @@ def _is_kept(value: object, kind: type, held: object) -> bool:
 
 
 class UnsetBlackboard(Behaviour):
-    """Removes an entry of its own tree instance; entries of other instances stay.
+    """Removes an entry of the node's tree instance; entries of other instances stay.
 
     py_trees' UnsetBlackboardVariable does not support scopes.
 

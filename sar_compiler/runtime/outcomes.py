@@ -14,7 +14,7 @@ Fact: TypeAlias = bool | int | float | str
 
 
 class ReturnedStatus(enum.Enum):
-    """An outcome of a tick, as chosen by an attribute of a tree file."""
+    """A status that a tick returns, as named in an attribute of a tree file."""
 
     SUCCESS = "SUCCESS"
     FAILURE = "FAILURE"
@@ -32,7 +32,7 @@ class ReturnedStatus(enum.Enum):
 
 
 STATUSES = tuple(ReturnedStatus.__members__)
-"""The statuses of an outcome, the most common ones first."""
+"""The possible statuses, the most common ones first."""
 
 
 @dataclass(frozen=True)

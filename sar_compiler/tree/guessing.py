@@ -148,7 +148,7 @@ class Guesses:
         self._left = MOST_COMPARED
 
     def nearest(self, word: str, known: Collection[str], least: float = LIKE) -> str | None:
-        """Return the word that was probably intended, as `nearest`; None if there are too many to compare."""
+        """Return the word that was probably intended, like `nearest`; None if there are too many to compare."""
         if len(known) > self._left:
             return None
         self._left -= len(known)

@@ -63,7 +63,7 @@ class ReplayFeed:
     def __init__(self, replay: Replay, hello: dict[str, object]) -> None:
         self._replay = replay
         self._hello = {**hello, "mode": "replay", "end": replay.end}
-        # One request after the other, in parallel with other answers.
+        # Requests are processed one after the other, and in parallel with the server's other work.
         self._reader = ThreadPoolExecutor(1, "replay")
         self._pages = 0
         self._ended = False

@@ -89,7 +89,7 @@ class CommandHandler(Protocol):
             giver: The sender, and the robot.
 
         Returns:
-            Whether it was accepted, and the answer; if the call is cancelled, it is not carried out.
+            Whether it was accepted, and the response; if the call is cancelled, the command is not carried out.
 
         Raises:
             SarError: If there is no such command, or a value is wrong.
@@ -100,7 +100,7 @@ class PageQuery(NamedTuple):
     """A query about a run for engineers on the page.
 
     Attributes:
-        ask: Returns the answer as JSON values, in a thread of its own; raises a `SarError` for an impossible query.
+        ask: Returns the result as JSON values, in a separate thread; raises a `SarError` for an impossible query.
         is_free: Whether no token is needed, because it changes nothing.
     """
 
@@ -109,7 +109,7 @@ class PageQuery(NamedTuple):
 
 
 Tools = Mapping[str, PageQuery]
-"""The tools of a page, by their names. The answer of `report` is a complete page."""
+"""The tools of a page, by their names. The response of `report` is a complete page."""
 
 
 def page_app(
@@ -254,7 +254,7 @@ def static_response(name: str, content: bytes) -> Response:
 
 
 async def refuse(_: Request, error: Exception) -> Response:
-    """Return the answer to a request that is refused."""
+    """Return the response to a request that is refused."""
     status = error.status_code if isinstance(error, HTTPException) else 500
     return PlainTextResponse("page not found\n" if status == 404 else "not like this\n", status)  # noqa: PLR2004
 
@@ -301,7 +301,7 @@ async def _give_order(
 
 
 def guard(app: ASGIApp) -> ASGIApp:
-    """Rejects requests from other origins, and restricts by headers how a browser may use an answer.
+    """Rejects requests from other origins, and restricts by headers how a browser may use a response.
 
     Args:
         app: The protected application.
@@ -373,7 +373,7 @@ class _Protocol(H11Protocol):
 
     def _watch(self) -> None:
         """Start the time limit of a request's head at its first byte."""
-        if self.cycle is not self._answered:  # the head is complete, and is being answered
+        if self.cycle is not self._answered:  # the head is complete, and the request is in progress
             self._answered = self.cycle
             self._disconnect()
         elif self._deadline is None and (self.cycle is None or self.cycle.response_complete):

@@ -169,7 +169,9 @@ def test_a_robot_that_may_be_driving_alone_is_stopped_at_its_button(process):
 def test_a_crash_without_a_goal_asks_for_a_person_and_not_for_the_button():
     state = mission()
     state.process = RunProcess(is_gone=True)
-    assert texts(state) == ["Ask an engineer to resume the mission, or fetch the robot: its program has crashed"]
+    assert texts(state) == [
+        "Ask an engineer to resume the mission, or fetch the robot: its program has crashed"
+    ]
 
 
 def test_errors_come_before_warnings():

@@ -67,9 +67,15 @@ def test_a_control_has_no_answers():
 @pytest.mark.parametrize(
     ("said", "message"),
     [
-        ({"outcomes": ["SUCCESS"]}, "outcomes contains the string 'SUCCESS'; write Status.SUCCESS, or Outcome"),
+        (
+            {"outcomes": ["SUCCESS"]},
+            "outcomes contains the string 'SUCCESS'; write Status.SUCCESS, or Outcome",
+        ),
         ({"outcomes": Outcome("SUCCESS")}, "write a list or tuple"),
-        ({"outcomes": [Outcome("SUCESS")]}, "the status the string 'SUCESS'; a status is one of SUCCESS, FAILURE, RUNNING, SKIPPED"),
+        (
+            {"outcomes": [Outcome("SUCESS")]},
+            "the status the string 'SUCESS'; a status is one of SUCCESS, FAILURE, RUNNING, SKIPPED",
+        ),
         ({"outcomes": [Outcome("SUCCESS"), Outcome("SUCCESS")]}, "outcomes contains 'SUCCESS' twice"),
         ({"facts": ["left"]}, "facts is .*; write names and initial values"),
         ({"facts": {"zones left": 1}}, "the string 'zones left' is not a valid fact name"),

@@ -130,10 +130,13 @@ def test_a_tag_is_any_name_of_xml(tag):
             {"kind": "leaf"},
             "<M>: kind is the string 'leaf'; write Kind.CONTROL or Kind.DECORATOR or Kind.ACTION or Kind.CONDITION",
         ),
-        ({"outcomes": {"SUCCESS"}}, "<M>: outcomes contains the string 'SUCCESS'; write Status.SUCCESS, or Outcome(\"SUCCESS\", \"label\")"),
+        (
+            {"outcomes": {"SUCCESS"}},
+            '<M>: outcomes contains the string \'SUCCESS\'; write Status.SUCCESS, or Outcome("SUCCESS", "label")',
+        ),
         (
             {"outcomes": [True]},
-            "<M>: outcomes contains True; write Status.SUCCESS, Status.FAILURE or Status.RUNNING, or Outcome(\"SUCCESS\", \"label\")",
+            '<M>: outcomes contains True; write Status.SUCCESS, Status.FAILURE or Status.RUNNING, or Outcome("SUCCESS", "label")',
         ),
         (
             {"outcomes": "SUCCESS"},

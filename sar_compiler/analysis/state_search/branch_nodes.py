@@ -139,8 +139,7 @@ class AloneNode(DecoratorNode):
 
 
 class AllNode(ParallelNode):
-    """A Parallel that needs all of its children. It has fewer of them than its behaviour, because neighbours were
-    joined."""
+    """A Parallel that needs all of its children, some of which were joined, so that its behaviour has more."""
 
     def threshold(self, port: str, wanted: int) -> int:  # noqa: ARG002 - it is that of more children
         """Return that all must succeed, and none may fail."""

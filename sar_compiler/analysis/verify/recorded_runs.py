@@ -268,7 +268,7 @@ class LostTick(NamedTuple):
 class _RecordPosition:
     """A position in a record, with the possible states and the previous results.
 
-        Args:
+    Args:
             states: The states that the run can be in.
             told: The recorded results up to here. Attributes: states, told: The same. after: The matching ways and the
     next position, for each content of a next tick that was looked up.

@@ -60,7 +60,7 @@ class Verification:
     """The result of verifying a tree.
 
     Attributes:
-        verdicts: The questions with their answers.
+        verdicts: The verdicts on all questions.
         states: The number of states found.
         steps: The number of steps between them: ticks, and parts of ticks that several ticks share.
         depth: The number of ticks in which all states are reached; if not all states were explored, the number of

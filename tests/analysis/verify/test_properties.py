@@ -129,7 +129,9 @@ def test_there_may_be_more_properties_than_a_word_has_bits():
 
 
 def test_an_end_can_be_something_else_than_the_end_of_the_root():
-    two_done = "facts: {done: 0}\noutcomes: {A: [{status: SUCCESS, when: done < 2, then: done += 1}, FAILURE]}"
+    two_done = (
+        "facts: {done: 0}\noutcomes: {A: [{status: SUCCESS, when: done < 2, then: done += 1}, FAILURE]}"
+    )
     properties = f"{two_done}\nproperties: {{p: {{at_end: done == 2}}}}\nend: "
     assert outcome(verified("<A/>", f"{properties} done == 2"), "p") is PROVED
     assert outcome(verified("<A/>", f"{properties} root == 'FAILURE'"), "p") is BROKEN
