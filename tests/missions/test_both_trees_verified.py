@@ -118,7 +118,7 @@ NEEDED = {
             .replace("<BroadcastSurvivorTF/>", "<IsSurvivorDetected/><BroadcastSurvivorTF/>")
             .replace("<KeepReport/>", "<AlwaysFailure/>")
         ),
-        "'no survivor' is said only after a search that found nobody",
+        "'no survivor' is logged only if the search found nobody",
     ),
     "the last attempt on a zone": (without('num_attempts="2"', 'num_attempts="-1"'), "every run ends"),
     "the last attempt on the way home": (without('num_attempts="5"', 'num_attempts="-1"'), "every run ends"),

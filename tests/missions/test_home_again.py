@@ -333,7 +333,7 @@ def test_a_charge_is_told_in_a_sentence() -> None:
     assert told == ["the battery, at 95%, suffices"]
 
 
-UNASKED = "no leg begins unless the robot comes home again"
+UNASKED = "no leg starts unless the battery suffices for the way home"
 # What the tree does before a leg, taken out, and what does not hold any more.
 NEEDED = {
     "the question before each leg": (
@@ -349,7 +349,7 @@ NEEDED = {
     "the wait after the last failure too": (
         '<AwaitCharge patience="15min"/>',
         '<ForceSuccess><AwaitCharge patience="15min"/></ForceSuccess>',
-        "no leg begins where it would hurt the reserve before the battery was charged",
+        "after a negative check, no leg starts before the battery is charged",
     ),
     "the drive to where it waits": (
         "<NavigateToCharge/>",

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.unmeasured
 
 PROPERTIES = Path("config/mission_properties.yaml")
 REPORTED = "a survivor found is reported or kept before the zone is left"
-NO_SURVIVOR = "'no survivor' is said only after a search that found nobody"
+NO_SURVIVOR = "'no survivor' is logged only if the search found nobody"
 REGISTRY = default_registry()
 
 
