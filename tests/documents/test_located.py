@@ -72,7 +72,7 @@ def test_several_missing_keys_of_a_mapping_are_one_finding():
         ("leaves: {A: }", "'A' is a mapping, a list or a string, but this is nothing", ""),
         (
             "ticks: '5'",
-            "'ticks' is an integer from 1 on, but 5 in quotes is a string",
+            "'ticks' is an integer of at least 1, but 5 in quotes is a string",
             "write 5, without quotes",
         ),
         (
