@@ -124,7 +124,7 @@ class EnergyModel:
             driven = self.prior.per_m * (reading.metres - since.metres)
             waited = self.prior.per_sec * (reading.sec - since.sec)
             used, expected = since.share - reading.share, driven + waited
-            # A reading that rose a little is compared when it has fallen again, or when the battery was charged.
+            # A reading that rose slightly is ignored until it has fallen again, or the battery was charged.
             if expected >= WINDOW_SHARE and used >= 0.0:
                 if used <= _MOST_TIMES * expected + _MOST_FALL:
                     self._add_observation(driven, waited, used)

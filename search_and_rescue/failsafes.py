@@ -187,7 +187,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         """Check the percentage."""
         self._silent_since = None
         share = battery_share(message)
-        if not self._is_limit_told:  # for the gauge
+        if not self._is_limit_told:  # the gauge shows it
             self._is_limit_told = True
             self.record.journal.record_observation(BATTERY, share=share, at_least=self.at_least)
         low = f"the battery is at {share:.0%}, below {self.at_least:.0%}"

@@ -477,7 +477,7 @@ class SimulationBuilder(Builder):
 
 
 class _Outputs:
-    """The keys that a leaf writes in a real run, in ports and within values.
+    """The keys that a leaf writes in a real run: those of ports, and those inside values such as `x: {key}`.
 
     The written values are unknown, unless the scripts of its outcomes define them.
 

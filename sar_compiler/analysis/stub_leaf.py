@@ -167,8 +167,8 @@ class StubLeaf(SkippableLeaf):
 
     Args:
         name: The node's name.
-        tag: The tag of the leaf that it replaces. outcomes: The possible outcomes of that leaf; no placeholders are
-        left in the scripts.
+        tag: The tag of the leaf that it replaces.
+        outcomes: The possible outcomes of that leaf; no placeholders are left in the scripts.
         variables: The variables of scripts: facts, and keys of the tree.
         enums: The names that stand for numbers.
 

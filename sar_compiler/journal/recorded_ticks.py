@@ -77,7 +77,7 @@ class TickLog(TickSource):
         self.count = len(nodes)
         self._nodes, self._start = nodes, 0.0
         self._numbers, self._times = array("q"), array("d")
-        # The number of the content of each tick, and the contents by their numbers.
+        # Ticks with equal content share it: the number of each tick's content, and the contents by number.
         self._contents = array("q")
         self._known: dict[_TickContent, int] = {}
         self._by_number: list[_TickContent] = []

@@ -455,7 +455,7 @@ def _did_you_mean(name: str, allowed: tuple[str, ...]) -> str:
 SETTLE_SEC = 5.0
 """Longest wait for the goals of a halted tree to end: Nav2 brakes, and responds late on a busy machine."""
 BLOCKED_TICK_SEC = 10.0
-"""How long a leaf may block the tick before the goals are cancelled: as long as a supervisor waits."""
+"""How long a leaf may block the tick before the goals are cancelled; equal to a supervisor's limit."""
 
 # The range that a timer and a tick can handle; other values are regarded as typos.
 _FASTEST_TICK_HZ = 1000.0

@@ -467,7 +467,7 @@ class _ExplainedFailure:
         ]
 
     def results_leading_to(self, number: int) -> list[int]:
-        """Return the results because of which a running node was ticked instead of another."""
+        """Return the results that led to the tick of a running node instead of another one."""
         found: list[int] = []
         above: int | None = number
         while above is not None:

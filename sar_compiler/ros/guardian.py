@@ -123,7 +123,7 @@ class Guardian(RunExtension):
         self._minder.start()
 
     def _write(self, *words: str) -> None:
-        with suppress(OSError, ValueError):  # a replaced guardian is sent the active goals
+        with suppress(OSError, ValueError):  # the guardian's replacement receives the active goals
             os.write(self._pipe.fileno(), f"{' '.join(words)}\n".encode())
 
     def _wait_for_end(self) -> None:

@@ -60,7 +60,7 @@ class PacedExecutor(SingleThreadedExecutor):
             try:
                 handler, _, _ = self.wait_for_ready_callbacks(self._remaining, None, self._is_over)
             except TimeoutException:
-                # The time-out of an interrupted round dates from then.
+                # The time-out of an interrupted round was computed at that time.
                 if time.monotonic() >= deadline:
                     return
             except (ConditionReachedException, ShutdownException):

@@ -85,7 +85,7 @@ LEVELS = (
 )
 """The looks by the numbers of `Level`."""
 FOUND = LevelStyle("found", "warning", "!")
-"""The look of a detection to which a person must go; its sign is shown only until it is finished."""
+"""The look of a detection that a person must visit; its sign is shown until the visit is complete."""
 _DONE, _GIVEN_UP = 2, 3
 
 MARKS: Mapping[str, str] = {

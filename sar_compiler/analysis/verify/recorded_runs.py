@@ -269,9 +269,12 @@ class _RecordPosition:
     """A position in a record, with the possible states and the previous results.
 
     Args:
-            states: The states that the run can be in.
-            told: The recorded results up to here. Attributes: states, told: The same. after: The matching ways and the
-    next position, for each content of a next tick that was looked up.
+        states: The states that the run can be in.
+        told: The recorded results up to here.
+
+    Attributes:
+        states, told: The same.
+        after: The matching ways and the next position, for each content of a next tick that was looked up.
     """
 
     def __init__(self, states: frozenset[bytes], told: ObservedPrefix) -> None:

@@ -40,7 +40,7 @@ def recovery(bound: NodeView, children: Sequence[int], sure: bool) -> int:
 def pipeline(bound: NodeView, children: Sequence[int], sure: bool) -> int:
     """Return the possible outcomes of a node that re-ticks all children up to the furthest one reached."""
     if sure:
-        # For children after a branch it is unknown whether it lets them end: it is not reset in between.
+        # A branch is not reset between ticks, so it is unknown whether the children after it can end.
         leaves = [child.is_leaf for child in bound.children]
         known = leaves.index(False) + 1 if False in leaves else len(children)
         children = [*children[:known], *[0] * (len(children) - known)]

@@ -202,7 +202,7 @@ class NonblockingNode(InTurnNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """Run if a child does, else succeed."""
+        """Return RUNNING if a child runs, else SUCCESS."""
         if not ticker.cells[self.runs]:
             return self.finish(ticker, SUCCESS)
         self.reset_cells(ticker)

@@ -96,7 +96,7 @@ class SingleTriggerNode(DecoratorNode):
 
 
 class AskingNode(OwnNode):
-    """A decorator that queries a leaf that represents the world before it ticks its child.
+    """A decorator that first queries a leaf, which represents the world, and then decides about its child.
 
     Attributes:
         asked: The leaf.
