@@ -393,25 +393,24 @@ CAUSES = (
 """The planted causes, a kind each."""
 
 
-def score(causes: Sequence[PlantedCause]) -> list[tuple[str, bool]]:
-    """Print what `why` names first for each cause, several at a time; return what, and whether it is the cause."""
+def score(causes: Sequence[PlantedCause]) -> list[str]:
+    """Print what `why` names first for each cause, several at a time; return the kinds of the causes that it misses."""
     domains = multiprocessing.Manager().Queue()
     for domain in _DOMAINS:
         domains.put(domain)
     spawn = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(len(_DOMAINS), spawn, _set_domain, (domains,))
     try:
-        said = pool.map(_first_named, [CAUSES.index(cause) for cause in causes])
-        found = []
-        for cause, text in zip(causes, said, strict=True):
-            is_named = re.search(cause.named, text) is not None
-            print(f"  {'named' if is_named else 'MISSED'}: {cause.kind}: {text or 'nothing'}", flush=True)
-            found.append((text, is_named))
+        missed = []
+        for cause, (is_named, text) in zip(causes, pool.map(judge, map(CAUSES.index, causes)), strict=True):
+            print(f"  {'named' if is_named else 'MISSED'}: {cause.kind}: {text}", flush=True)
+            if not is_named:
+                missed.append(cause.kind)
     finally:
         # After an error, the runs that have not started are cancelled.
         pool.shutdown(cancel_futures=True)
-    print(f"  {sum(is_named for _, is_named in found)} of {len(causes)} causes are named first")
-    return found
+    print(f"  {len(causes) - len(missed)} of {len(causes)} causes are named first")
+    return missed
 
 
 def _set_domain(domains: "Queue[str]") -> None:
@@ -420,9 +419,15 @@ def _set_domain(domains: "Queue[str]") -> None:
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 
-def _first_named(number: int) -> str:
+def judge(number: int) -> tuple[bool, str]:
+    """Return whether the cause of a number is named first, and what is; a run that does not end names nothing."""
+    cause = CAUSES[number]
     with TemporaryDirectory() as folder:
-        return first_named(CAUSES[number], Path(folder))
+        try:
+            text = first_named(cause, Path(folder))
+        except (TimeoutError, subprocess.TimeoutExpired) as error:
+            return False, str(error)
+    return re.search(cause.named, text) is not None, text or "nothing"
 
 
 def first_named(cause: PlantedCause, folder: Path) -> str:
@@ -433,13 +438,13 @@ def first_named(cause: PlantedCause, folder: Path) -> str:
         folder: An empty folder for the files of the run.
 
     Raises:
-        TimeoutError: If the run does not end, or does not get so far as to be acted upon.
+        TimeoutError: If the run does not get so far as to be acted upon.
+        subprocess.TimeoutExpired: If the run, or `why`, does not end.
     """
     journal = folder / "m.journal"
     _run(cause, folder, journal)
-    told = subprocess.run(
-        [SCRIPTS / "sar-journal", "why", journal], capture_output=True, text=True, check=False, cwd=folder
-    )
+    why: list[str | Path] = [SCRIPTS / "sar-journal", "why", journal]
+    told = subprocess.run(why, capture_output=True, text=True, check=False, cwd=folder, timeout=_RUN_SEC)
     _, _, after = told.stdout.partition("Likeliest cause:\n")
     return after.partition("\n")[0].strip()
 

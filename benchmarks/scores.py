@@ -25,9 +25,10 @@ def set_up(_effort: Effort) -> Iterator[None]:
 def _why(_stage: None, effort: Effort) -> Measured:
     require_ros()
     chosen = CAUSES if effort.share == 1 else CAUSES[::10]
-    found = score(chosen)
-    named = sum(is_named for _, is_named in found)
-    return Measured((100.0 * named / len(found),), f"{named} of {len(found)}")
+    missed = score(chosen)
+    named = len(chosen) - len(missed)
+    names = f"; missed: {', '.join(missed)}" if missed else ""
+    return Measured((100.0 * named / len(chosen),), f"{named} of {len(chosen)}{names}")
 
 
 def _fix(_stage: None, effort: Effort) -> Measured:
