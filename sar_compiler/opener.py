@@ -261,10 +261,14 @@ def mark_unrepeatable() -> None:
 
 
 def digest(data: bytes) -> str:
-    """Return the SHA-256 of bytes, as hexadecimal digits."""
-    import hashlib  # takes a moment, and most commands need none
+    """Return the BLAKE2b of bytes, as hexadecimal digits."""
+    # Most commands need none, and `hashlib` loads OpenSSL, which takes ten times as long.
+    try:
+        from _blake2 import blake2b
+    except ImportError:
+        from hashlib import blake2b
 
-    return hashlib.sha256(data).hexdigest()
+    return blake2b(data, digest_size=32).hexdigest()
 
 
 def _record(kind: str, path: str | Path, answer: str, limit: int = 0) -> None:

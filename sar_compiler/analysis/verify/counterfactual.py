@@ -7,7 +7,7 @@ tries other continuations.
 import functools
 import itertools
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from sar_compiler.analysis.simulated_tree import SimulatedTree
@@ -83,12 +83,9 @@ def counterfactual(
     moments: dict[int, FoundTick] = {}
     for moment in reversed(runs.locate_all(record)):
         moments.setdefault(id(moment.ways), moment)
-    changes = functools.cache(
-        lambda ways: [(each, each.unusual_count) for each in _changes(moments[ways], runs)]
-    )
-    for unusual, (ways, moment) in itertools.product(range(_MOST_UNUSUAL + 1), moments.items()):
-        for change, own in changes(ways):
-            rest = after.way_to_success(change.way, unusual - own)
+    for unusual, moment in itertools.product(range(_MOST_UNUSUAL + 1), moments.values()):
+        for change in _changes(moment, functools.partial(after.ways_to_success, most=unusual)):
+            rest = after.way_to_success(change.way, unusual - change.unusual_count)
             if rest is not None:
                 later = (outcome for way in rest for outcome in way.outcomes)
                 then = [*change.way.outcomes[change.place + 1 :], *later]
@@ -128,7 +125,7 @@ class WhatIfSearch:
         self._runs.renew()
         moments = self._runs.locate_all(record)
         found: dict[str, _OtherOutcome] = {}
-        for change in _changes(moments[-1], self._runs) if moments else ():
+        for change in _changes(moments[-1], self._runs.possible_ticks) if moments else ():
             if change.was.number != leaf:
                 continue
             known = found.setdefault(change.instead.outcome, change)
@@ -161,11 +158,16 @@ class _OtherOutcome(NamedTuple):
         return sum(self.way.unusual[self.place :])
 
 
-def _changes(moment: FoundTick, runs: TreeRuns) -> list[_OtherOutcome]:
-    """Return the outcomes in a tick that could have been different, the last one first."""
+def _changes(moment: FoundTick, ways_of: Callable[[bytes], Iterable[PossibleTick]]) -> list[_OtherOutcome]:
+    """Return the outcomes in a tick that could have been different, the last one first.
+
+    Args:
+        moment: The tick.
+        ways_of: Returns the other ticks of a state.
+    """
     changes = []
     for state, was in moment.ways:
-        for way in runs.possible_ticks(state):
+        for way in ways_of(state):
             for place, (one, other) in enumerate(zip(was.outcomes, way.outcomes, strict=False)):
                 if one != other:
                     # If another leaf follows, a timer caused the difference.
@@ -181,6 +183,7 @@ class _Continuations:
     def __init__(self, runs: TreeRuns) -> None:
         self._runs = runs
         self._hopeless: dict[bytes, int] = {}
+        self._successful: dict[tuple[bytes, int], list[PossibleTick]] = {}
 
     def follow(self, change: _OtherOutcome) -> WhatIfResult:
         """Return the consequence of another outcome: some usual ticks until the tree has ended."""
@@ -193,6 +196,21 @@ class _Continuations:
             outcomes += way.outcomes
         then = tuple(outcome for outcome in outcomes if outcome.status != _RUNNING)
         return WhatIfResult(change.was, change.instead, then, way.root)
+
+    def ways_to_success(self, state: bytes, most: int) -> list[PossibleTick]:
+        """Return the ticks of a state that can lead to a success of the root.
+
+        Args:
+            state: The state.
+            most: The maximum number of unusual outcomes from the last one of the tick on.
+        """
+        # Most ticks of a long run lead to few states.
+        found = self._successful.get((state, most))
+        if found is None:
+            ways = [way for way in self._runs.possible_ticks(state) if way.outcomes]
+            found = [way for way in ways if self.way_to_success(way, most - way.unusual[-1]) is not None]
+            self._successful[state, most] = found
+        return found
 
     def way_to_success(self, way: PossibleTick, most: int) -> list[PossibleTick] | None:
         """Return the shortest sequence of ticks to a success of the root; None if there is none.
