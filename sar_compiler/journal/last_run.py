@@ -38,7 +38,7 @@ class LastRunEvents(TickSource):
 
     def read_ticks(self) -> Iterator[LoggedTick]:
         """Yield the ticks."""
-        log = TickLog(self._nodes)
+        log = TickLog(self._nodes, is_alone=True)
         with JournalFile.open_snapshot(self._path) as file:
             for entry in file.last_run(without=OF_ROBOT, log=log):
                 if entry.run != self._run:

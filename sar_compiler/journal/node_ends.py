@@ -53,16 +53,18 @@ class NodeEnds:
             data: The data of its entry.
             time_sec: Its time, seconds.
         """
-        number, status = data["node"], str(data["status"])
-        self.tick = int(data["tick"])
+        number, status = data["node"], data["status"]
+        self.tick = data["tick"]
         if status in _AT_REST:
             self._going[number] = int(data.get("last", self.tick))
             if status == "HALTED":
                 self._halting.append(number)
             return
-        if self.status.get(number) != RUNNING or number in self._gone:
+        if number in self._gone:
+            del self._gone[number]
             self._began[number], self._began_sec[number] = self.tick, time_sec
-        self._gone.pop(number, None)
+        elif self.status.get(number) != RUNNING:
+            self._began[number], self._began_sec[number] = self.tick, time_sec
         self.status[number] = status
         self._visited[number] = None
         parent = self._nodes[number].parent

@@ -65,6 +65,7 @@ class TickLog(TickSource):
 
     Args:
         nodes: The nodes of the tree.
+        is_alone: Whether nothing else needs the statuses, so that they are not read as entries as well.
 
     Attributes:
         count: Number of nodes.
@@ -73,8 +74,8 @@ class TickLog(TickSource):
 
     last: int | None = None
 
-    def __init__(self, nodes: Sequence[NodeState]) -> None:
-        self.count = len(nodes)
+    def __init__(self, nodes: Sequence[NodeState], *, is_alone: bool = False) -> None:
+        self.count, self.is_alone = len(nodes), is_alone
         self._nodes, self._start = nodes, 0.0
         self._numbers, self._times = array("q"), array("d")
         # Ticks with equal content share it: the number of each tick's content, and the contents by number.

@@ -75,7 +75,7 @@ def entries_of(  # noqa: C901, PLR0912, PLR0915 - without calls, because a long 
     Args:
         rows: The rows; condensed, those of one run.
         parents: For condensed reading, the number of each node's parent, by the node's number.
-        log: Receives all rows, also those that condensed reading omits.
+        log: Receives all rows, also those that condensed reading omits; if it is alone, its statuses are not yielded.
 
     Raises:
         ValueError, TypeError: If a row has values that the project never writes.
@@ -109,6 +109,8 @@ def entries_of(  # noqa: C901, PLR0912, PLR0915 - without calls, because a long 
             outcome = None if status is None else status.outcome(text)
             if outcome is not None and 0 <= node < log.count and type(time) is float:
                 log.add_status(node, tick, time, outcome)
+                if log.is_alone and type(wall) is float and math.isfinite(wall + time):
+                    continue
             else:
                 log.add_entry(_entry(row))
         if parents is not None:
