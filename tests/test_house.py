@@ -684,7 +684,7 @@ def test_what_a_journal_takes_is_imported_only_where_one_is_kept():
 @pytest.mark.ros
 def test_what_shows_and_reports_a_run_is_imported_only_where_that_is_asked_for():
     program = (
-        "import sys, sar_compiler.execution.mission_run\n"
+        "import sys, sar_compiler.execution.node_run\n"
         "print(*sorted({'rich', 'pyproj', 'sqlite3', 'sar_compiler.journal.mission_state'} & set(sys.modules)))\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

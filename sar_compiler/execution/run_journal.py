@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.compiler import CompiledTree
-from sar_compiler.errors import SarError
+from sar_compiler.execution.journal_start import JournalStart, keeps_journal, usual_path
 from sar_compiler.execution.run_options import RunOptions
 from sar_compiler.journal.errors import JournalPlaceError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import FACTS_LOST
-from sar_compiler.journal.refused_start import forget_refusal, record_refusal
+from sar_compiler.journal.refused_start import forget_refusal
 from sar_compiler.json_values import json_data
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.palettes import is_palette_name
@@ -21,55 +21,20 @@ from sar_compiler.ros.run_extension import RunExtension
 
 if TYPE_CHECKING:
     from rclpy.node import Node
-    from typing_extensions import Self
 
     from sar_compiler.ros.engine import Engine
-
-
-class JournalStart:
-    """The start of a run. If the start is refused, the reason is stored for `sar-journal why`.
-
-    Args:
-        options: The options of the run.
-
-    Attributes:
-        journal: The journal once it is open.
-    """
-
-    def __init__(self, options: RunOptions) -> None:
-        self._options = options
-        self._place: Path | None = options.journal
-        self.journal: RunJournal | None = None
-
-    def find_path(self, mission: Mission | None, node: "Node") -> None:
-        """Determine the journal that a run would write; simulated runs are excluded, because each has a new name."""
-        if self._place is None and self._options.sim is None and _keeps_by_itself(self._options, mission):
-            self._place = _usual_place(self._options, node.get_fully_qualified_name())
-
-    def __enter__(self) -> "Self":
-        return self
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """Store the reason why the run did not start, if applicable."""
-        if not isinstance(error, SarError):
-            return
-        has_begun = self.journal is not None and self.journal.has_begun
-        is_kept = not (self._options.check or self._options.no_journal)
-        if self._place is not None and is_kept and not has_begun:
-            record_refusal(self._place, error.exit_status, str(error))
 
 
 class RunJournal(RunExtension):
     """The journal of a run: written to a file, kept in memory for listeners, or switched off.
 
     Args:
-        options: The options of the run.
+        start: The start of the run.
         mission: The mission; None for a tree without one.
         node: The run's node.
         path: The tree file.
 
     Attributes:
-        has_begun: Whether the run has begun.
         how_to_see_it_again: The command that replays a simulation; empty for other runs.
         journal: The journal. Listeners register immediately, because the run decides later which work they need.
 
@@ -77,10 +42,9 @@ class RunJournal(RunExtension):
         JournalError: If the journal exists and this run must not write to it.
     """
 
-    def __init__(self, options: RunOptions, mission: Mission | None, node: "Node", path: Path) -> None:
-        self._node = node
-        self._mission = mission
-        self.has_begun = False
+    def __init__(self, start: JournalStart, mission: Mission | None, node: "Node", path: Path) -> None:
+        self._start, self._node, self._mission = start, node, mission
+        options = start.options
         self.journal = _open(options, mission, node)
         self._about: dict[str, object] = {"mission": mission.name if mission is not None else None}
         self._about["simulated"] = options.sim is not None
@@ -162,7 +126,7 @@ class RunJournal(RunExtension):
         from sar_compiler.ros.clock import mission_clock
 
         self.journal.clock = mission_clock(self._node)
-        self.has_begun = True
+        self._start.has_begun = True
         forget_refusal(self.journal.path)
         if not self.journal.is_wanted:
             self.journal.begin({}, {})
@@ -198,11 +162,11 @@ def _node_options(additions: CommandLineSettings) -> list[list[str]]:
 
 def _open(options: RunOptions, mission: Mission | None, node: "Node") -> Journal:
     asked = options.journal is not None or options.resume or options.new or options.keeps_journal
-    if options.no_journal or options.check or not (asked or _keeps_by_itself(options, mission)):
+    if options.no_journal or options.check or not (asked or keeps_journal(options, mission)):
         return Journal()
     from sar_compiler.journal.journal_opening import open_journal
 
-    place = options.journal or _usual_place(options, node.get_fully_qualified_name())
+    place = options.journal or usual_path(options, node.get_fully_qualified_name())
     is_named = options.journal is not None
     try:
         return open_journal(place, resume=options.resume, anew=options.new, is_named=is_named)
@@ -211,17 +175,3 @@ def _open(options: RunOptions, mission: Mission | None, node: "Node") -> Journal
             raise
         node.get_logger().warning(f"No journal is written, so this mission cannot be resumed: {error}")
         return Journal()
-
-
-def _keeps_by_itself(options: RunOptions, mission: Mission | None) -> bool:
-    return options.sim is not None or (mission is not None and mission.is_resumable)
-
-
-def _usual_place(options: RunOptions, name: str) -> Path:
-    from sar_compiler.journal.journal_opening import default_place, delete_old_simulated, simulated_place
-
-    if options.sim is None:
-        return default_place(name)
-    place = simulated_place(name, resume=options.resume)
-    delete_old_simulated(place)
-    return place

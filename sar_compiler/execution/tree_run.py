@@ -31,6 +31,7 @@ from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.arguments import convert_ros_errors
 from sar_compiler.ros.clock import AWAKE, mission_clock
 from sar_compiler.ros.dependency_monitor import DependencyMonitor, refuse_parameters
+from sar_compiler.ros.discovery_wait import DiscoveryWait
 from sar_compiler.ros.engine import (
     Engine,
     SetupFailedError,
@@ -48,7 +49,7 @@ from sar_compiler.ros.nav2_parameters import nav2_parameters
 from sar_compiler.ros.orphaned_goals import OrphanedGoals, make_separate_canceller
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
 from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
-from sar_compiler.ros.robot_lease import LOOK_SEC, RobotLease
+from sar_compiler.ros.robot_lease import RobotLease
 from sar_compiler.ros.run_extension import UnfitLeavesError
 from sar_compiler.ros.tick_watch import TickWatch
 from sar_compiler.runtime.skipping import was_skipped
@@ -256,6 +257,7 @@ class TreeRun:
 
     Attributes:
         setup: The state of the run before compilation.
+        discovery: The wait for other nodes.
         end: Its end condition.
         extensions: Its extensions.
         tree: The tree.
@@ -265,6 +267,7 @@ class TreeRun:
     """
 
     setup: RunSetup
+    discovery: DiscoveryWait
     end: EndCondition
     extensions: RunExtensions
     tree: CompiledTree
@@ -348,9 +351,7 @@ class TreeRun:
     @convert_ros_errors()
     def _readiness(self, *, with_pose: bool) -> Readiness:
         actions = [use.name for use in self.tree.uses() if use.kind == "action"]
-        # A simulation excludes other nodes, which was already checked.
-        look_sec = 0.0 if self.simulation is not None else LOOK_SEC
-        self._sole = RobotLease(self._node, actions, look_sec=look_sec, claims=not self._options.check)
+        self._sole = RobotLease(self._node, actions, self.discovery, claims=not self._options.check)
         return Readiness(
             self._node,
             self.tree.uses(),

@@ -4,6 +4,7 @@ PUBLIC_MODULES = (
     "arguments",
     "clock",
     "dependency_monitor",
+    "discovery_wait",
     "engine",
     "engines",
     "executors",

@@ -17,6 +17,7 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import AWAKE
+from sar_compiler.ros.discovery_wait import node_names
 from sar_compiler.ros.leaves.leaf import NAMED_QOS, interface_name, of_node, qos_profile
 from sar_compiler.tree.guessing import nearest
 
@@ -186,12 +187,7 @@ class RosGraph:
 
     def node_counts(self) -> "Counter[str]":
         """Return the full names of all visible nodes, including this one, with their counts."""
-        return self._get_cached(
-            "names",
-            lambda: Counter(
-                f"{space.rstrip('/')}/{name}" for name, space in self._node.get_node_names_and_namespaces()
-            ),
-        )
+        return self._get_cached("names", lambda: node_names(self._node))
 
     def publishers(self, topic: str) -> tuple[str, ...]:
         """Return the sorted full names of the other nodes that publish on a topic.

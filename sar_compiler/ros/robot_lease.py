@@ -6,7 +6,6 @@ import os
 import platform
 import time
 import uuid
-from collections import Counter
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -15,15 +14,13 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from sar_compiler.errors import SarError
+from sar_compiler.ros.discovery_wait import DiscoveryWait
 from sar_compiler.ros.frame_sources import listener_name
 from sar_compiler.ros.graph_queries import ros_graph
 from sar_compiler.ros.readiness import SHADOW_SEC, Requirement
 
-# How long to look for another mission before the first message with an effect, seconds, after the last node was
-# discovered: twice the time in which half of the participants discover each other.
-LOOK_SEC = 1.0
-# The maximum, as a multiple, if nodes keep appearing.
-_LONGEST_LOOK = 10.0
+# The claims of nodes that were discovered before arrive within this share of the time for discovery.
+_SHARE = 0.5
 CLAIMS = "/_mission"
 """Suffix of the topic for claims to an action."""
 
@@ -87,21 +84,17 @@ class RobotLease(Requirement):
     Args:
         node: The mission's node.
         actions: The actions, with resolved or relative names.
-        look_sec: How long to look for others before the start, seconds. It restarts when a node appears.
+        discovery: The wait for other nodes before the first message with an effect.
         claims: Whether to claim the actions, or only to look.
     """
 
     ends_by_itself = True
 
     def __init__(
-        self, node: Node, actions: Iterable[str], *, look_sec: float = LOOK_SEC, claims: bool = True
+        self, node: Node, actions: Iterable[str], discovery: DiscoveryWait, *, claims: bool = True
     ) -> None:
-        self._node = node
-        # Nodes that are already discovered, and this process's own next one, do not prolong the look.
-        own_listener = f"{node.get_namespace().rstrip('/')}/{listener_name(node)}"
-        self._look_sec, self._seen = look_sec, ros_graph(node).node_counts() | Counter([own_listener])
-        self._looks_since: float | None = time.monotonic()
-        self._clear_at = self._looks_since + look_sec
+        self._node, self._discovery = node, discovery
+        discovery.ignore(f"{node.get_namespace().rstrip('/')}/{listener_name(node)}")
         self._others: dict[str, LeaseClaim] = {}
         self._told: set[str] = set()
         # When another node of this name was first seen: infinity before, None after the report.
@@ -126,6 +119,7 @@ class RobotLease(Requirement):
             node.create_subscription(String, topic, self._on_claim, latched) for topic in topics
         ]
         self._publish()
+        discovery.extend(_SHARE)
 
     def poll(self) -> str | None:
         """Describe the continuing search for other missions; None at its end.
@@ -136,20 +130,8 @@ class RobotLease(Requirement):
         rival = self._rival()
         if rival is not None:
             raise AnotherMissionError(rival)
-        looks = self._subscriptions and self._may_miss_claims()
+        looks = self._subscriptions and not self._discovery.is_over()
         return "looking for another mission on this robot" if looks else None
-
-    def _may_miss_claims(self) -> bool:
-        """Return whether a claim may still arrive, because discovery is slow on a busy machine."""
-        now, nodes = time.monotonic(), ros_graph(self._node).node_counts()
-        if nodes - self._seen:
-            self._seen |= nodes
-            if self._looks_since is None:
-                self._looks_since = now
-            self._clear_at = min(now + self._look_sec, self._looks_since + _LONGEST_LOOK * self._look_sec)
-        if now >= self._clear_at:
-            self._looks_since = None
-        return now < self._clear_at
 
     def run(self) -> None:
         """Announce that the tree is ticked from now on."""

@@ -54,6 +54,7 @@ def robots(ros, authors):
     from rcl_interfaces.msg import SetParametersResult
     from std_srvs.srv import Trigger
 
+    from sar_compiler.ros.discovery_wait import DiscoveryWait
     from sar_compiler.ros.robot_lease import RobotLease
 
     given = []
@@ -79,7 +80,7 @@ def robots(ros, authors):
 
         for order in heeds:
             node.create_service(Trigger, f"~/{order}", carry_out(order))
-        RobotLease(node, [f"{name}/drive"]).run()
+        RobotLease(node, [f"{name}/drive"], DiscoveryWait(node)).run()
         if not threads:
             threads.append(Thread(target=ros.executor.spin))
             threads[0].start()

@@ -87,6 +87,6 @@ def test_a_mission_is_published_until_its_end(start, tree, ros):
 
 def test_what_watching_takes_is_imported_only_where_it_is_asked_for():
     libraries = ("zmq", "msgpack", "mcap", "diagnostic_msgs", "visualization_msgs", "sar_compiler.groot2")
-    program = f"import sys, sar_compiler.execution.mission_run; print([each for each in {libraries} if each in sys.modules])"
+    program = f"import sys, sar_compiler.execution.node_run; print([each for each in {libraries} if each in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"

@@ -1,7 +1,6 @@
 """Missions that claim the same robot."""
 
 import json
-from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -9,7 +8,7 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from sar_compiler.ros.graph_queries import RosGraph
+from sar_compiler.ros.discovery_wait import DiscoveryWait
 from sar_compiler.ros.robot_lease import AnotherMissionError, LeaseClaim, RobotLease
 from tests.ros.conftest import Ros, Said
 
@@ -19,7 +18,8 @@ DRIVE = ["navigate_to_pose"]
 
 
 def mission(ros: Ros, name: str = "first", actions: list[str] = DRIVE, **options: bool) -> RobotLease:
-    return RobotLease(ros.node(name), actions, look_sec=0.0, **options)
+    node = ros.node(name)
+    return RobotLease(node, actions, DiscoveryWait(node, 0.0), **options)
 
 
 def seen(ros: Ros, one: RobotLease, number: int = 1) -> None:
@@ -27,14 +27,16 @@ def seen(ros: Ros, one: RobotLease, number: int = 1) -> None:
 
 
 def test_alone_on_a_robot_it_is_clear_after_the_look_around(ros: Ros) -> None:
-    alone = RobotLease(ros.node("first"), DRIVE, look_sec=0.2)
+    node = ros.node("first")
+    alone = RobotLease(node, DRIVE, DiscoveryWait(node, 0.2))
     assert alone.poll() == "looking for another mission on this robot"
     ros.spin_until(lambda: alone.poll() is None, "the end of the look around")
     assert alone.conflict() == ""
 
 
 def test_it_looks_around_anew_when_a_node_comes_into_sight(ros: Ros) -> None:
-    alone = RobotLease(ros.node("first"), DRIVE, look_sec=0.2)
+    node = ros.node("first")
+    alone = RobotLease(node, DRIVE, DiscoveryWait(node, 0.2))
     ros.spin_until(lambda: alone.poll() is None, "the end of the look around")
     ros.node("another")
     ros.spin_until(alone.poll, "another look around")
@@ -45,29 +47,47 @@ def test_neither_nodes_that_are_there_already_nor_its_own_ones_prolong_the_look(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node, now = ros.node("first"), [100.0]
-    monkeypatch.setattr("sar_compiler.ros.robot_lease.time.monotonic", lambda: now[0])
-    names = ["/first", "/controller"]
-    monkeypatch.setattr(RosGraph, "node_counts", lambda _: Counter(names))
-    alone = RobotLease(node, DRIVE, look_sec=1.0)
+    monkeypatch.setattr("sar_compiler.ros.discovery_wait.time.monotonic", lambda: now[0])
+    names = ["first", "controller"]
+    monkeypatch.setattr(node, "get_node_names_and_namespaces", lambda: [(name, "/") for name in names])
+    alone = RobotLease(node, DRIVE, DiscoveryWait(node, 1.0))
     now[0] = 100.9
     assert alone.poll()
-    names.append("/_first_frames")
+    names.append("_first_frames")
     now[0] = 101.0
     assert alone.poll() is None
-    names.append("/_first_frames")  # that of another mission of this name
+    names.append("_first_frames")  # that of another mission of this name
     assert alone.poll()
+
+
+def test_the_look_begins_with_the_node_but_claims_have_time_to_arrive(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node, now = ros.node("first"), [100.0]
+    monkeypatch.setattr("sar_compiler.ros.discovery_wait.time.monotonic", lambda: now[0])
+    monkeypatch.setattr(node, "get_node_names_and_namespaces", list)
+    early, late = DiscoveryWait(node, 1.0), DiscoveryWait(node, 1.0)
+    now[0] = 100.3
+    soon = RobotLease(node, DRIVE, early)
+    now[0] = 101.0
+    assert soon.poll() is None
+    alone = RobotLease(node, DRIVE, late)
+    now[0] = 101.4
+    assert alone.poll()
+    now[0] = 101.5
+    assert alone.poll() is None
 
 
 def test_it_looks_around_no_longer_than_ten_times_as_long_where_nodes_keep_coming(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node, now = ros.node("first"), [100.0]
-    monkeypatch.setattr("sar_compiler.ros.robot_lease.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("sar_compiler.ros.discovery_wait.time.monotonic", lambda: now[0])
     names: list[str] = []
-    monkeypatch.setattr(RosGraph, "node_counts", lambda _: Counter(names))
-    alone = RobotLease(node, DRIVE, look_sec=1.0)
+    monkeypatch.setattr(node, "get_node_names_and_namespaces", lambda: [(name, "/") for name in names])
+    alone = RobotLease(node, DRIVE, DiscoveryWait(node, 1.0))
     for number in range(100):
-        names.append(f"/node_{number}")
+        names.append(f"node_{number}")
         if alone.poll() is None:
             break
         now[0] += 0.5
