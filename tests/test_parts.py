@@ -52,15 +52,40 @@ import jsonschema, lxml.etree, numpy, py_trees, scipy.sparse.linalg, yaml
 
 sys.meta_path[:] = [finder for finder in sys.meta_path if "__editable__" not in getattr(finder, "__module__", "")]
 places, core, commands = map(json.loads, sys.argv[1:])
-for place in places:
+sought = os.open("sought", os.O_CREAT | os.O_TRUNC | os.O_RDWR)
+
+
+class Finder:
+    # Finds nothing, but notes which parts are looked for, whether they are imported or only asked for.
+    def find_spec(name, path=None, target=None):
+        os.write(sought, (name + "\\n").encode())
+
+
+sys.meta_path.insert(0, Finder)
+
+
+def parts_sought():
+    parts = re.findall(r"^sar_compiler\\.(\\w+)", open("sought").read(), re.MULTILINE)
+    os.truncate("sought", 0)
+    os.lseek(sought, 0, os.SEEK_SET)
+    return sorted(set(parts))
+
+
+for part, place in places.items():
     if not os.fork():
         sys.path.insert(0, place)
         for room in core:
             package = importlib.import_module(f"sar_compiler.{room}")
             for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
                 importlib.import_module(module.name)
-        results = {}
-        for command, module in commands.items():
+        parts_sought()
+        # A command that does not look for a part cannot miss it.
+        takers = commands
+        if part:
+            with open("takers.json") as file:
+                takers = [command for command, parts in json.load(file).items() if part in parts]
+        results, sought_by = {}, {}
+        for command in takers:
             child = os.fork()
             if not child:
                 output = os.open("output", os.O_CREAT | os.O_TRUNC | os.O_WRONLY)
@@ -68,12 +93,16 @@ for place in places:
                 os.dup2(output, 2)
                 from sar_compiler.console_command import console_command
 
-                sys.argv = [module, *command.split()]
-                console_command(module)
+                sys.argv = [commands[command], *command.split()]
+                console_command(commands[command])
             _, ended = os.waitpid(child, 0)
             for path in glob.glob("imported.*"):
                 os.remove(path)
             results[command] = (os.waitstatus_to_exitcode(ended), re.sub(r"[0-9.]+ m?s\\b", "TIME", open("output").read()))
+            sought_by[command] = parts_sought()
+        if not part:
+            with open("takers.json", "w") as file:
+                json.dump(sought_by, file)
         with open(f"{place}/results.json", "w") as file:
             json.dump(results, file)
         os._exit(0)
@@ -110,7 +139,7 @@ def without(part, folder):
 def test_without_a_part_the_other_commands_work_and_its_own_say_what_is_missing(files):
     places = {part: without(part, files) for part in ("", *sorted(PARTS))}
     modules = {command: module for command, (module, _) in COMMANDS.items()}
-    asked = [[*map(str, places.values())], [*CORE], modules]
+    asked = [{part: str(place) for part, place in places.items()}, [*CORE], modules]
     done = subprocess.run(
         [sys.executable, "-c", _PROGRAM, *map(json.dumps, asked)],
         capture_output=True,
@@ -124,6 +153,7 @@ def test_without_a_part_the_other_commands_work_and_its_own_say_what_is_missing(
     whole = results.pop("")
     assert {command: said for command, (status, said) in whole.items() if status} == {}
     for part, of_part in results.items():
+        assert {command for command, (_, takes) in COMMANDS.items() if part in takes} <= of_part.keys()
         for command, (status, said) in of_part.items():
             _, takes = COMMANDS[command]
             if part in takes:
