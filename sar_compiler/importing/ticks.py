@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 from sar_compiler.importing.recorded_tree import RunNode
 from sar_compiler.importing.recording import FAILURE, IDLE, RUNNING, SUCCESS, Recording
-from sar_compiler.nodes.outcome_sets import ALLOWED, F, K, R, S, selection
+from sar_compiler.nodes.outcome_sets import ALLOWED, F, K, R, S, attempt, branches, selection
 from sar_compiler.nodes.palettes import palettes_containing
 from sar_compiler.nodes.registry import language_variants
 from sar_compiler.nodes.semantics import Order
@@ -35,8 +35,6 @@ from sar_compiler.nodes.spec import Kind
 _PAUSE_USEC, _LEAST_USEC, _MOST_USEC = 1000, 100, 50_000
 """The pause between two ticks if nothing is known of it, and its limits."""
 _TRIED = 20_000
-_CHOOSING = ("IfThenElse", "WhileDoElse")
-"""The controls whose first child chooses which of the others runs."""
 _ENOUGH = 5
 _NEAR = 3
 """A pause is near the limit if it is at most so many times longer or shorter."""
@@ -115,6 +113,8 @@ class TickFinder:
             *(each.possible is None or each.wait_sec is not None for each in semantics),
         ]
         self._is_known = [False, *(each.possible is not None for each in semantics)]
+        # Whether the first child of a control decides which of the others runs.
+        self._branches = [False, *(each.possible is branches for each in semantics)]
         self._delays = [False, *(each.wait_sec is not None for each in semantics)]
         # The nodes with a time limit.
         self._limits = [False, *(bool(node.children) and _has_limit(node) for node in nodes)]
@@ -127,7 +127,7 @@ class TickFinder:
         # For each node, the TryCatch that ticks it when it is halted; 0 for none.
         self._catches = [0] * (count + 1)
         for uid, node in enumerate(nodes, 1):
-            if node.bound.spec.tag == "TryCatch" and _ticks_when_halted(node):
+            if node.bound.spec.semantics.possible is attempt and _ticks_when_halted(node):
                 self._catches[node.children[-1] : self._ends[uid]] = [uid] * (
                     self._ends[uid] - node.children[-1]
                 )
@@ -640,8 +640,8 @@ class TickFinder:
         if rule is WaitRule.FREE:
             return True
         found = [self._statuses[each] for each in self._children[uid]]
-        if self._nodes[uid - 1].tag in _CHOOSING and found[0] in (SUCCESS, FAILURE):
-            return found[1 if found[0] == SUCCESS else -1] == RUNNING
+        if self._branches[uid] and found[0] in (SUCCESS, FAILURE):
+            return found[1 if found[0] == SUCCESS else 2 :][:1] == [RUNNING]
         if rule is WaitRule.REACTIVE:
             return running == 1 and found.count(IDLE) == len(found) - 1 and not self._has_decided(uid)
         if rule is WaitRule.PARALLEL:
