@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sar_compiler.importing import sqlite_log
+from sar_compiler.importing.autoremap import with_remapped_subtrees
 from sar_compiler.importing.bag import MCAP_MAGIC, read_mcap
 from sar_compiler.importing.btlog import MAGIC, read_btlog
 from sar_compiler.importing.journal_writer import JournalWriter
@@ -142,6 +143,12 @@ def find_tree(
         projects = replace(projects, additions=added._replace(models=models))
     if exported is not None and not trees:
         trees = (place,)
+        file, remapped = with_remapped_subtrees(exported.file)
+        if remapped:
+            exported = replace(exported, file=file)
+            recording.flaws.append(
+                f"its tree does not say which subtrees have _autoremap. It is assumed for {', '.join(remapped)}, whose scripts read a key before they write it"
+            )
         _write_tree(place, exported, palette)
         _add_autoremap(place, exported, palette, projects, recording)
     fits = []

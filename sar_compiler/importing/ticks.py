@@ -53,6 +53,8 @@ class WaitRule(Enum):
     PARALLEL = "while a child is RUNNING, all were ticked, and no threshold is reached"
 
 
+_BETWEEN = (WaitRule.STEPS, WaitRule.TURNS, WaitRule.LATER)
+"""The rules of nodes that return RUNNING between two runs of children."""
 _TOGETHER = (WaitRule.REACTIVE, WaitRule.PARALLEL)
 """The rules of controls that tick several children in each tick."""
 
@@ -270,6 +272,21 @@ class TickFinder:
         """Return whether a node is an ancestor of the last one that the tick has passed."""
         return uid < self._done and self._ends[uid] >= self._passed
 
+    def _is_later_tick(self, reset: int, then: int, status: int) -> bool:
+        """Return whether a node that has returned RUNNING in this tick is skipped in another one, in which *then* has a status after *reset*."""
+        parent = self._parents[reset]
+        if self._ends[reset] <= then < self._ends[parent] and self._rules[parent] is not WaitRule.PARALLEL:
+            return self._is_waiting_for_tick(reset)
+        if status not in (SUCCESS, FAILURE) or self._rules[then] is not WaitRule.PARALLEL or parent != then:
+            return False
+        found = [self._statuses[each] for each in self._children[then]]
+        is_waiting = any(map(self._is_waiting_for_tick, self._children[then]))
+        return is_waiting and not self._is_decided(then, found)
+
+    def _is_waiting_for_tick(self, uid: int) -> bool:
+        """Return whether a node has returned RUNNING in this tick without a RUNNING child, and continues in the next one."""
+        return self._rules[uid] in _BETWEEN and self._is_between(uid)
+
     def _is_passed(self, uid: int) -> bool:
         """Return whether the tick has passed a node with all its descendants."""
         return self._ends[uid] <= self._passed and not self._is_around(uid)
@@ -321,9 +338,9 @@ class TickFinder:
             return self._statuses[parent] == RUNNING
         if self._rules[uid] is WaitRule.LATER and self._is_between(uid):
             return True
-        return self._rules[parent] in (WaitRule.STEPS, WaitRule.TURNS, WaitRule.LATER) and self._is_between(
-            parent
-        )
+        while parent and self._statuses[parent] == IDLE:
+            parent = self._parents[parent]  # a decorator that becomes RUNNING only after its child
+        return self._is_waiting_for_tick(parent)
 
     def _is_between(self, uid: int) -> bool:
         """Return whether a child of a node that runs has ended in this tick, and none runs."""
@@ -355,6 +372,8 @@ class TickFinder:
         if index == len(uids) or not 0 < uids[index] <= len(self._nodes):
             return False
         then = uids[index]
+        if self._is_later_tick(first, then, statuses[index]):
+            return True
         if (
             statuses[index] in (SUCCESS, FAILURE)
             and self._is_passed(then)

@@ -4,6 +4,7 @@ py_trees has checks and assignments of single blackboard variables, but no expre
 """
 
 from collections.abc import Callable, Mapping
+from types import SimpleNamespace
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -189,17 +190,6 @@ class UnsetBlackboard(Behaviour):
         return _SUCCESS
 
 
-class _Negation:
-    """A condition that holds if another one does not."""
-
-    def __init__(self, script: NodeScript) -> None:
-        self._script = script
-
-    def holds(self) -> bool:
-        """Return whether the other condition does not hold."""
-        return not self._script.holds()
-
-
 class Conditions(Decorator):
     """A node's pre- and post-conditions, which share the node's status.
 
@@ -226,7 +216,7 @@ class Conditions(Decorator):
             for attribute, script in scripts.items()
         }
         before = (("_failureIf", FAILURE), ("_successIf", SUCCESS), ("_skipIf", SKIPPED))
-        self._before: list[tuple[NodeScript | _Negation, str, int]] = [
+        self._before: list[tuple[NodeScript | SimpleNamespace, str, int]] = [
             (ready[each], each, outcome) for each, outcome in before if each in ready
         ]
         self._while = ready.get("_while")
@@ -260,8 +250,10 @@ class Conditions(Decorator):
 
     def evaluate_while_at_start(self) -> None:
         """Evaluate `_while` only before the node starts, as a CoroActionNode of BehaviorTree.CPP does."""
-        if self._while is not None:
-            self._before.append((_Negation(self._while), "_while", SKIPPED))
+        goes_on = self._while
+        if goes_on is not None:
+            ends = SimpleNamespace(holds=lambda: not goes_on.holds())
+            self._before.append((ends, "_while", SKIPPED))
             self._while = None
 
     @property

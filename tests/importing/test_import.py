@@ -78,6 +78,15 @@ def test_the_class_of_a_leaf_is_assumed_only_if_the_run_does_not_conform_otherwi
     assert f"conforms: it is a possible run of the tree{assumption}\n" in said
 
 
+def test_a_subtree_that_reads_a_key_of_the_calling_tree_is_remapped(tmp_path, capsys):
+    words = ["import", "tests/importing/logs/9161.btlog", "-o", tmp_path / "j"]
+    _, said = answer(journal_command, words, capsys)
+    assert "It is assumed for Tree2, whose scripts read a key before they write it" in said
+    text = Path(f"{tmp_path}/j.xml").read_text(encoding="utf-8")
+    assert text.count("_autoremap") == 1
+    assert '<SubTree ID="Tree2" _autoremap="true"/>' in text
+
+
 def test_the_palette_of_the_release_whose_ports_are_in_the_log_is_used(tmp_path, capsys):
     # RoundRobin has wrap_around since Nav2's main.
     words = ["import", "tests/importing/logs/1001.btlog", "-o", tmp_path / "j"]

@@ -1,0 +1,83 @@
+"""Find the subtrees with `_autoremap`, which exports of BehaviorTree.CPP omit.
+
+A program in which a script reads a key that does not exist stops. So if a subtree has run whose scripts read a key before they write it, the key is
+that of the calling tree.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.blackboard import ROOT_SIGN
+from sar_compiler.runtime.expressions import Access, NameUse, name_uses
+from sar_compiler.runtime.script import parse
+from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
+
+_BEFORE = ("_failureIf", "_successIf", "_skipIf", "_while", "code", "if")
+_AFTER = ("_onSuccess", "_onFailure", "_onHalted", "_post")
+
+
+def with_remapped_subtrees(file: TreeFile) -> tuple[TreeFile, list[str]]:
+    """Return a tree file with `_autoremap` in the uses of subtrees that read a key of the calling tree, and their IDs."""
+    trees = {each.attributes.get("ID", ""): each for each in file.root.children if each.tag == TREE_TAG}
+    written = {
+        use.name for tree in trees.values() for use in _all_uses(tree) if use.access is not Access.READ
+    }
+    needed: dict[str, frozenset[str]] = {}
+    found: list[str] = []
+
+    def keys_of(name: str) -> frozenset[str]:
+        """Return the keys that a tree reads before it writes them."""
+        if name not in needed:
+            needed[name] = frozenset()  # a tree that contains itself is refused elsewhere
+            tree = trees.get(name)
+            known: set[str] = set()
+            read: dict[str, None] = {}
+            if tree is not None:
+                _collect(tree, known, read)
+            needed[name] = frozenset(read) & written
+        return needed[name]
+
+    def _collect(element: Element, known: set[str], read: dict[str, None]) -> None:
+        given = element.attributes
+        _apply(_uses(given, _BEFORE), known, read)
+        if element.tag == SUBTREE_TAG:
+            inner = keys_of(given.get("ID", "")) - given.keys()
+            read.update(dict.fromkeys(sorted(inner - known)))
+        known.update(text[1:-1] for text in given.values() if text.startswith("{") and text.endswith("}"))
+        for child in element.children:
+            _collect(child, known, read)
+        _apply(_uses(given, _AFTER), known, read)
+
+    def remap(element: Element) -> Element:
+        given = element.attributes
+        if element.tag == SUBTREE_TAG and keys_of(given.get("ID", "")) - given.keys():
+            found.append(given["ID"])
+            given = {**given, "_autoremap": "true"}
+        return replace(element, attributes=given, children=tuple(map(remap, element.children)))
+
+    return replace(file, root=remap(file.root)), list(dict.fromkeys(found))
+
+
+def _apply(uses: Iterable[NameUse], known: set[str], read: dict[str, None]) -> None:
+    """Add the names that scripts read first to *read*, and those that they create to *known*."""
+    for use in uses:
+        if use.access is Access.CREATE:
+            known.add(use.name)
+        elif use.name not in known and use.certain:
+            read[use.name] = None
+
+
+def _uses(given: Mapping[str, str], names: Iterable[str]) -> Iterator[NameUse]:
+    for name in names:
+        with suppress(SarError):
+            yield from (
+                use for use in name_uses(parse(given.get(name, ""))) if not use.name.startswith(ROOT_SIGN)
+            )
+
+
+def _all_uses(element: Element) -> Iterator[NameUse]:
+    yield from _uses(element.attributes, (*_BEFORE, *_AFTER))
+    for child in element.children:
+        yield from _all_uses(child)
