@@ -202,7 +202,7 @@ def test_what_had_failed_before_is_told_with_how_often():
         "root", memory=True, children=[Retry("again", leaf("one", F, R, F, S), 5), leaf("two", F)]
     )
     (before,) = why(flown(root, 4)).before
-    assert (before.likeliest.name, before.times, before.has_recovered) == ("one", 2, True)
+    assert (before.first.name, before.times, before.has_recovered) == ("one", 2, True)
 
 
 def test_a_failure_that_the_root_has_got_over_is_no_cause():
@@ -268,7 +268,7 @@ def test_a_time_limit_that_was_got_over_is_named_before_what_came_after_it():
     assert names(reasons.causes) == ["limit", "postpone", "complete?"]
     assert reasons.likeliest is not None
     assert reasons.likeliest.message == "its time limit of 0 s expired while drive ran"
-    assert [each.likeliest.name for each in reasons.before] == ["limit", "postpone"]
+    assert [each.first.name for each in reasons.before] == ["limit", "postpone"]
 
 
 def test_a_condition_because_of_which_a_zone_was_given_up_is_named_before_what_came_after_it():
