@@ -156,7 +156,7 @@ class FileContent(NamedTuple):
             )
         return self.data
 
-    def text(self) -> str:
+    def decode(self) -> str:
         """Return the text of a file in UTF-8, without its byte order mark.
 
         Raises:
@@ -228,7 +228,7 @@ class Observation(dict[FileQuery, str]):
         if self.setdefault(question, answer) != answer:
             self.is_consistent = False
 
-    def holds(self) -> bool:
+    def is_current(self) -> bool:
         """Return whether every query still has the same answer."""
         now = Observation()
         with now.recording():

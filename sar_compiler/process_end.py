@@ -139,11 +139,11 @@ def _await_threads(name: str) -> None:
     deadline = time.monotonic() + _THREADS_SEC
     if (pools := sys.modules.get("concurrent.futures.thread")) is not None:
         call_with_limit(_THREADS_SEC, pools._python_exit)  # noqa: SLF001 - idle threads of a pool end only on request
-    for thread in _others():
+    for thread in _other_threads():
         thread.join(max(0.0, deadline - time.monotonic()))
     from sar_compiler.commands import print_error
 
-    for thread in _others():
+    for thread in _other_threads():
         where = f" in {place}" if (place := thread_location(thread.ident)) else ""
         print_error(
             f"{name}{': ' if name else ''}thread '{thread.name}' is still running{where}, so the process ends without it. "
@@ -151,7 +151,7 @@ def _await_threads(name: str) -> None:
         )
 
 
-def _others() -> Iterator[threading.Thread]:
+def _other_threads() -> Iterator[threading.Thread]:
     own = threading.current_thread(), threading.main_thread()
     return (each for each in threading.enumerate() if not each.daemon and each not in own)
 

@@ -49,7 +49,7 @@ class ObstacleMap:
 
     def are_blocked(self, points: Points) -> npt.NDArray[np.bool_]:
         """Return which positions are blocked, in the shape of `points` (metres, frame `map`) without its last axis, which is x and y."""
-        cells = np.floor(self._in_cells(points)).astype(int)
+        cells = np.floor(self._to_cells(points)).astype(int)
         column, row = cells[..., 0], cells[..., 1]
         rows, columns = self.blocked.shape
         inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
@@ -67,19 +67,19 @@ class ObstacleMap:
         """
         if self.are_blocked(eye[None]).any():
             return np.ones(len(points), bool)
-        here = self._in_cells(eye)
+        here = self._to_cells(eye)
         most = reach / self.resolution
         # Half a cell wide at the far end.
         count = math.ceil(4 * math.pi * most)
         first_wall = np.full(count, np.inf)
         directions, distances = self._walls_around(here, most, count)
         np.minimum.at(first_wall, directions, distances)
-        away = self._in_cells(points) - here
+        away = self._to_cells(points) - here
         towards = np.rint(np.arctan2(away[:, 1], away[:, 0]) * count / math.tau).astype(int) % count
         behind: npt.NDArray[np.bool_] = np.hypot(*away.T) > first_wall[towards]
         return behind | self.are_blocked(points)
 
-    def _in_cells(self, points: Points) -> Points:
+    def _to_cells(self, points: Points) -> Points:
         """Return positions (metres, frame `map`) by column and row."""
         x, y, yaw = self.origin
         right, up = points[..., 0] - x, points[..., 1] - y
@@ -161,7 +161,7 @@ class CoverageRaster:
             for step in range(steps):
                 share = (step + 0.5) / steps
                 place = tuple(a + share * (b - a) for a, b in zip(start, end, strict=True))
-                self._see(place[0], place[1], length / steps)
+                self._add_view(place[0], place[1], length / steps)
                 inside += length / steps * self._has_inside(place)
         return inside
 
@@ -170,7 +170,7 @@ class CoverageRaster:
 
         return bool(shapely.contains_xy(self._outline, *place))
 
-    def _see(self, x: float, y: float, metres: float) -> None:
+    def _add_view(self, x: float, y: float, metres: float) -> None:
         reach = self.ground.detection_range
         cells = self.seen_from(x, y, reach + self.cell_m / 2)
         distances = np.hypot(*(self.centres[cells] - (x, y)).T)

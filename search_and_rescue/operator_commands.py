@@ -148,23 +148,23 @@ def _position_text(x: float, y: float) -> str:
     return f"({x:.2f}, {y:.2f})"
 
 
-def _said_given(command: str, by: str, reason: str = "") -> str:
+def _given_text(command: str, by: str, reason: str = "") -> str:
     return f"{by}: {_COMMANDS[command].verb.label.lower()}{f': {reason}' if reason else ''}"
 
 
-def _said_added(id: str, x: float, y: float, yaw: float) -> str:  # noqa: A002, ARG001 - the event's keys
+def _added_text(id: str, x: float, y: float, yaw: float) -> str:  # noqa: A002, ARG001 - the event's keys
     return f"{_UNKNOWN_AUTHOR}: {id} was added at {_position_text(x, y)}"
 
 
-def _said_drawn(zone: str, polygon: Sequence[object], **_more: object) -> str:
+def _drawn_text(zone: str, polygon: Sequence[object], **_more: object) -> str:
     return f"{_UNKNOWN_AUTHOR}: the area {zone} was drawn, with {len(polygon)} corners"
 
 
-def _said_hint(zone: str, ratio: float) -> str:
+def _hint_text(zone: str, ratio: float) -> str:
     return f"{_UNKNOWN_AUTHOR}: a hint on {zone}, times {ratio:g}"
 
 
-def _said_judged(survivor: str, standing: str, same_as: str | None) -> str:
+def _judged_text(survivor: str, standing: str, same_as: str | None) -> str:
     return f"{_UNKNOWN_AUTHOR}: {survivor} is {standing}{f' with {same_as}' if same_as else ''}"
 
 
@@ -182,7 +182,7 @@ class CommandSpec(NamedTuple):
     verb: OperatorCommand
     served_by: tuple[str, ...]
     fact: str = search_events.COMMAND_GIVEN
-    sentence: Callable[..., str] | None = _said_given
+    sentence: Callable[..., str] | None = _given_text
     done: str = ""
 
 
@@ -225,7 +225,7 @@ COMMANDS = (
         ),
         ("NotHeld",),
         search_events.ZONE_ADDED,
-        _said_added,
+        _added_text,
     ),
     CommandSpec(
         OperatorCommand(
@@ -245,7 +245,7 @@ COMMANDS = (
         ),
         ("PlanSweep",),
         search_events.AREA_DRAWN,
-        _said_drawn,
+        _drawn_text,
     ),
     CommandSpec(
         OperatorCommand(
@@ -268,7 +268,7 @@ COMMANDS = (
         ),
         ("ChooseZone",),
         search_events.HINT_GIVEN,
-        _said_hint,
+        _hint_text,
     ),
     CommandSpec(
         OperatorCommand(
@@ -294,7 +294,7 @@ COMMANDS = (
         ),
         ("NotHeld",),
         search_events.SURVIVOR_JUDGED,
-        _said_judged,
+        _judged_text,
     ),
     CommandSpec(
         OperatorCommand(

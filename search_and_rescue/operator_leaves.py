@@ -72,7 +72,7 @@ class NotHeld(RosLeaf):
             "resume": lambda _: self.orders.record("resume"),
             "skip_zone": self._skip_zone,
             "add_zone": self._add_zone,
-            "judge_survivor": self._judge,
+            "judge_survivor": self._review_survivor,
         }
         for command, action in carry_out.items():
             self.orders.offer(self.node, command, partial(self._execute, command, action))
@@ -134,7 +134,7 @@ class NotHeld(RosLeaf):
         self.zone_manager.add(Zone(id=zone_id, x=pose.x, y=pose.y, yaw=pose.yaw))
         return ""
 
-    def _judge(self, request: Any) -> str:
+    def _review_survivor(self, request: Any) -> str:
         survivor_id, same_as = request.survivor_id, request.same_as
         standing = _STANDINGS.get(request.verdict)
         if standing is None:

@@ -52,7 +52,7 @@ class PathRequests:
         self._reasons: set[str] = set()
         self._told = ""
 
-    def request(self, ways: Sequence[PosePair]) -> None:
+    def request_paths(self, ways: Sequence[PosePair]) -> None:
         """Request the unknown paths; without a server, request none."""
         self.give_up()
         self._ways, self._reasons = ways, set()

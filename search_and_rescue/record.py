@@ -447,7 +447,7 @@ class MissionRecord:
         """The zones that the robot visited without finishing a search."""
         return [zone for zone in self.zones_visited if self.zone_record(zone).searched is None]
 
-    def remarks(self) -> list[str]:
+    def open_points(self) -> list[str]:
         """Return sentences about open points of a complete mission, which only requires that every zone was visited."""
         return _state_sentences((zone, UNSEARCHED) for zone in self.unsearched_zones)
 

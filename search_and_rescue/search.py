@@ -150,7 +150,7 @@ class Search(MissionRun):
         """Return the zones in order, with their probabilities if any, and the base station."""
         return self._identity
 
-    def keep_in(self, journal: Journal) -> None:
+    def use_journal(self, journal: Journal) -> None:
         """Apply the events of earlier runs, and record events in the journal from now on.
 
         Raises:
@@ -329,7 +329,7 @@ class Search(MissionRun):
         """Return the number of zones."""
         return {"zones_left": self.zones.total_zones()}
 
-    def facts_added(self) -> dict[str, int]:
+    def added_facts(self) -> dict[str, int]:
         """Return the number of zones added by commands since the first call of `initial_facts`."""
         return {"zones_left": self.zones.total_zones() - self._zones_at_start}
 
@@ -351,7 +351,7 @@ class Search(MissionRun):
         zones = [(zone["id"], zone["x"], zone["y"]) for zone in self.zones.remaining_zones()]
         return [*zones, ("base station", base["x"], base["y"])]
 
-    def may_visit(self) -> list[tuple[str, float, float]]:
+    def optional_stops(self) -> list[tuple[str, float, float]]:
         """Return the charging places."""
         return [(name, pose["x"], pose["y"]) for name, pose in self.zones.charging.items()]
 
@@ -384,11 +384,11 @@ class Search(MissionRun):
         """Return a sentence for each unfinished item of the mission."""
         return self.record.shortfalls(self.zones)
 
-    def remarks(self) -> list[str]:
+    def open_points(self) -> list[str]:
         """Return sentences about zones that were visited but not searched."""
-        return self.record.remarks()
+        return self.record.open_points()
 
-    def nothing_left(self) -> str:
+    def idle_reason(self) -> str:
         """Return a sentence if no zone is left; otherwise an empty string."""
         return "" if self.zones.has_remaining() else "No zone is left"
 

@@ -239,7 +239,7 @@ class ZoneManager:
         seconds: npt.NDArray[np.float64] = metres / self.speed_mps
         return seconds
 
-    def most_rewarding(self, zones: Sequence[Zone]) -> list[Zone]:
+    def zones_to_plan(self, zones: Sequence[Zone]) -> list[Zone]:
         """Return the zones whose paths are requested from a planner, in order; at most `MOST_PLANNED`.
 
         Of more zones, those with the highest probability per second of drive and search are returned; without probabilities, the nearest.

@@ -361,7 +361,7 @@ def _read(record: Path) -> Approval:
     _require_own_folder()
     try:
         content = read_file(record, APPROVAL)
-        data: Any = json.loads(content.text())
+        data: Any = json.loads(content.decode())
     except UnreadableFileError as error:
         raise ApprovalError(f"cannot read the approvals: {error}") from error
     except (ValueError, RecursionError):

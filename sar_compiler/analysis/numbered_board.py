@@ -115,7 +115,7 @@ class NumberedBoard(Board):
         """Return whether an entry is declared."""
         return self._content_of(name).kind is not None
 
-    def kind(self, name: str) -> type | None:
+    def kind_of(self, name: str) -> type | None:
         """Return the type of an entry; None if it has none of its own."""
         kind = self._content_of(name).kind
         return None if kind is None else kind[0]

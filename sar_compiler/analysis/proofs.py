@@ -61,7 +61,7 @@ def search_runs(
             assumed |= read_assumptions(file.document, file.facts, file.outcomes, simulated)
         if facts:
             # The file may declare additional facts.
-            assumed |= _of_the_user(facts, compiled(assumed))
+            assumed |= _user_assumptions(facts, compiled(assumed))
         if assumed != Assumptions():
             simulated = compiled(assumed)
         raise_disputes(simulated)
@@ -111,7 +111,7 @@ def default_properties(tree: ProjectTree, binding: Binding) -> Path | None:
     return path
 
 
-def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:
+def _user_assumptions(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:
     if not isinstance(facts, Document):
         from sar_compiler.documents.yaml_files import document_from_data
 

@@ -83,7 +83,7 @@ class WatchAlarm(NamedTuple):
     run: tuple[WatchedEvent, ...]
 
     @property
-    def text(self) -> str:
+    def sentence(self) -> str:
         """The alarm in a sentence."""
         if self.cause is AlarmCause.ASSUMPTION:
             return f"Assumption failed: {self.about}"

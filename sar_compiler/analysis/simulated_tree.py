@@ -399,7 +399,7 @@ class SimulationBuilder(Builder):
         """Set the identifiers of an instance's leaves, and check the nodes' arguments."""
         for bound in instance.tree.nodes:
             if bound.spec.kind.is_leaf or bound.spec.has_world_leaf:
-                self._names[instance, bound] = self._identifiers.assign(bound.name)
+                self._names[instance, bound] = self._identifiers.make_unique(bound.name)
             if needs_stub(bound.spec) or bound.spec.has_world_leaf:
                 path = self._places.path(instance, bound)
                 said = self._said[instance, bound] = outcomes_for(

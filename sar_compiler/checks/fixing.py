@@ -69,7 +69,7 @@ def _is_output(_escape: str, suggestion: str) -> bool:
     return not suggestion
 
 
-def _stand_alone(_escape: str, _suggestion: str) -> bool:
+def _accept_unescaped(_escape: str, _suggestion: str) -> bool:
     """Accept unescaped characters where they can only mean themselves."""
     return True
 
@@ -80,7 +80,7 @@ SAFE: Mapping[str, Callable[[str, str], bool]] = {
     "script-error": _script,
     "btcpp-version": _script,
     "wrong-shape": _shape,
-    "loose-xml": _stand_alone,
+    "loose-xml": _accept_unescaped,
     "ignored-attribute": _is_output,
 }
 """For each kind of finding with safe fixes: whether a text in a file may be replaced by its suggestion.

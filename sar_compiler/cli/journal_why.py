@@ -54,7 +54,7 @@ def print_explanation(options: argparse.Namespace) -> int:
         if options.format == "json":
             print(as_json({"refused_start": refused._asdict()}))
         else:
-            print_text(refused.text)
+            print_text(refused.sentence)
         return OK
     with JournalFile.open_snapshot(options.journal) as file:
         # Its code never checks whether to stop.
@@ -70,7 +70,7 @@ def print_explanation(options: argparse.Namespace) -> int:
         print(as_json({**data, **more}))
         return budget.exit_status if budget.is_interrupted else OK
     if refused is not None:
-        print_text(f"{refused.text}\n\nThe previous run:\n")
+        print_text(f"{refused.sentence}\n\nThe previous run:\n")
     print_text(explained.text())
     if options.against is not None:
         print_text(f"\n{difference_text(difference, (str(options.journal), str(options.against)))}")

@@ -83,7 +83,7 @@ def run_with_ros(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) 
     try:
         return run(lambda: _run(argv, signals, ros, stepped), PROG)
     finally:
-        signals.give_back()
+        signals.restore_handlers()
 
 
 def _own_program() -> list[str]:

@@ -143,7 +143,7 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     # Before any slow step, so that Ctrl-C always ends the command gracefully.
     signals = StopSignals()
     require_middleware()
-    from sar_compiler.execution.sim_isolation import look_around
+    from sar_compiler.execution.sim_isolation import require_isolation
     from sar_compiler.sim.isolation import stay_on_this_machine
     from sar_compiler.sim.placement import PoseFile
     from sar_compiler.sim.simulation import Simulation, check_placements
@@ -158,7 +158,7 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     arguments = init_arguments(ros_arguments)
     stay_on_this_machine()
     with ros_up(arguments) as context:
-        look_around(signals, context=context, actions=[robot.action for robot in robots])
+        require_isolation(signals, context=context, actions=[robot.action for robot in robots])
         if signals.came:
             return OK
         faults = FaultPlan(options.fault)

@@ -70,7 +70,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
         TreeError: If the tree or a world is not valid.
         SarError: If a file cannot be read, a fault is impossible, or a run ends before its mission starts.
     """
-    from sar_compiler.sim.simulated_runs import in_threads, minimize_faults
+    from sar_compiler.sim.simulated_runs import mission_threads, minimize_faults
 
     require_middleware()
     # The runs are stopped gracefully, however the command ends.
@@ -87,7 +87,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
 
     budget = budget_of(options, patience_sec=0.0, clock=time.monotonic)
     kind = "a command that repeats it, with the fewest faults"
-    return run_sweep(list(rows), 1, in_threads, write, kind, options, budget)
+    return run_sweep(list(rows), 1, mission_threads, write, kind, options, budget)
 
 
 def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweepRow, SimulatedRuns]]":

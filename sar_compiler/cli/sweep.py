@@ -102,7 +102,7 @@ def sweep_file(arguments: argparse.Namespace) -> int:
         TreeError: If the tree, a scenario, or a varied value is invalid.
         SarError: If a file cannot be read, or nothing is random.
     """
-    from sar_compiler.analysis.sweep.workers import in_processes
+    from sar_compiler.analysis.sweep.workers import worker_processes
     from sar_compiler.analysis.sweep_runs import smallest_scenario
 
     varied = [len(values) for _, values in (*arguments.vary, *arguments.set)]
@@ -122,7 +122,7 @@ def sweep_file(arguments: argparse.Namespace) -> int:
 
     budget = budget_of(arguments, patience_sec=0.0, clock=time.monotonic)
     kind = "the smallest scenario that fails"
-    return run_sweep(list(rows), _BATCH, in_processes, write, kind, arguments, budget)
+    return run_sweep(list(rows), _BATCH, worker_processes, write, kind, arguments, budget)
 
 
 def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweepRow, ScenarioRuns]]":

@@ -56,7 +56,7 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str, folder: Path | Non
     document.root = _value(events, document)
     events.pop()  # end of the document
     if isinstance(events.next, yaml.DocumentStartEvent):
-        mark = _start(events.next)
+        mark = _start_offset(events.next)
         message, hint = (
             "a second document begins here, but such a file has only one",
             "move it to a separate file",
@@ -106,7 +106,7 @@ def document_from_data(said: Mapping[str, object], name: str, empty_hint: str) -
 def _value(events: YamlEvents, document: Document) -> Value:
     document.count_value()
     event: Any = events.pop()
-    start, end = _start(event), int(event.end_mark.index)
+    start, end = _start_offset(event), int(event.end_mark.index)
     if isinstance(event, yaml.SequenceStartEvent):
         items = []
         while not isinstance(events.next, yaml.SequenceEndEvent):
@@ -133,5 +133,5 @@ def _value(events: YamlEvents, document: Document) -> Value:
     return Value(start, end, event.value if event.style else parse_scalar(event.value), text=event.value)
 
 
-def _start(event: Any) -> int:
+def _start_offset(event: Any) -> int:
     return int(event.start_mark.index)

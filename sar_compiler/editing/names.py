@@ -80,26 +80,28 @@ def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) 
     if element is None:
         return None
     pointed = _attribute_at(element, offset)
-    files = _files(tree, beside)
+    files = _affected_files(tree, beside)
     if pointed is None:
-        return _of_tree(files, element.attributes["ID"]) if _is_use(element, offset) else None
+        return _named_tree(files, element.attributes["ID"]) if _is_use(element, offset) else None
     if pointed.attribute == _MAIN or (pointed.attribute == "ID" and element.tag not in _explicit(tree)):
-        return _of_tree(files, element.attributes[pointed.attribute])
-    return _in_node(tree, files, pointed)
+        return _named_tree(files, element.attributes[pointed.attribute])
+    return _thing_in_node(tree, files, pointed)
 
 
-def _in_node(tree: ProjectTree, files: Sequence[TreeFile], pointed: _PointedAttribute) -> NamedThing | None:
+def _thing_in_node(
+    tree: ProjectTree, files: Sequence[TreeFile], pointed: _PointedAttribute
+) -> NamedThing | None:
     """Return the meaning of a name in an attribute of a node: another node, or a key."""
     bound, around = _find_bound(tree, pointed.element)
     if bound is None or around is None:
         return None
     meant = bound.references.get(pointed.attribute)
     if meant is not None:
-        return _of_node(around, meant)
+        return _named_node(around, meant)
     words = _NAME.finditer(pointed.element.attributes[pointed.attribute])
     word = next((each[0] for each in words if each.start() <= pointed.character <= each.end()), None)
     accesses = tree.context.key_accesses.get(around)
-    return _of_key(tree, files, around, word) if word and accesses and word in accesses.keys else None
+    return _named_key(tree, files, around, word) if word and accesses and word in accesses.keys else None
 
 
 def _explicit(tree: ProjectTree) -> set[str]:
@@ -132,7 +134,7 @@ def _find_bound(tree: ProjectTree, element: Element) -> tuple[BoundNode | None, 
     return None, None
 
 
-def _files(tree: ProjectTree, beside: Iterable[ProjectTree]) -> list[TreeFile]:
+def _affected_files(tree: ProjectTree, beside: Iterable[ProjectTree]) -> list[TreeFile]:
     """Return the file, its includes, all files of its set, and the files that include it."""
     own, tree_set = real_path(tree.path), tree.project.tree_set
     users = (each.forest for each in beside if own in map(_real_path, each.forest.files))
@@ -145,7 +147,7 @@ def _real_path(tree_file: TreeFile) -> Path:
     return real_path(Path(tree_file.source.path))
 
 
-def _of_tree(files: Sequence[TreeFile], name: str) -> NamedThing:
+def _named_tree(files: Sequence[TreeFile], name: str) -> NamedThing:
     taken = frozenset(
         each.attributes["ID"] for file in files for each in file.trees if "ID" in each.attributes
     )
@@ -164,7 +166,7 @@ def _spots_of_tree(files: Iterable[TreeFile], name: str) -> Iterator[NameLocatio
                 yield NameLocation(file.source, each.value_span("ID"))
 
 
-def _of_node(around: BoundTree, meant: BoundNode) -> NamedThing:
+def _named_node(around: BoundTree, meant: BoundNode) -> NamedThing:
     element = meant.element
     own = element.value_span("name") if "name" in element.attributes else element.tag_span()
     spots = [NameLocation(element.source, own, is_origin=True)]
@@ -175,15 +177,15 @@ def _of_node(around: BoundTree, meant: BoundNode) -> NamedThing:
     return NamedThing(meant.name, tuple(spots), "names of nodes are also used in scenarios and properties")
 
 
-def _of_key(tree: ProjectTree, files: Sequence[TreeFile], around: BoundTree, key: str) -> NamedThing:
+def _named_key(tree: ProjectTree, files: Sequence[TreeFile], around: BoundTree, key: str) -> NamedThing:
     accesses = tree.context.key_accesses[around]
     spots = [spot for each in accesses.accesses if each.key == key for spot in _spots_of_access(each)]
     # Remapping a port, and removing a key, are not accesses.
     for node in around.nodes:
-        spots += _in_braces(node, key)
+        spots += _key_locations(node, key)
     users = [*_users(files, around.name)]
     spots += [NameLocation(each.source, each.name_span(key)) for each in users if key in each.attributes]
-    spots += _in_models(files, around.name, key)
+    spots += _port_descriptions(files, around.name, key)
     inner = (use.element for use in around.uses)
     refusal = ""
     if key.startswith(ROOT_SIGN):
@@ -211,7 +213,7 @@ def _spots_of_access(access: KeyAccess) -> Iterator[NameLocation]:
         yield NameLocation(element.source, span, is_origin)
 
 
-def _in_braces(node: BoundNode, key: str) -> Iterator[NameLocation]:
+def _key_locations(node: BoundNode, key: str) -> Iterator[NameLocation]:
     """Yield the locations of keys in attributes, in braces or as names of keys, for any use."""
     element = node.element
     for attribute, text in element.attributes.items():
@@ -230,7 +232,7 @@ def _users(files: Iterable[TreeFile], name: str) -> Iterator[Element]:
                 yield element
 
 
-def _in_models(files: Iterable[TreeFile], name: str, key: str) -> Iterator[NameLocation]:
+def _port_descriptions(files: Iterable[TreeFile], name: str, key: str) -> Iterator[NameLocation]:
     """Yield the descriptions of a tree's port."""
     for models in (each for file in files for each in file.root.children if each.tag == MODEL_TAG):
         for model in models.children:

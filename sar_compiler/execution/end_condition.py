@@ -82,14 +82,16 @@ class EndCondition:
 
     def _mission_result(self, status: Status) -> RunResult | None:
         if self.complete:
-            return RunResult(achieved=True, reason=" ".join(["Mission complete.", *self.mission.remarks()]))
+            return RunResult(
+                achieved=True, reason=" ".join(["Mission complete.", *self.mission.open_points()])
+            )
         # With nothing left to do, a tree that ends twice in a row is finished. Once is not enough: the tick that finishes the last piece of work
         # succeeds before the way back was checked.
-        nothing_left = self.mission.nothing_left()
-        over = nothing_left and status != Status.RUNNING
+        idle_reason = self.mission.idle_reason()
+        over = idle_reason and status != Status.RUNNING
         self._idle_ticks = self._idle_ticks + 1 if over else 0
         if self._idle_ticks > 1:
-            return RunResult(achieved=False, reason=" ".join([f"{nothing_left}.", *self.shortfalls()]))
+            return RunResult(achieved=False, reason=" ".join([f"{idle_reason}.", *self.shortfalls()]))
         return None
 
 

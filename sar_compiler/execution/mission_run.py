@@ -118,7 +118,7 @@ def _ros(options: RunOptions, signals: StopSignals, mission: Mission | None) -> 
     """Initialise ROS; a run without parameters uses the mission's default ones."""
     arguments = init_arguments(options.ros, _parameter_file(options, mission))
     if options.sim is not None:
-        from sar_compiler.execution.sim_isolation import look_around
+        from sar_compiler.execution.sim_isolation import require_isolation
         from sar_compiler.sim.isolation import stay_on_this_machine
 
         stay_on_this_machine()
@@ -126,7 +126,7 @@ def _ros(options: RunOptions, signals: StopSignals, mission: Mission | None) -> 
             os.environ.setdefault("RCUTILS_CONSOLE_OUTPUT_FORMAT", "[{severity}] [{name}]: {message}")
     with ros_up(arguments) as context:
         if options.sim is not None:
-            look_around(signals, context=context)
+            require_isolation(signals, context=context)
         yield context
 
 

@@ -53,4 +53,4 @@ def run_mission(options: RunOptions, extensions: Sequence[MakeExtension] = ()) -
         with ExitStack() as ros:
             return run(options, makes, signals, ros, [], _NoOutput(), lambda _: None)
     finally:
-        signals.give_back()
+        signals.restore_handlers()

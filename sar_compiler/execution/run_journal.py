@@ -72,7 +72,7 @@ class RunJournal(RunExtension):
             self._identify(run, parameters)
         # Events have times even without a reader, because the mission may display them.
         if self._mission is not None:
-            run.keep_in(self.journal)
+            run.use_journal(self.journal)
 
     def _identify(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
         """Record the mission's identity, or check it when a mission resumes."""

@@ -118,7 +118,7 @@ class _PropertyReactions:
                 if time.monotonic() - order.since < _PATIENCE_SEC:
                     self._due.append(order)
                 else:
-                    self._say_refused(order, str(error))
+                    self._report_refusal(order, str(error))
             else:
                 answer.add_done_callback(partial(self._take_answer, order))
 
@@ -126,9 +126,9 @@ class _PropertyReactions:
         error = answer.exception()
         accepted, said = answer.result() if error is None else (False, str(error))
         if not accepted:
-            self._say_refused(order, said)
+            self._report_refusal(order, said)
 
-    def _say_refused(self, order: _DueCommand, why: str) -> None:
+    def _report_refusal(self, order: _DueCommand, why: str) -> None:
         self._logger.error(
             escape_to_one_line(
                 f"'{order.verb.label}' was not executed after a violation of '{order.about}': {why}"
@@ -174,7 +174,7 @@ class PropertyWatch(RunExtension):
             clock=self._now,
         )
         # A resumed mission's initial facts already include earlier commands.
-        self._added = self._run.mission.facts_added()
+        self._added = self._run.mission.added_facts()
         approval = self._run.approval
         if approval is not None and given is not True and self._watch.file is not None:
             approval.require_properties(self._watch.file.document.source)
@@ -209,12 +209,12 @@ class PropertyWatch(RunExtension):
 
     def on_before_event(self, number: int) -> None:
         """Handle the start of a leaf's activity."""
-        self._call_monitor(self._take_commands)
+        self._call_monitor(self._apply_commands)
         self._call_monitor(self._watch.on_before_event, number)
 
-    def _take_commands(self) -> None:
+    def _apply_commands(self) -> None:
         """Apply the changes of facts by commands since the last event."""
-        added = self._run.mission.facts_added()
+        added = self._run.mission.added_facts()
         for name, count in added.items():
             if count != self._added.get(name, 0):
                 self._watch.raise_fact(name, count - self._added.get(name, 0))
@@ -275,9 +275,9 @@ class PropertyWatch(RunExtension):
         return f"Monitored {count}: {', '.join(parts) or 'none violated'}."
 
     def _end_tick(self, tree: BehaviourTree) -> None:
-        self._call_monitor(self._take_end, "SKIPPED" if was_skipped(tree.root) else tree.root.status.value)
+        self._call_monitor(self._process_end, "SKIPPED" if was_skipped(tree.root) else tree.root.status.value)
 
-    def _take_end(self, root: str) -> None:
+    def _process_end(self, root: str) -> None:
         self._watch.end_tick(root)
         if self._watch.state_number != self._remembered:
             self._remembered = self._watch.state_number
@@ -289,7 +289,7 @@ class PropertyWatch(RunExtension):
             return
         alarms, self._watch.alarms = self._watch.alarms, []
         for alarm in alarms:
-            self._logger.error(escape_to_one_line(alarm.text))
+            self._logger.error(escape_to_one_line(alarm.sentence))
             self._record_alarm(alarm)
             if alarm.cause.is_broken:
                 self._orders.order(alarm.about, alarm.event or "the end of the run")
@@ -300,7 +300,7 @@ class PropertyWatch(RunExtension):
         if alarm.cause.is_broken:
             owed = alarm.cause is AlarmCause.OWED
             self._run.journal.raise_alarm(
-                alarm.text, PROPERTY_BROKEN, property=alarm.about, owed=owed, **place
+                alarm.sentence, PROPERTY_BROKEN, property=alarm.about, owed=owed, **place
             )
         else:
-            self._run.journal.raise_alarm(alarm.text, ASSUMPTION_FAILED, assumption=alarm.about, **place)
+            self._run.journal.raise_alarm(alarm.sentence, ASSUMPTION_FAILED, assumption=alarm.about, **place)

@@ -139,7 +139,7 @@ class ProcessRunStarter:
         self._calls: dict[str, CommandClient] = {}
         self.status = OK
 
-    def trees(self) -> Sequence[str]:
+    def read_tree_ids(self) -> Sequence[str]:
         """Read all trees again, and return their IDs.
 
         Raises:
@@ -187,7 +187,7 @@ class ProcessRunStarter:
             raise ServedTreesError(f"{name} cannot be run with these options:\n{said}") from error
         return found
 
-    def why_not(self, tree: str, parameters: Mapping[str, object]) -> str:
+    def refusal_reason(self, tree: str, parameters: Mapping[str, object]) -> str:
         """Return why a run cannot be started with some parameters; empty if it can be."""
         paths = sorted(self._trees[tree].path_parameters & parameters.keys())
         if not paths:
@@ -212,12 +212,12 @@ class ProcessRunStarter:
         ]
         ros = ["--ros-args", *self._options.ros, *chosen, "--"]
 
-        def take_end(status: int, ended: EndedRun) -> None:
+        def on_end(status: int, ended: EndedRun) -> None:
             self.status = ROBOT_MAY_MOVE if status == ROBOT_MAY_MOVE else OK
             end(ended)
 
         command = [*self._options.program, str(served.path), "--tree", served.tree_id, *self._argv, *ros]
-        return ServedProcess(command, tell, take_end, self._holder(served))
+        return ServedProcess(command, tell, on_end, self._holder(served))
 
     def _holder(self, served: ServedTree) -> "Holder":
         """Return a function that pauses or resumes a mission."""

@@ -58,14 +58,14 @@ class RunStarter(Protocol):
 
     node: "Node"
 
-    def trees(self) -> Sequence[str]:
+    def read_tree_ids(self) -> Sequence[str]:
         """Read all trees again, and return their names.
 
         Raises:
             SarError: If a tree cannot be run.
         """
 
-    def why_not(self, tree: str, parameters: Mapping[str, object]) -> str:
+    def refusal_reason(self, tree: str, parameters: Mapping[str, object]) -> str:
         """Return why a run of a tree cannot be started with some parameters; empty if it can be."""
 
     def start(

@@ -9,7 +9,7 @@ from sar_compiler.sim.isolation import LOOK_AROUND_SEC, LOOKING_AROUND, require_
 from sar_compiler.terminal import ProgressLine
 
 
-def look_around(signals: StopSignals, **options: Any) -> None:
+def require_isolation(signals: StopSignals, **options: Any) -> None:
     """Check that no other simulation or robot is present; on a terminal, show the remaining time.
 
     Args:

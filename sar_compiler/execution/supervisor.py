@@ -59,7 +59,7 @@ def supervise(
         life = _SupervisedRun(argv, deaths, has_begun=has_begun)
         signals.last_words = lambda life=life: life.stop_immediately(signals)
         life.wait_for_end(signals)
-        status, death = life.finish()
+        status, death = life.collect_exit()
         if life.may_move:
             print_error("sar-run: the mission has crashed, and one of its goals may still be active")
             return ROBOT_MAY_MOVE
@@ -136,7 +136,7 @@ class _SupervisedRun:
             while is_locked(place) and time.monotonic() < deadline:
                 time.sleep(_TURN_SEC)
 
-    def finish(self) -> tuple[int, str]:
+    def collect_exit(self) -> tuple[int, str]:
         """Return the exit status and a description of the crash; empty without a crash."""
         status = self._process.returncode
         # The journal takes precedence over the process: a run that recorded its end is over, even if native code crashed while ROS was

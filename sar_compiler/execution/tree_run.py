@@ -126,7 +126,7 @@ class RouteReport:
         self.lines = self._table(legs) if legs else []
         besides = [
             leg
-            for place in mission.may_visit()
+            for place in mission.optional_stops()
             if planner is not None
             for leg in plan_route(planner, (x, y), [place], mission.allows, budget)
         ]

@@ -150,8 +150,8 @@ class TreeExecutionServer(LifecycleNode):
             ExecuteTree,
             ACTION,
             execute_callback=self._execute,
-            goal_callback=self._take_goal,
-            cancel_callback=self._take_cancel,
+            goal_callback=self._on_goal,
+            cancel_callback=self._on_cancel,
         )
         self.create_service(GetTrees, TREES_SERVICE, self._list_trees)
         # rclpy raises on a transition that the state does not have, which would end the server and the mission.
@@ -183,14 +183,14 @@ class TreeExecutionServer(LifecycleNode):
 
     def destroy_node(self) -> None:
         """Destroy the node."""
-        self._take_no_goals()
+        self._reject_goals()
         self._action.destroy()
         super().destroy_node()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
         """Read the trees."""
         try:
-            self._trees = self._starter.trees()
+            self._trees = self._starter.read_tree_ids()
         except SarError as error:
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
@@ -208,7 +208,7 @@ class TreeExecutionServer(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Reject goals; pause the current run until the next activation, or stop it if it cannot be paused."""
-        self._take_no_goals()
+        self._reject_goals()
         if self._run is not None:
             self._run.hold(wanted=True, refused=lambda why: self._schedule(lambda: self._stop_instead(why)))
         return super().on_deactivate(state)
@@ -221,10 +221,10 @@ class TreeExecutionServer(LifecycleNode):
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Reject all further goals and stop the current run."""
-        self._take_no_goals()
+        self._reject_goals()
         return self.on_cleanup(state)
 
-    def _take_no_goals(self) -> None:
+    def _reject_goals(self) -> None:
         self._is_active = False
         if self._bond is not None:
             self._bond.announce_end()
@@ -243,7 +243,7 @@ class TreeExecutionServer(LifecycleNode):
         response.tree_ids = [*self._trees]
         return response
 
-    def _take_goal(self, goal: ExecuteTree.Goal) -> GoalResponse:
+    def _on_goal(self, goal: ExecuteTree.Goal) -> GoalResponse:
         """Accept a goal if its run can be started; the log gives the reason of a rejection."""
         why = self._rejection_reason(goal)
         if why:
@@ -262,11 +262,11 @@ class TreeExecutionServer(LifecycleNode):
         if self._is_taken:
             return "a mission is running"
         try:
-            return self._starter.why_not(tree, parameters_of(str(goal.payload)))
+            return self._starter.refusal_reason(tree, parameters_of(str(goal.payload)))
         except PayloadError as error:
             return str(error)
 
-    def _take_cancel(self, _goal: ServerGoalHandle) -> CancelResponse:
+    def _on_cancel(self, _goal: ServerGoalHandle) -> CancelResponse:
         self.get_logger().info("The client has requested the end of the run.")
         self.stop_run()
         return CancelResponse.ACCEPT

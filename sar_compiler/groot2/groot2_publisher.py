@@ -83,7 +83,7 @@ class Groot2Publisher:
             b"S": self._statuses,
             b"B": self._blackboards,
             b"r": self._toggle_recording,
-            b"t": self._take_transitions,
+            b"t": self._pop_transitions,
             # Groot2 requests the breakpoints when it connects, and removes them when it leaves: there are none.
             b"D": lambda _: b"[]",
             b"A": lambda _: None,
@@ -189,7 +189,7 @@ class Groot2Publisher:
             self._is_recording = word == "start" or (self._is_recording and word != "stop")
         return b"%d" % (time.time_ns() // 1000) if word == "start" else None
 
-    def _take_transitions(self, _: Sequence[bytes]) -> bytes:
+    def _pop_transitions(self, _: Sequence[bytes]) -> bytes:
         with self._lock:
             taken = b"".join(self._transitions)
             self._transitions.clear()

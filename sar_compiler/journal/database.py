@@ -410,14 +410,14 @@ class JournalFile:
         """Yield all entries in order, with their numbers in the file; arguments as for `last_run`."""
         with self.snapshot():
             for run in self.runs():
-                yield from self._of_run(run, without, is_condensed=is_condensed)
+                yield from self._run_entries(run, without, is_condensed=is_condensed)
 
     def stream_after(self, after: StreamPosition, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
         """Yield all entries after a position in order, with their stream numbers, without some kinds of observations."""
         with self.snapshot():
             for run in self.runs():
                 if run.number >= after.run:
-                    yield from self._of_run(run, without, after if run.number == after.run else None)
+                    yield from self._run_entries(run, without, after if run.number == after.run else None)
 
     def last_run(
         self, *, without: Sequence[str] = (), is_condensed: bool = False, log: TickLog | None = None
@@ -431,9 +431,9 @@ class JournalFile:
         """
         with self.snapshot():
             for run in self.runs()[-1:]:
-                yield from self._of_run(run, without, is_condensed=is_condensed, log=log)
+                yield from self._run_entries(run, without, is_condensed=is_condensed, log=log)
 
-    def _of_run(
+    def _run_entries(
         self,
         run: JournalRun,
         without: Sequence[str] = (),

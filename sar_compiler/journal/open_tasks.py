@@ -54,13 +54,13 @@ def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
         return ()
     landmarks = state.situation.landmarks.values()
     found = [
-        *_of_robot(state),
+        *_robot_tasks(state),
         *(OpenTask(ERROR, each.task, *_position_text(each)) for each in landmarks if each.task),
-        *_of_alarms(state),
-        *_of_gauges(state),
-        *_of_detections(state),
-        *_of_places(state),
-        *_of_figures(state),
+        *_alarm_tasks(state),
+        *_gauge_tasks(state),
+        *_detection_tasks(state),
+        *_location_tasks(state),
+        *_figure_tasks(state),
     ]
     return tuple(sorted(found, key=lambda task: -_SEVERITY.index(task.level)))
 
@@ -72,7 +72,7 @@ def severity(state: MissionState) -> str:
     )
 
 
-def _of_robot(state: MissionState) -> Iterator[OpenTask]:
+def _robot_tasks(state: MissionState) -> Iterator[OpenTask]:
     """Yield the tasks about the robot and its process."""
     now, run = condition(state), state.runs[-1]
     if now.word == LOST or (now.word == CRASHED and state.goals) or (run.ending and state.goals):
@@ -103,14 +103,14 @@ def _missed_end(state: MissionState) -> Landmark | None:
     return ends[0] if ends and all(each.level != Level.DONE for each in ends) else None
 
 
-def _of_alarms(state: MissionState) -> Iterator[OpenTask]:
+def _alarm_tasks(state: MissionState) -> Iterator[OpenTask]:
     for alarm in state.situation.alarms.values():
         if not alarm.is_over:
             level = ERROR if alarm.level >= _ALARM_IS_ERROR else WARNING
             yield OpenTask(level, alarm.text, is_alarm=True)
 
 
-def _of_gauges(state: MissionState) -> Iterator[OpenTask]:
+def _gauge_tasks(state: MissionState) -> Iterator[OpenTask]:
     if _is_over(state):
         return
     for gauge in state.gauges:
@@ -119,7 +119,7 @@ def _of_gauges(state: MissionState) -> Iterator[OpenTask]:
             yield OpenTask(WARNING, f"Call the robot back: {gauge.text}, below the limit of {limit}")
 
 
-def _of_detections(state: MissionState) -> Iterator[OpenTask]:
+def _detection_tasks(state: MissionState) -> Iterator[OpenTask]:
     """Yield the tasks about unreviewed detections and unfinished reports."""
     is_over = _is_over(state)
     for each in state.situation.detections():
@@ -135,7 +135,7 @@ def _of_detections(state: MissionState) -> Iterator[OpenTask]:
             yield OpenTask(ERROR, text, *_position_text(each))
 
 
-def _of_places(state: MissionState) -> Iterator[OpenTask]:
+def _location_tasks(state: MissionState) -> Iterator[OpenTask]:
     """Yield the tasks about abandoned locations, and after the run about all unfinished ones."""
     is_over, groups = _is_over(state), dict[tuple[str, str], list[Landmark]]()
     for each in state.situation.landmarks.values():
@@ -154,7 +154,7 @@ def _of_places(state: MissionState) -> Iterator[OpenTask]:
         yield OpenTask(WARNING, text, *(_position_text(places[0]) if len(places) == 1 else ()))
 
 
-def _of_figures(state: MissionState) -> Iterator[OpenTask]:
+def _figure_tasks(state: MissionState) -> Iterator[OpenTask]:
     """Yield the percentages of an ended mission that are below the wanted ones."""
     if not _is_over(state):
         return

@@ -32,7 +32,7 @@ class RefusedStart(NamedTuple):
     reason: str
 
     @property
-    def text(self) -> str:
+    def sentence(self) -> str:
         """The refusal in words."""
         return f"The run of {day_and_time(self.wall)} did not start (status {self.status}): {self.reason}"
 

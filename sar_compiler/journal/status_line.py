@@ -43,7 +43,7 @@ class StatusLine(NamedTuple):
     since: float = 0.0
     reason: str = ""
 
-    def text(self, now: float | None = None) -> str:
+    def to_line(self, now: float | None = None) -> str:
         """Return the status in one line: `PAUSED (0:19): by the operator`.
 
         Args:
@@ -56,7 +56,7 @@ class StatusLine(NamedTuple):
 
 def status_line_text(state: MissionState) -> str:
     """Return the status of a mission in one line, as of its last entry."""
-    return condition(state).text(state.now.time)
+    return condition(state).to_line(state.now.time)
 
 
 def condition(state: MissionState) -> StatusLine:

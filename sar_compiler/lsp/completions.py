@@ -72,10 +72,10 @@ class Completion(NamedTuple):
 
 def place_in(text: str, offset: int, form: Form) -> CompletionContext | None:
     """Return the context of a position; None if there are no completions."""
-    return _in_xml(text[:offset]) if form is Form.XML else _in_yaml(text[:offset])
+    return _xml_context(text[:offset]) if form is Form.XML else _yaml_context(text[:offset])
 
 
-def _in_xml(before: str) -> CompletionContext | None:
+def _xml_context(before: str) -> CompletionContext | None:
     tag = before.rfind("<")
     if tag < 0:
         return None
@@ -91,7 +91,7 @@ def _in_xml(before: str) -> CompletionContext | None:
     return CompletionContext(written) if _IN_TAG.match(before, offset) else None
 
 
-def _in_yaml(before: str) -> CompletionContext | None:
+def _yaml_context(before: str) -> CompletionContext | None:
     start = before.rfind("\n") + 1
     line = before[start:]
     if flow := _YAML_FLOW.match(line):

@@ -67,7 +67,7 @@ def _add_texts(server: TreeServer) -> None:
         server.on_closed(params.text_document.uri)
 
     @server.feature(lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES)
-    def changed_beside(_params: lsp.DidChangeWatchedFilesParams) -> None:
+    def on_watched_files_changed(_params: lsp.DidChangeWatchedFilesParams) -> None:
         server.renew()
 
 

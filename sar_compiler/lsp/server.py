@@ -222,7 +222,7 @@ class TreeServer(LanguageServer):
         self._texts = {real_path(each.path): each.text for each in self._open.values()}
         found = None
         if not file.is_foreign():
-            found = await self._in_budget(path, lambda: self._findings(loader, path))
+            found = await self._run_in_budget(path, lambda: self._findings(loader, path))
         tree, findings = found or (None, [])
         if self._open.get(uri) is file and file.text == text:
             file.set_findings(tree, findings)
@@ -256,7 +256,7 @@ class TreeServer(LanguageServer):
         loader.report_use()
         return tree, findings
 
-    async def _in_budget(self, path: Path, function: Callable[[], _OfThread]) -> _OfThread | None:
+    async def _run_in_budget(self, path: Path, function: Callable[[], _OfThread]) -> _OfThread | None:
         """Return the result of some work on a file; report an exhausted budget, and return None."""
         budget = self._new_budget()
 
@@ -278,7 +278,7 @@ class TreeServer(LanguageServer):
         if file is None or tree is None:
             return
         self._changed.clear()
-        found = await self._in_budget(file.path, lambda: _try_tree(tree, self._changed))
+        found = await self._run_in_budget(file.path, lambda: _try_tree(tree, self._changed))
         if found is not None and file.current_tree is tree and not self._changed.is_set():
             file.set_tick_errors(found)
             self._publish(uri)

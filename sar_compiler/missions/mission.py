@@ -161,7 +161,7 @@ class MissionRun:
         """
         return {}
 
-    def facts_added(self) -> Mapping[str, int]:
+    def added_facts(self) -> Mapping[str, int]:
         """Return by how much commands have increased facts: `{"zones_left": 1}` after a zone was added.
 
         No outcome of a leaf includes these changes, so a run that is monitored for properties reads them here.
@@ -179,7 +179,7 @@ class MissionRun:
         """Return the parameters that identify this mission, as JSON values; resuming requires equal ones."""
         return {}
 
-    def keep_in(self, journal: "Journal") -> None:
+    def use_journal(self, journal: "Journal") -> None:
         """Record the mission's events in a journal from now on; called once, before the tree is compiled.
 
         Every event that must survive the process is written with `journal.note` before it is reported anywhere, and changes the run's state by
@@ -223,7 +223,7 @@ class MissionRun:
         """
         return [(name, *place) for name, place in (self.places() or {}).items()]
 
-    def may_visit(self) -> Sequence[tuple[str, float, float]]:
+    def optional_stops(self) -> Sequence[tuple[str, float, float]]:
         """Return the names and positions of optional stops, such as charging places, for the route check."""
         return []
 
@@ -252,11 +252,11 @@ class MissionRun:
         """
         return None
 
-    def remarks(self) -> list[str]:
+    def open_points(self) -> list[str]:
         """Return sentences about open points of a complete mission, which follow "Mission complete."."""
         return []
 
-    def nothing_left(self) -> str:
+    def idle_reason(self) -> str:
         """Return a sentence if no work is left, such as "No zone is left", otherwise an empty string.
 
         If the tree is then idle, the run ends, complete or not.
@@ -284,7 +284,7 @@ class Mission(ABC):
                 cannot set them.
         faults: The faults that `--fault` can inject into its servers, of `drop`, `delay` and `refuse`, by service.
         default_tree: The name of a shipped tree, or a file; None if the user must name a tree.
-        is_resumable: Whether a run records events in its journal (`MissionRun.keep_in`), so that a later run can resume it. On
+        is_resumable: Whether a run records events in its journal (`MissionRun.use_journal`), so that a later run can resume it. On
                 a robot such a run has a journal by default.
     """
 

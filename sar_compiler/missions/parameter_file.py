@@ -201,7 +201,7 @@ def _text_of(file: Path) -> str:
     raise ParameterFileError(file, [FileProblem(0, 0, wrong)])
 
 
-def _not_yaml(error: yaml.MarkedYAMLError, text: str) -> FileProblem:
+def _yaml_problem(error: yaml.MarkedYAMLError, text: str) -> FileProblem:
     mark = error.problem_mark or error.context_mark
     problem = error.problem or "cannot be parsed"
     if mark is not None and "cannot start any token" in problem and text[mark.index : mark.index + 1] == "\t":
@@ -242,7 +242,7 @@ class _Walk:
         try:
             self._read()
         except yaml.MarkedYAMLError as error:
-            self.problems = [_not_yaml(error, text)]
+            self.problems = [_yaml_problem(error, text)]
         except yaml.reader.ReaderError as error:
             line = text.count("\n", 0, error.position)
             column = error.position - (text.rfind("\n", 0, error.position) + 1)
@@ -253,7 +253,7 @@ class _Walk:
         self.problems.append(_problem_at(where, text))
 
     def _read(self) -> None:
-        self._look_at_events()
+        self._check_events()
         if self.problems:
             return
         # This loader reads every scalar as a string: neither dates nor Python's numbers interfere.
@@ -267,7 +267,7 @@ class _Walk:
         else:
             self._nodes(root, "", "")
 
-    def _look_at_events(self) -> None:
+    def _check_events(self) -> None:
         """Report YAML features that ROS does not support, up to the nesting limit.
 
         An older libyaml, used by some builds of ROS, rejects some characters in plain scalars within brackets.

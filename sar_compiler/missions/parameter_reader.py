@@ -352,7 +352,7 @@ class ParameterReader:
             path = NamedPath.confined_to(path, sorted(folders))
         try:
             content = read_file(path, FileKind(noun, most_bytes))
-            text = content.text()
+            text = content.decode()
         except PathOutsideError as error:
             there = f"move it next to {given_in}, or name it on the command line: -p {key}:=PATH"
             self.report_error(key, f"{path} cannot be read: {error.reason}. To fix this, {there}")

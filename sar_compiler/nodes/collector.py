@@ -97,7 +97,7 @@ class FindingCollector:
         """Add a finding about an element; the arguments are those of its method `finding`."""
         self.findings.append(element.finding(code, message, span, **about))
 
-    def refused_since(
+    def report_rejected_since(
         self,
         change: VersionChange,
         element: Element,

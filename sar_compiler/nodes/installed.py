@@ -177,7 +177,7 @@ def _metadata_in(folder: str, _as_it_is: tuple[int, int], file: str) -> list[tup
             continue
         name = each.rpartition(".")[0].partition("-")[0].lower().replace(".", "_")
         with suppress(UnreadableFileError):
-            found.append((name, read_file(Path(folder, each, file), METADATA).text()))
+            found.append((name, read_file(Path(folder, each, file), METADATA).decode()))
     return found
 
 

@@ -283,11 +283,11 @@ def convert_with_unit(text: str, unit: str) -> str | None:
         return intended_plain_number(text)
     from fractions import Fraction
 
-    number, one = intended_plain_number(match[1]), _one(match[2].lower(), unit)
+    number, one = intended_plain_number(match[1]), _conversion_factor(match[2].lower(), unit)
     return _round(Fraction(number) * one) if number is not None and one is not None else None
 
 
-def _one(spelt: str, unit: str) -> "Fraction | None":
+def _conversion_factor(spelt: str, unit: str) -> "Fraction | None":
     """Return the conversion factor between two units; None for different quantities or an unknown unit."""
     from fractions import Fraction
 

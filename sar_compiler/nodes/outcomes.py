@@ -73,7 +73,7 @@ class Identifiers:
         self._taken: set[str] = set()
         self._last: dict[str, int] = {}
 
-    def assign(self, name: str) -> str:
+    def make_unique(self, name: str) -> str:
         """Return an identifier for a node: its name, with `_` for characters not allowed in identifiers.
 
         If an earlier node has it, a number is appended: `Drive`, `Drive_2`.

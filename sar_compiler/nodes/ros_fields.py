@@ -155,12 +155,12 @@ def _compose_yaml(text: str) -> tuple[yaml.Node, int]:
     try:
         wrapped = yaml.compose(f"{{{text}\n}}", Loader=yaml.SafeLoader)
     except yaml.YAMLError as error:
-        raise _no_yaml(text, error) from error
+        raise _yaml_error(text, error) from error
     assert wrapped is not None  # noqa: S101 - there are braces
     return wrapped, 1
 
 
-def _no_yaml(text: str, error: yaml.YAMLError) -> ConversionError:
+def _yaml_error(text: str, error: yaml.YAMLError) -> ConversionError:
     problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "not readable"
     mark = getattr(error, "problem_mark", None)
     at = min(max(mark.index - 1, 0), len(text) - 1) if mark is not None else 0

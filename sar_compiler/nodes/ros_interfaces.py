@@ -311,7 +311,7 @@ class MessageFiller:
         for name, (written, place) in fields.fields.items():
             where = f"{path}.{name}" if path else name
             if name not in kinds:
-                raise _no_field(where, name, kinds, place)
+                raise _unknown_field(where, name, kinds, place)
             value = self._known_value(written)
             if value is None:
                 continue
@@ -469,7 +469,7 @@ def _describe(value: FieldValue) -> str:
     )
 
 
-def _no_field(
+def _unknown_field(
     where: str, name: str, kinds: Mapping[str, FieldType], place: PlaceInText | None
 ) -> InterfaceError:
     near = nearest(name, kinds)
@@ -494,7 +494,7 @@ def check_path(cls: Any, path: FieldPath) -> FieldType:
             cls = message_class(found.base) if found.is_message else None
         kinds = fields_of(cls) if cls is not None else {}
         if name not in kinds:
-            raise _no_field(path.text, name, kinds, path.place)
+            raise _unknown_field(path.text, name, kinds, path.place)
         found = kinds[name]
         if number is not None:
             found = _element(found, name, number, path)

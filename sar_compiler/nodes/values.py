@@ -236,7 +236,7 @@ def value_type_of(annotation: object) -> ValueType | None:
         The type, or None if no text can become such a value.
     """
     annotation = strip_none(annotation)
-    said = _said_type(annotation)
+    said = _annotated_type(annotation)
     if said is not None:
         return said
     if is_class(annotation) and annotation in _PLAIN:
@@ -248,7 +248,7 @@ def value_type_of(annotation: object) -> ValueType | None:
     if is_class(annotation) and issubclass(annotation, enum.Enum):
         members = {member.name: member for member in annotation}
         convert = functools.partial(_member, annotation)
-        chosen = _choice(annotation.__name__, tuple(members), convert, _by_number(members))
+        chosen = _choice(annotation.__name__, tuple(members), convert, _members_by_number(members))
         return chosen._replace(python=annotation)
     if typing.get_origin(annotation) is typing.Literal:
         literals = typing.get_args(annotation)
@@ -296,7 +296,7 @@ def is_class(annotation: object) -> TypeGuard[type]:
     return isinstance(annotation, type) and typing.get_origin(annotation) is None
 
 
-def _said_type(annotation: object) -> ValueType | None:
+def _annotated_type(annotation: object) -> ValueType | None:
     if typing.get_origin(annotation) is not Annotated:
         return None
     return next((note for note in typing.get_args(annotation)[1:] if isinstance(note, ValueType)), None)
@@ -304,7 +304,7 @@ def _said_type(annotation: object) -> ValueType | None:
 
 def strip_none(annotation: object) -> object:
     """Return `T` for `T | None` and for `Annotated[T, ...]` with foreign metadata; anything else unchanged."""
-    if typing.get_origin(annotation) is Annotated and _said_type(annotation) is None:
+    if typing.get_origin(annotation) is Annotated and _annotated_type(annotation) is None:
         return strip_none(typing.get_args(annotation)[0])
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
         members = [member for member in typing.get_args(annotation) if member is not type(None)]
@@ -379,7 +379,7 @@ def plausible_number(least: float, most: float = math.inf, *, is_open: bool = Fa
     return _PLAIN[float]._replace(usual=PlausibleRange(least, most, is_open))
 
 
-def _whole_of_size(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
+def _sized_integer(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
     """Return the type of C++ integers of a size; BehaviorTree.CPP rejects others."""
     least, most = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if is_signed else (0, 2**bits - 1)
     label = f"an integer from {least} to {most}"
@@ -426,7 +426,7 @@ def _any_real(text: str) -> float:
 
 def _duration(text: str) -> timedelta:
     if not re.fullmatch(DURATION, text):
-        raise _no_duration(text, SECONDS.label, intended_plain_number(text), _duration)
+        raise _duration_error(text, SECONDS.label, intended_plain_number(text), _duration)
     try:
         return timedelta(seconds=_seconds(text))
     except OverflowError:
@@ -438,7 +438,7 @@ def _seconds(text: str) -> float:
         return parse_real(text)
     milliseconds = parse_milliseconds(text)
     if milliseconds is None:
-        raise _no_duration(text, SECONDS.label, intended_number(text), _seconds)
+        raise _duration_error(text, SECONDS.label, intended_number(text), _seconds)
     return float(milliseconds / 1000)
 
 
@@ -447,13 +447,13 @@ def _milliseconds(text: str) -> int:
         return _parse_unsigned(text)
     milliseconds = parse_milliseconds(text)
     if milliseconds is None:
-        raise _no_duration(text, MILLISECONDS.label, intended_integer(text), _milliseconds)
+        raise _duration_error(text, MILLISECONDS.label, intended_integer(text), _milliseconds)
     if milliseconds % 1 or milliseconds > _LARGEST_UNSIGNED:
         raise ConversionError(f"'{text}' is not an integer of milliseconds from 0 to {_LARGEST_UNSIGNED}")
     return int(milliseconds)
 
 
-def _no_duration(
+def _duration_error(
     text: str, label: str, number: str | None, convert: Callable[[str], object]
 ) -> ConversionError:
     """Return the error for a text that is not a duration, with the intended number if it lacks a unit."""
@@ -507,10 +507,10 @@ def _member(kind: type[enum.Enum], text: str) -> enum.Enum:
 def _texts_of(kind: type[enum.Enum]) -> tuple[dict[str, enum.Enum], dict[str, enum.Enum]]:
     """Return the members of an enumeration by name, and by all accepted texts."""
     members: dict[str, enum.Enum] = {member.name: member for member in kind}
-    return members, {**_by_number(members), **members}
+    return members, {**_members_by_number(members), **members}
 
 
-def _by_number(members: Mapping[str, enum.Enum]) -> dict[str, enum.Enum]:
+def _members_by_number(members: Mapping[str, enum.Enum]) -> dict[str, enum.Enum]:
     return {str(member.value): member for member in members.values() if isinstance(member.value, int)}
 
 
@@ -656,12 +656,12 @@ STATUSES = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
 _SIZES = {"int8_t": 8, "int16_t": 16, INT: 32, LONG: 64}
 _CPP_TYPES = {
     "bool": _PLAIN[bool],
-    **{name: _whole_of_size(name, bits) for name, bits in _SIZES.items()},
+    **{name: _sized_integer(name, bits) for name, bits in _SIZES.items()},
     **{
-        name: _whole_of_size(name, bits, is_signed=False) for name, bits in (("uint8_t", 8), ("uint16_t", 16))
+        name: _sized_integer(name, bits, is_signed=False) for name, bits in (("uint8_t", 8), ("uint16_t", 16))
     },
     UNSIGNED_INT: UNSIGNED,
-    "uint64_t": _whole_of_size("uint64_t", 64, is_signed=False),
+    "uint64_t": _sized_integer("uint64_t", 64, is_signed=False),
     CPP_REAL: REAL_NUMBER,
     "float": REAL_NUMBER._replace(cpp="float"),
     TEXT: _PLAIN[str],

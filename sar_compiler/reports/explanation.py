@@ -98,25 +98,25 @@ class Explanation(NamedTuple):
 
     def text(self) -> str:
         """Return the explanation in words."""
-        from sar_compiler.reports.why import counterfactual_text, why_text
+        from sar_compiler.reports.why import counterfactual_text, cause_text
 
         change, reason = self.otherwise
         if change is not None:
-            return why_text(self.reasons, counterfactual_text(change, self.nodes))
+            return cause_text(self.reasons, counterfactual_text(change, self.nodes))
         unknown = (
             escape_to_one_line(f"It is unknown which changes would have led to success: {reason}")
             if reason
             else ""
         )
-        return why_text(self.reasons, unknown)
+        return cause_text(self.reasons, unknown)
 
     def data(self) -> dict[str, Any]:
         """Return the explanation as JSON values."""
-        from sar_compiler.reports.why import counterfactual_data, why_data
+        from sar_compiler.reports.why import counterfactual_data, cause_data
 
         change, reason = self.otherwise
         return {
-            **why_data(self.reasons),
+            **cause_data(self.reasons),
             "counterfactual": change and counterfactual_data(change, self.nodes),
             "counterfactual_missing": reason,
         }

@@ -16,7 +16,7 @@ from sar_compiler.journal.open_tasks import find_open_tasks
 from sar_compiler.journal.status_line import condition
 from sar_compiler.nodes.spec import load
 from sar_compiler.reports.report_forms import FORMS
-from sar_compiler.reports.why import CauseOfFailure, why_data
+from sar_compiler.reports.why import CauseOfFailure, cause_data
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.plain import as_json
 
@@ -100,7 +100,7 @@ def report_data(state: MissionState, why: CauseOfFailure | None = None) -> dict[
             }
             for each in state.properties.values()
         ],
-        "why": why and why_data(why),
+        "why": why and cause_data(why),
         "facts": [
             {**_time_fields(each.at), "kind": each.kind, "data": dict(each.data), "text": each.text}
             for each in state.facts

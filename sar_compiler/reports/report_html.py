@@ -74,7 +74,7 @@ def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
         "mission": state.title,
         "simulated": simulated if is_simulated else "",
         "is_good": now.level == GOOD,
-        "outcome": now.text(state.now.time),
+        "outcome": now.to_line(state.now.time),
         "facts": [*_head(state)],
         "found": [*_landmarks(state, is_found=True)],
         "courses": [

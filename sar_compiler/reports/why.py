@@ -183,9 +183,9 @@ class FailureAnalysis:
         elif self.state.runs and kind not in OF_ROBOT:
             self.state.apply(entry)
             if kind == LEAF_RAISED:
-                self._raised = self._of_raised(entry)
+                self._raised = self._raised_status(entry)
             elif kind == CHANGED:
-                self._history.take_change(self.state)
+                self._history.add_change(self.state)
 
     def take_status(self, entry: JournalEntry) -> None:
         """Process a status that is known to be valid."""
@@ -195,10 +195,10 @@ class FailureAnalysis:
         self._explained.add_status(entry, node)
         self._history.take_status(node)
 
-    def _of_raised(self, entry: JournalEntry) -> NodeStatus | None:
+    def _raised_status(self, entry: JournalEntry) -> NodeStatus | None:
         number, text = entry.data.get("node"), str(entry.data.get("text", ""))
         if not isinstance(number, int) or not 0 <= number < len(self.state.nodes):
-            return _of_run("RAISED", text, self.state.now)
+            return _run_status("RAISED", text, self.state.now)
         node = self.state.nodes[number]
         return NodeStatus(number, node.name, node.location, 0, "RAISED", None, text, self.state.now)
 
@@ -226,7 +226,7 @@ class FailureAnalysis:
         if now.word != COMPLETE:
             causes = self._with_end(causes, has_failed=bool(chain) and not explained.went_on)
         since = chain[0].since if chain else None
-        said = now.text(self.state.now.time)
+        said = now.to_line(self.state.now.time)
         return CauseOfFailure(
             chain, tuple(causes), tuple(before), now.word, now.reason, said, since, explained.went_on
         )
@@ -277,10 +277,10 @@ class FailureAnalysis:
             return list(causes)
         if not run.ending:
             killed = "the process of the run ended without a record: it was killed, or has crashed"
-            return [_of_run("KILLED", killed, self.state.now), *causes]
+            return [_run_status("KILLED", killed, self.state.now), *causes]
         if run.ending == Ending.STOPPED.value:
-            return [_of_run("STOPPED", f"by {_signal_name(run.status)}", run.ended), *causes]
-        ended = _of_run("ENDED", run.reason, run.ended)
+            return [_run_status("STOPPED", f"by {_signal_name(run.status)}", run.ended), *causes]
+        ended = _run_status("ENDED", run.reason, run.ended)
         if any(cause.status == FAILURE for cause in causes):
             return [*causes, ended]
         return [*self._stalled_leaf(), ended]
@@ -300,7 +300,7 @@ class FailureAnalysis:
         return [*held, *(_status_of(node) for node in long)]
 
 
-def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
+def _tree_entries(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
     """Yield the valid entries of a run about its tree and its mission."""
     count = 0
     for entry in stream:
@@ -515,7 +515,7 @@ def _status_of(node: NodeState) -> NodeStatus:
     )
 
 
-def _of_run(status: str, message: str, since: EventTime | None) -> NodeStatus:
+def _run_status(status: str, message: str, since: EventTime | None) -> NodeStatus:
     """Return the end of a run as an outcome."""
     return NodeStatus(None, "run", "", 0, status, None, message, since)
 
@@ -555,7 +555,7 @@ class _History:
         vars(copied).update({name: copy(each) for name, each in vars(self).items()})
         return copied
 
-    def take_change(self, state: MissionState) -> None:
+    def add_change(self, state: MissionState) -> None:
         """Process a change of the mission, after which it has a state."""
         # The result of a tick is written after its events, which may already have left the location.
         landmarks, place = state.situation.landmarks.values(), state.situation.phase.place
@@ -680,7 +680,7 @@ def first_difference(stream: Iterable[JournalEntry], other: Iterable[JournalEntr
 
 def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
     state = MissionState()
-    for entry in _of_tree(stream):
+    for entry in _tree_entries(stream):
         node = state.nodes[entry.data["node"]] if entry.kind == STATUS else None
         before = (node.status, node.label) if node is not None else None
         state.apply(entry)
@@ -725,7 +725,7 @@ def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) ->
     }
 
 
-def why_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
+def cause_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
     """Return the causes of a mission's failure in words, with changes for a success."""
     lines = [escape_to_one_line(reasons.said)]
     if reasons.likeliest is not None and reasons.has_cause:
@@ -775,7 +775,7 @@ def difference_text(difference: RunDifference | None, names: tuple[str, str]) ->
     return "\n".join(lines)
 
 
-def why_data(reasons: CauseOfFailure) -> dict[str, Any]:
+def cause_data(reasons: CauseOfFailure) -> dict[str, Any]:
     """Return the causes of a mission's failure as JSON values."""
     return {
         "outcome": reasons.outcome,

@@ -133,7 +133,7 @@ class NodeTime:
         elif ros != self._ros:
             self._advance(steady, ros)
         elif AWAKE.now() - self._heard_at > self._patience_sec:
-            self._stand_still(steady)
+            self._on_standstill(steady)
         return self._now
 
     def _read(self) -> float:
@@ -161,7 +161,7 @@ class NodeTime:
             self._say("The clock advances again.")
         self._count(steady, ros, min(step, self._fastest * max(passed, _INSTANT_SEC)))
 
-    def _stand_still(self, steady: float) -> None:
+    def _on_standstill(self, steady: float) -> None:
         if not self._stands_still:
             self._stands_still = True
             self._say(

@@ -301,9 +301,9 @@ class _Localisation:
             if self._is_lost:
                 self._is_lost, self._inactive = False, ""
                 yield "Nav2 is active again."
-        yield from self._look_for_unconfigured()
-        yield from self._look_for_new_localizer()
-        yield from self._look_for_transform()
+        yield from self._check_unconfigured()
+        yield from self._check_new_localizer()
+        yield from self._check_transform()
         self._robot.lacks = self._inactive or self._robot.lost_transforms()
 
     def _lost_discovery(self) -> str:
@@ -333,7 +333,7 @@ class _Localisation:
             self._is_lost = True
             yield f"Nav2 is no longer active: {'; '.join(missing)}. Leaves that drive wait for it."
 
-    def _look_for_unconfigured(self) -> Iterable[str]:
+    def _check_unconfigured(self) -> Iterable[str]:
         """Report a restarted node that its lifecycle manager does not configure."""
         now = AWAKE.now()
         for each in self._nodes:
@@ -348,7 +348,7 @@ class _Localisation:
                 steps = " && ".join(f"ros2 lifecycle set {name} {step}" for step in ("configure", "activate"))
                 yield f"{each.name} was restarted and is not configured: {steps}"
 
-    def _look_for_new_localizer(self) -> Iterable[str]:
+    def _check_new_localizer(self) -> Iterable[str]:
         """Detect a new localisation process that has not sent a pose or a transform."""
         sources, now = self._sources_of_poses(), AWAKE.now()
         if not self._known:
@@ -388,7 +388,7 @@ class _Localisation:
         self._publisher.publish(estimated_pose(self._node, x, y, yaw))
         return f"The localisation is back. Its last pose ({x:.2f}, {y:.2f}) is sent again, because the odometry shows no movement."
 
-    def _look_for_transform(self) -> Iterable[str]:
+    def _check_transform(self) -> Iterable[str]:
         lost = self._robot.lost_transforms()
         if bool(lost) != self._transform_is_lost:
             self._transform_is_lost = bool(lost)

@@ -201,14 +201,14 @@ class _GuardedGoals:
     def _handle_line(self, line: str) -> None:
         sign, _, words = line.partition(" ")
         if sign == _BEAT:
-            self._take_heartbeat(Heartbeat(*json.loads(words)))
+            self._on_heartbeat(Heartbeat(*json.loads(words)))
         elif sign == _OVER:
             self._active.pop(words.split()[0], None)
         else:
             goal_id, action = words.split()
             self._add(GoalEvent(goal_id, action))
 
-    def _take_heartbeat(self, beat: Heartbeat) -> None:
+    def _on_heartbeat(self, beat: Heartbeat) -> None:
         if beat.is_reported:
             self._is_reported = True
             return

@@ -81,7 +81,7 @@ def running_tree(
             guard.guard_goals()
         signals = _Signals() if threading.current_thread() is threading.main_thread() else None
         if signals is not None:
-            stack.callback(signals.give_back)
+            stack.callback(signals.restore_handlers)
             signals.ends_unnoticed = True
         if runner.node is None:
             runner.setup(node=node)
@@ -117,9 +117,9 @@ class _Signals(StopSignals):
         uninstall_signal_handlers()
         super().__init__()
 
-    def give_back(self) -> None:
+    def restore_handlers(self) -> None:
         """Restore the previous handlers."""
-        super().give_back()
+        super().restore_handlers()
         if self._options != SignalHandlerOptions.NO:
             install_signal_handlers(self._options)
 
@@ -168,7 +168,7 @@ class _HostedTree:
             end = ForcedEnd(
                 self._name, self._node, self._runner.root, signals, self._cancel, self._settle_sec
             )
-            watch.end = lambda where: self._on_unnoticed(watch, end, where)
+            watch.end = lambda where: self._on_blocked_main_thread(watch, end, where)
             signals.last_words = end.end_immediately
         return watch
 
@@ -194,7 +194,7 @@ class _HostedTree:
         self._interrupted_at = time.monotonic()
         raise _InterruptionError
 
-    def _on_unnoticed(self, watch: TickWatch, end: ForcedEnd, where: str) -> None:
+    def _on_blocked_main_thread(self, watch: TickWatch, end: ForcedEnd, where: str) -> None:
         """Interrupt a main thread that does not spin; end the process if that has no effect."""
         if watch.blocking_leaf() is not None or self._has_interrupted:
             if time.monotonic() - self._interrupted_at > UNNOTICED_SEC:

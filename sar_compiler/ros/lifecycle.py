@@ -80,7 +80,7 @@ class PolledService:
             self._drop()
             self.answer, self.is_silent, self.known_at, self.silent_since = None, False, -math.inf, None
             return False
-        self._take_answer()
+        self._read_response()
         if self._call is None and (now - self._asked_at >= _ASK_PERIOD_SEC or self._asked_at < since):
             self._asked_at = now
             self._call = self._client.call_async(self._type.Request())
@@ -91,7 +91,7 @@ class PolledService:
         self._drop()
         self._node.destroy_client(self._client)
 
-    def _take_answer(self) -> None:
+    def _read_response(self) -> None:
         if self._call is None:
             return
         if self._call.done():
@@ -200,9 +200,9 @@ class LifecycleNodes:
         missing = [(each, line) for each, line in looked if line is not None]
         if any(each.is_awaited(self._since) for each in self._known):
             return None
-        return "; ".join(self._in_few_words(missing))
+        return "; ".join(self._missing_lines(missing))
 
-    def _in_few_words(self, missing: Sequence[tuple[LifecycleState, str]]) -> Iterator[str]:
+    def _missing_lines(self, missing: Sequence[tuple[LifecycleState, str]]) -> Iterator[str]:
         """Yield a line for each missing state, with its nodes."""
         by_state: dict[str, list[tuple[str, str]]] = {}
         for node, line in missing:

@@ -53,12 +53,12 @@ class TreeLog:
     def observe(self, engine: Engine) -> None:
         """Observe the engine that ticks the tree."""
         engine.add_visitor(self._changes)
-        engine.add_post_tick_handler(lambda _: self._tell_events())
+        engine.add_post_tick_handler(lambda _: self._publish_events())
 
     def publish_result(self) -> None:
         """Publish the result."""
         self._changes.finalise()
-        self._tell_events()
+        self._publish_events()
 
     def state(self) -> BehaviorTreeLog:
         """Return a message with the status of every node."""
@@ -75,7 +75,7 @@ class TreeLog:
             current_status=WORDS[change.status] or "IDLE",
         )
 
-    def _tell_events(self) -> None:
+    def _publish_events(self) -> None:
         if self._events:
             events, self._events = self._events, []
             self._tell(BehaviorTreeLog(timestamp=self._now(), event_log=events))

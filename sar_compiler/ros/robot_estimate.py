@@ -126,12 +126,12 @@ class RobotEstimate:
         """The speeds in the last odometry, in words."""
         return f"{self.speed[0]:.2f} m/s, {self.speed[1]:.2f} rad/s"
 
-    def call_when_it_stands(self, listener: Callable[[], None]) -> None:
+    def call_at_standstill(self, listener: Callable[[], None]) -> None:
         """Register a callback that is called once when the robot stands still."""
         self._awaiting.append(listener)
 
     def cancel_call(self, listener: Callable[[], None]) -> None:
-        """Remove a callback of `call_when_it_stands`; no effect after its call."""
+        """Remove a callback of `call_at_standstill`; no effect after its call."""
         with suppress(ValueError):
             self._awaiting.remove(listener)
 
@@ -325,7 +325,7 @@ class Standstill:
             return False
         if self._due is None:
             self._due = Deadline(self._robot.settle_timeout_sec, self._robot.clock)
-            self._robot.call_when_it_stands(self._wake)
+            self._robot.call_at_standstill(self._wake)
             self._leaf.feedback_message = "waiting for the robot to stop"
         # Read the clock once: a limit that passes between two readings would end the wait without its warning.
         has_passed = self._due.has_passed

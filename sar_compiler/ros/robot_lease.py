@@ -147,11 +147,11 @@ class RobotLease(Requirement):
             )
             if len(self._told) == _MOST:
                 self._node.get_logger().warning("Further missions that claim this robot are not reported.")
-        self._look_for_namesake()
+        self._check_namesake()
         rival = self._rival()
         return "" if rival is None else str(AnotherMissionError(rival))
 
-    def _look_for_namesake(self) -> None:
+    def _check_namesake(self) -> None:
         """Report once that another node has the same name."""
         own, now = self._mine.node, time.monotonic()
         if self._named_since is None:

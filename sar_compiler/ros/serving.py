@@ -59,7 +59,7 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
     try:
         return run(lambda: _run(make_node, split.ros, lambda: signals.came), prog)
     finally:
-        signals.give_back()
+        signals.restore_handlers()
 
 
 def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]) -> int:

@@ -79,7 +79,7 @@ class StopSignals:
             self._interrupts, self._own = True, number
             signal.pthread_kill(threading.main_thread().ident or 0, number)
 
-    def give_back(self) -> None:
+    def restore_handlers(self) -> None:
         """Restore the previous handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)

@@ -103,7 +103,7 @@ class Board:
         """Return whether an entry is declared."""
         return name in self.kinds
 
-    def kind(self, name: str) -> type | None:
+    def kind_of(self, name: str) -> type | None:
         """Return the type of an entry; None if it has none."""
         return self.kinds.get(name)
 
@@ -168,7 +168,7 @@ class Entry(NamedTuple):
     @property
     def kind(self) -> type | None:
         """The type that a string is parsed as: `bool`, `int`, `float` or `str`; None if it has none."""
-        return self.board.kind(self.name)
+        return self.board.kind_of(self.name)
 
     @property
     def stamp(self) -> int:

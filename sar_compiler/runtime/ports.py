@@ -146,7 +146,7 @@ def _write(entry: Entry, value: object, kind: type | None = None) -> None:
     board, name = entry.board, entry.name
     if entry.passed_on:
         pass  # as in BehaviorTree.CPP, which checks only entries of the node's own tree
-    elif board.kind(name) is None:
+    elif board.kind_of(name) is None:
         if kind is not None:
             board.set_kind(name, kind)
     elif board.has(name):

@@ -228,13 +228,13 @@ class _ScriptParser:
             operand = self._expression(_PREFIX)
             return Prefix(token.text, operand, start=token.start, end=self._end)
         if token.kind is _SIGN and token.text == "(":
-            return self._in_brackets(token)
+            return self._bracketed_expression(token)
         if token.kind is _SIGN:
             self._index -= 1
             self._next = token
         raise self._explain_no_operand()
 
-    def _in_brackets(self, opening: Token) -> Expression:
+    def _bracketed_expression(self, opening: Token) -> Expression:
         inner = self._expression(_ANY)
         if self._consume(")"):
             return inner

@@ -258,7 +258,7 @@ class _FastPath:
         ):
             pairs = zip(part.signs, part.operands, part.operands[1:], strict=False)
             return _conjunction([self._comparison(*each) for each in pairs])
-        values = [self._precomputed(self.value_code(each)) for each in part.operands]
+        values = [self._precompute(self.value_code(each)) for each in part.operands]
         compared = zip(part.signs, values, values[1:], strict=False)
         return _conjunction([_usual_comparison(*each) for each in compared])
 
@@ -289,10 +289,10 @@ class _FastPath:
         return (
             self._constant_code(part)
             if isinstance(part, ConstantSlot)
-            else self._precomputed(self._constant_code(part))
+            else self._precompute(self._constant_code(part))
         )
 
-    def _precomputed(self, code: ast.expr) -> ast.expr:
+    def _precompute(self, code: ast.expr) -> ast.expr:
         """Return the code of a precomputed expression; the expression has no side effects, so its result may be discarded."""
         name = f"part{len(self.reads)}"
         self.reads.append(_assignment(name, code))

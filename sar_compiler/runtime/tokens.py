@@ -121,7 +121,7 @@ def tokenize(text: str) -> Iterator[Token]:
     while position < end:
         match = pattern.match(text, position)
         if match is None or match.lastgroup is None:
-            raise _no_token(text, end - len(text[position:end].lstrip(_SPACE)))
+            raise _token_error(text, end - len(text[position:end].lstrip(_SPACE)))
         position = match.end()
         word = match[match.lastgroup]
         if match.lastgroup == "sign":
@@ -196,7 +196,7 @@ def _check_end_of_number(text: str, number: str, start: int) -> None:
     raise ScriptError(message, start, end, hint=hint)
 
 
-def _no_token(text: str, position: int) -> ScriptError:
+def _token_error(text: str, position: int) -> ScriptError:
     """Return the error for a text that is not a token."""
     character = text[position]
     if character == "'":

@@ -72,7 +72,7 @@ def require_no_other_nodes(
     Raises:
         IsolationError: If another node does; names the node.
     """
-    node = Node("look_around", context=context, namespace=namespace, start_parameter_services=False)
+    node = Node("require_isolation", context=context, namespace=namespace, start_parameter_services=False)
     try:
         # This process's own entities are already in the graph.
         if _foreign_nodes(node, actions) is None and _is_alone(node.context.get_domain_id()):

@@ -134,7 +134,7 @@ class PoseFile:
             PoseFileError: If the file is invalid, or for another world.
         """
         try:
-            said: Any = json.loads(read_file(self._path, POSES).text())
+            said: Any = json.loads(read_file(self._path, POSES).decode())
             places = {
                 str(name): (Pose2D(*map(float, pose)), Pose2D(*map(float, odometry)))
                 for name, (pose, odometry) in said["robots"].items()

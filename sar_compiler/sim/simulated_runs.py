@@ -206,7 +206,7 @@ def minimize_faults(runs: SimulatedRuns, seed: int) -> SimulatedRuns:
     return runs
 
 
-def in_threads(count: int) -> ReplaceableExecutor:
+def mission_threads(count: int) -> ReplaceableExecutor:
     """Return threads that each wait for a mission, and stop running missions at the end."""
     _over.clear()
 

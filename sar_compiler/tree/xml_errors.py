@@ -57,10 +57,10 @@ def _invalid(text: str, place: int) -> XmlFault | None:
         message = f"the character U+{ord(text[place]):04X} is not allowed in XML"
         return XmlFault(message, place, place + 1, hint="delete it")
     if text.rfind("<!--", 0, place) > text.rfind("-->", 0, place):
-        return _in_comment(text, place)
+        return _comment_error(text, place)
     if _UNSEEN.match(text, place):
         return _invisible_character(text, place)
-    return _out_of_place(text, place) or _in_tag(text, place)
+    return _out_of_place(text, place) or _tag_error(text, place)
 
 
 def _invisible_character(text: str, place: int) -> XmlFault:
@@ -72,7 +72,7 @@ def _invisible_character(text: str, place: int) -> XmlFault:
     return XmlFault(f"the character U+{ord(text[place]):04X} ({name}) {what}", place, place + 1, hint=hint)
 
 
-def _in_comment(text: str, place: int) -> XmlFault:
+def _comment_error(text: str, place: int) -> XmlFault:
     start = text.rfind("--", 0, place)
     return XmlFault("-- is not allowed in an XML comment", start, start + len("--"), "- -")
 
@@ -88,7 +88,7 @@ def _out_of_place(text: str, place: int) -> XmlFault | None:
     return None
 
 
-def _in_tag(text: str, place: int) -> XmlFault | None:
+def _tag_error(text: str, place: int) -> XmlFault | None:
     tag = max(text.rfind("<", 0, place), 0)
     before = text[tag:place]
     near = max(tag, place - _NEAR)
@@ -100,16 +100,16 @@ def _in_tag(text: str, place: int) -> XmlFault | None:
         return XmlFault("write & as &amp; in XML", start, end, "&amp;" * (end - start))
     value = _OPEN_VALUE.search(before)
     if text[place : place + 1] == "<" and value is not None:
-        return _in_value(text, place, tag + value.start(1))
+        return _value_error(text, place, tag + value.start(1))
     if before.rstrip().endswith("="):
         return XmlFault("the value of an attribute must be in quotes", place, place + 1)
     if text.startswith("<!--", place):
         hint = "move it in front of the tag or after it"
         return XmlFault("a comment is not allowed in a tag", place, place + len("<!--"), hint=hint)
-    return _in_attributes(text, tag, place)
+    return _attribute_error(text, tag, place)
 
 
-def _in_attributes(text: str, tag: int, place: int) -> XmlFault | None:
+def _attribute_error(text: str, tag: int, place: int) -> XmlFault | None:
     """Return the error after the last complete attribute."""
     name = NAME.match(text, tag)
     if name is None:
@@ -151,7 +151,7 @@ def _find_unclosed(text: str, place: int) -> XmlFault | None:
     return XmlFault("the tag that begins here has no >", place, name.end())
 
 
-def _in_value(text: str, place: int, quote: int) -> XmlFault:
+def _value_error(text: str, place: int, quote: int) -> XmlFault:
     """Return the error of a < in a value: unescaped, or after a missing closing quote."""
     value = text[quote:place].rstrip(" \t")
     if value.rstrip().endswith((">", "/")) or value.endswith("\n") or text.startswith("</", place):

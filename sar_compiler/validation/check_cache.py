@@ -192,7 +192,7 @@ class CheckCache:
         data = json_value(text.decode("utf-8", "surrogatepass"))
         if data["named"] in ("", self._named):
             surroundings = observation_from_data(data["surroundings"])
-            if surroundings.holds():
+            if surroundings.is_current():
                 self._surroundings, self._reads_set, self._kept = (
                     surroundings,
                     bool(data["named"]),
@@ -210,7 +210,7 @@ class CheckCache:
         """
         with suppress(SarError, ValueError, LookupError, TypeError, AttributeError):
             check = check_from_data(self._kept[str(path)])
-            if (work is None or check.spent <= work) and check.sources.holds():
+            if (work is None or check.spent <= work) and check.sources.is_current():
                 return check
         return None
 

@@ -108,7 +108,7 @@ def group_by_cause(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
     Up to `FEW` locations in one file are separate findings; so are the messages of a cause that has up to `FEW`.
     """
     causes = _groups(findings, lambda each: (each.cause, each.severity))
-    return [told for group in causes for told in _of_one_cause(group)]
+    return [told for group in causes for told in _first_of_cause(group)]
 
 
 def _groups(findings: Iterable[Diagnostic], key: Callable[[Diagnostic], Hashable]) -> list[list[Diagnostic]]:
@@ -119,15 +119,15 @@ def _groups(findings: Iterable[Diagnostic], key: Callable[[Diagnostic], Hashable
     return list(groups.values())
 
 
-def _of_one_cause(group: Sequence[Diagnostic]) -> list[Diagnostic]:
+def _first_of_cause(group: Sequence[Diagnostic]) -> list[Diagnostic]:
     by_message = _groups(group, lambda each: each.message)
     cause = group[0].common_cause
     if cause is not None and len(by_message) > FEW:
         return [replace(group[0], message=_cause_text(cause, group), suggestion=None)]
-    return [told for places in by_message for told in _of_one_message(places)]
+    return [told for places in by_message for told in _first_of_message(places)]
 
 
-def _of_one_message(places: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
+def _first_of_message(places: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
     if len(places) <= FEW and len({each.source.path for each in places}) == 1:
         return places
     first, others = places[0], places[1:]

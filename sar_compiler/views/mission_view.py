@@ -95,7 +95,7 @@ def condition_change(state: MissionState, before: StatusLine) -> str:
     now = condition(state)
     if (now.word, now.reason) == (before.word, before.reason) or {now.level, before.level} <= {GOOD, QUIET}:
         return ""
-    return _log_line(state, now.text())
+    return _log_line(state, now.to_line())
 
 
 def _log_line(state: MissionState, words: str) -> str:
@@ -121,7 +121,7 @@ def full_height(state: MissionState) -> int:
 
 
 def _headline(state: MissionState, now: float) -> Line:
-    words = [state.title, clock_text(now), condition(state).text(now), _drive_left(state)]
+    words = [state.title, clock_text(now), condition(state).to_line(now), _drive_left(state)]
     return [Piece("  ".join(map(escape_to_one_line, filter(None, words))), "title")]
 
 

@@ -18,7 +18,7 @@ _PROBABILITIES = ("p", "sec")
 def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
     """Return a list of tags; for a single tag all its meanings, with their attributes."""
     if len({spec.tag for spec in specs}) == 1:
-        return "\n\nor\n\n".join(_in_full(spec) for spec in specs)
+        return "\n\nor\n\n".join(_full_description(spec) for spec in specs)
     width = max(len(spec.tag) for spec in specs)
     return "\n".join(f"{spec.tag:{width}}  {spec.kind.value.lower():9}  {spec.doc}" for spec in specs)
 
@@ -28,7 +28,7 @@ def nodes_as_json(specs: Sequence[NodeSpec]) -> str:
     return as_json([_as_dict(spec) for spec in specs])
 
 
-def _in_full(spec: NodeSpec) -> str:
+def _full_description(spec: NodeSpec) -> str:
     lines = [f"<{spec.tag}>  {spec.kind.value.lower()}", "", *([spec.doc, ""] if spec.doc else [])]
     lines += _outcome_texts(spec)
     if spec.effects:

@@ -183,7 +183,7 @@ async def _order(orders: CommandHandler | None, token: str, request: Request) ->
             400, f"the header X-Seen is {error}. Write the objects of the command that the sender saw"
         )
     giver = CommandSender(by, robot, request.client.host if request.client else "", reason, seen)
-    return await _give_order(orders, request.path_params["verb"], values, giver)
+    return await _send_command(orders, request.path_params["verb"], values, giver)
 
 
 async def _query_response(tools: Tools, token: str, request: Request) -> Response:
@@ -285,7 +285,7 @@ async def json_values(request: Request, longest: int = _LONGEST_ORDER) -> Mappin
     return values
 
 
-async def _give_order(
+async def _send_command(
     orders: CommandHandler, verb: str, values: Mapping[str, Any], giver: CommandSender
 ) -> Response:
     try:

@@ -170,7 +170,7 @@ def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fa
     """
     from sar_compiler.project import Workspace
 
-    replay = Replay(paths, lambda path: _why_of(_explain(path, Workspace())))
+    replay = Replay(paths, lambda path: _explanation_data(_explain(path, Workspace())))
     tools = journal_tools(paths)
     feed = ReplayFeed(replay, {"robots": _names(paths), "tools": [*tools]})
     with _serve(feed, port, tools, opens=opens) as server:
@@ -267,7 +267,7 @@ class _TeamPage:
     def _process_entry(self, robot: int, entry: JournalEntry, path: Path) -> None:
         if entry.kind == RUN_BEGAN and self.orders is not None:
             self.feed.offer([_form(verb) for verb in self.orders.add_run(robot, entry)], robot)
-        if entry.kind == RUN_ENDED and (why := _why_of(_explain(path))) is not None:
+        if entry.kind == RUN_ENDED and (why := _explanation_data(_explain(path))) is not None:
             self.feed.set_why(why, robot)
 
     def heartbeat(self) -> dict[str, object]:
@@ -283,7 +283,7 @@ def _explain(path: Path, workspace: "Workspace | None" = None) -> Explanation:
         return Explanation.explain(file, workspace)
 
 
-def _why_of(explained: Explanation) -> dict[str, Any] | None:
+def _explanation_data(explained: Explanation) -> dict[str, Any] | None:
     return explained.data() if explained.reasons.has_cause else None
 
 
@@ -306,7 +306,7 @@ class _FailureExplainer:
 
     def explain(self) -> None:
         """Send the cause, if the mission has failed."""
-        why = _why_of(Explanation(self._inquiry.find_cause(), self._inquiry.state.nodes))
+        why = _explanation_data(Explanation(self._inquiry.find_cause(), self._inquiry.state.nodes))
         if why is not None:
             self._feed.set_why(why)
 

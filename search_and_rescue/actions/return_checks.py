@@ -228,7 +228,7 @@ class FullBatterySuffices(RosLeaf):
     def initialise(self) -> None:
         """Request the paths."""
         if self._ways is not None and self.homing.has_next:
-            self._ways.request(self.homing.required_paths())
+            self._ways.request_paths(self.homing.required_paths())
 
     def update(self) -> Status:
         """Decide as soon as the paths are known."""

@@ -140,8 +140,8 @@ class ChooseZone(RosLeaf):
         zones = self._zones.eligible_zones()
         if self._among != zones:
             self._among, self._choice = zones, None
-            planned = self._zones.most_rewarding(zones)
-            self._ways.request(self._zones.required_paths(planned, between=self._order != "nearest"))
+            planned = self._zones.zones_to_plan(zones)
+            self._ways.request_paths(self._zones.required_paths(planned, between=self._order != "nearest"))
         if self._choice is None and not self._ways.are_awaited():
             if news := self._ways.new_shortfall():
                 self.warn(f"'{self.name}': {news}.")

@@ -196,7 +196,7 @@ def taken(watch, *events):
     for number, status, *label in events:
         watch.on_before_event(number)
         watch.on_status(number, status, *label)
-    return [each.text for each in watch.alarms]
+    return [each.sentence for each in watch.alarms]
 
 
 def watch_of(body, properties):
@@ -231,7 +231,7 @@ def test_what_is_owed_is_broken_by_an_end_and_open_where_the_run_is_stopped():
         watch.end_tick("SUCCESS")
         assert (watch.pending_properties, watch.alarms) == (["p"], [])
         watch.conclude(is_over=is_over)
-        assert [each.text for each in watch.alarms] == alarms
+        assert [each.sentence for each in watch.alarms] == alarms
 
 
 def test_what_a_condition_reads_and_nobody_has_written_is_told_once_and_counts_as_false():

@@ -62,7 +62,7 @@ def test_missions_are_flown_for_each_mix_of_faults_and_a_flight_that_is_killed_i
 @pytest.fixture
 def one_zone():
     """Short flights, by processes that end with the test."""
-    with simulated_runs.in_threads(1):
+    with simulated_runs.mission_threads(1):
         arguments = ("search_and_rescue", "--sim", "--speed", "1000")
         yield simulated_runs.SimulatedRuns(PROGRAM, arguments, ros=("-p", "zone_order:=[zone_a]"))
 
@@ -100,7 +100,7 @@ def test_who_hides_is_found_by_the_seed_and_when_in_the_time_of_the_flight():
         )
         for is_found in (True, False)
     ]
-    with simulated_runs.in_threads(1):
+    with simulated_runs.mission_threads(1):
         found, missed = simulated_runs.SimulatedRuns(PROGRAM, arguments, ros=only)(seeds)
     assert (found.counts["survivors found"], missed.counts["survivors found"]) == (1, 0)
     # 5 m at 0.6 m/s, and never the time of the wall, which is a fraction of it.

@@ -86,7 +86,7 @@ class Mortal:
         parameters |= {f"base_station.{key}": value for key, value in BASE.items()}
         self.journal = open_journal(self.place, resume=self.place.exists())
         self.mission = MISSION.begin(ParameterReader(parameters))
-        self.mission.keep_in(self.journal)
+        self.mission.use_journal(self.journal)
         context = {Clock: mission_clock(self.stage.node), **self.mission.context}
         self._compiled = compile_tree(load(self.tree).binding(), context, {})
         self.journal.begin({"mission": "search_and_rescue"}, {})

@@ -630,7 +630,7 @@ class TestStandstill:
         assert ticked(leaf) is Status.RUNNING
         leaf.stop(Status.INVALID)
         others: list[None] = []
-        robot.estimate.call_when_it_stands(lambda: others.append(None))
+        robot.estimate.call_at_standstill(lambda: others.append(None))
         robot.speed = 0.0
         robot.ros.spin_until(lambda: others, "its stop")
         assert ticks == []

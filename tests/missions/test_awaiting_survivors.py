@@ -143,7 +143,7 @@ def test_a_find_that_an_earlier_run_has_not_dealt_with_comes_first(stage: "Stage
     first, second = (Search(ZoneManager(ZONES, BASE)) for _ in range(2))
     for search, resume in ((first, False), (second, True)):
         kept = open_journal(tmp_path / "m.journal", resume=resume)
-        search.keep_in(kept)
+        search.use_journal(kept)
         kept.begin({}, {})
         if not resume:
             search.record.zone_searched("zone_a", (1.0, 2.0))

@@ -243,7 +243,7 @@ def test_of_many_zones_the_planner_is_asked_for_those_that_reward_their_time_mos
     zones[-11] |= {"x": BASE["x"], "y": BASE["y"]}
     areas = {name: SearchExpectation(each, 0.9, 5.0) for name, each in poa.items()}
     manager = ZoneManager(zones, BASE, areas=areas)
-    chosen = manager.most_rewarding(manager.remaining_zones())
+    chosen = manager.zones_to_plan(manager.remaining_zones())
     assert len(chosen) == MOST_PLANNED
     assert chosen[-11:] == manager.remaining_zones()[-11:]
     # One of them is where the robot is.
@@ -252,7 +252,7 @@ def test_of_many_zones_the_planner_is_asked_for_those_that_reward_their_time_mos
         manager.remaining_zones(), key=lambda zone: math.dist((zone["x"], zone["y"]), (BASE["x"], BASE["y"]))
     )
     without = ZoneManager(zones, BASE)
-    assert {zone["id"] for zone in without.most_rewarding(without.remaining_zones())} == {
+    assert {zone["id"] for zone in without.zones_to_plan(without.remaining_zones())} == {
         zone["id"] for zone in nearest[:MOST_PLANNED]
     }
 
@@ -309,7 +309,7 @@ def journal(tmp_path: Path) -> Path:
 def test_a_resumed_search_has_the_same_map_and_the_same_zone(journal: Path) -> None:
     def opened(search: Search, *, resume: bool) -> Any:
         kept = open_journal(journal, resume=resume)
-        search.keep_in(kept)
+        search.use_journal(kept)
         kept.begin({}, {})
         return kept
 
@@ -335,13 +335,13 @@ def test_a_resumed_search_has_the_same_map_and_the_same_zone(journal: Path) -> N
 def test_hints_multiply_and_a_resumed_search_has_them(journal: Path) -> None:
     first, second = searching(), searching()
     kept = open_journal(journal, resume=False)
-    first.keep_in(kept)
+    first.use_journal(kept)
     kept.begin({}, {})
     first.zones.hint("a", 3.0)
     first.zones.hint("a", 2.0)
     kept.close()
     kept = open_journal(journal, resume=True)
-    second.keep_in(kept)
+    second.use_journal(kept)
     told = [second.sentence(fact) for fact in kept.earlier_events() if fact.kind == "hint_given"]
     assert told == ["the operator: a hint on a, times 3", "the operator: a hint on a, times 2"]
     kept.close()
@@ -352,7 +352,7 @@ def test_hints_multiply_and_a_resumed_search_has_them(journal: Path) -> None:
 def test_a_look_whose_find_is_rejected_counts_as_none_until_it_is_confirmed_after_all(journal: Path) -> None:
     first, second = searching(), searching()
     kept = open_journal(journal, resume=False)
-    first.keep_in(kept)
+    first.use_journal(kept)
     kept.begin({}, {})
     first.record.zone_searched("a", (2.0, 1.0))
     first.record.survivor_named("survivor_1", 2.0, 1.0)
@@ -368,7 +368,7 @@ def test_a_look_whose_find_is_rejected_counts_as_none_until_it_is_confirmed_afte
     first.record.survivor_judged("survivor_1", DetectionVerdict.REJECTED)
     kept.close()
     kept = open_journal(journal, resume=True)
-    second.keep_in(kept)
+    second.use_journal(kept)
     kept.close()
     assert second.zones.poa_map() == first.zones.poa_map()
 

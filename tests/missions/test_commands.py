@@ -68,7 +68,7 @@ class CommandedMission:
         self.search = search = Search(manager)
         self.state, self.journal = MissionState(), Journal()
         self.journal.add_listener(self.state.apply)
-        search.keep_in(self.journal)
+        search.use_journal(self.journal)
         self.journal.begin({}, {})
         self.node = ros.node("mission", allow_undeclared_parameters=True)
         self.record = CommandAuthors(self.node, VERBS, self.journal)
@@ -145,7 +145,7 @@ class CommandedMission:
         answers = []
         for tag in CONDITIONS:
             leaf, number = self.leaves[tag], self.numbers[tag]
-            added = self.search.facts_added()
+            added = self.search.added_facts()
             self.watch.raise_fact("zones_left", added["zones_left"] - self.added.get("zones_left", 0))
             self.added = added
             self.watch.on_before_event(number)
@@ -205,14 +205,14 @@ def test_what_leaves_answer_to_a_command_is_what_proofs_assume_and_has_its_autho
     assert ANN.reason in said.text
     failures = [answer for _ in range(2) for answer in mission.tick() if answer[0] == "FAILURE"]
     assert any(ANN.name in line and ANN.reason in line for line in mission.lines), mission.lines
-    assert [alarm.text for alarm in mission.watch.alarms] == []
+    assert [alarm.sentence for alarm in mission.watch.alarms] == []
     if not accepted:
         assert said.kind == "ordered"
     elif command.done and command.verb.name != "resume":
         by = BOB if (command.verb.name, situation) == ("pause", "paused") else ANN
         assert all(f"{command.done} by {by}" in message for _, _, message in failures), failures
         assert len(failures) == 2
-        assert str(by) in condition(mission.state).text()
+        assert str(by) in condition(mission.state).to_line()
     elif failures and situation != "paused":
         assert all(str(ANN) in message for _, _, message in failures)
 

@@ -305,7 +305,7 @@ def test_a_resumed_search_knows_why_the_robot_comes_home(tmp_path: Path) -> None
     first, second = searching(), searching()
     for search, resume in ((first, False), (second, True)):
         kept = open_journal(tmp_path / "search.journal", resume=resume)
-        search.keep_in(kept)
+        search.use_journal(kept)
         kept.begin({}, {})
         if not resume:
             search.record.home_first("zone_a", SHORT, need=0.3, share=None)

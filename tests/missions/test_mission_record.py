@@ -138,7 +138,7 @@ def test_a_tree_can_be_looked_at_without_a_mission() -> None:
 def found_after(journal: Journal, search: Search, seconds: float) -> None:
     """Let a search begin at second 50 of its clock, and find somebody so many seconds later."""
     journal.clock = clock = ManualClock()
-    search.keep_in(journal)
+    search.use_journal(journal)
     clock.advance(50.0)
     journal.begin({}, {})
     clock.advance(seconds)
@@ -197,7 +197,7 @@ def test_a_report_that_had_to_be_sent_again_is_a_task_of_a_person_until_it_is_ac
     search = Search(
         ZoneManager([{"id": "zone_a", "x": 0.0, "y": 0.0, "yaw": 0.0}], {"x": 0.0, "y": 0.0, "yaw": 0.0})
     )
-    search.keep_in(Journal())
+    search.use_journal(Journal())
 
     def task() -> str:
         [survivor] = [each for each in search.display().landmarks if each.kind == "survivor"]

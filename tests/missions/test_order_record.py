@@ -31,7 +31,7 @@ class Robot:
         self.entries: list[JournalEntry] = []
         journal.add_listener(self.state.apply)
         journal.add_listener(self.entries.append)
-        self.search.keep_in(journal)
+        self.search.use_journal(journal)
         journal.begin({}, {})
         self.ros, self.journal = ros, journal
         self.notes, self.refusal = True, ""
@@ -199,7 +199,7 @@ def test_the_end_of_a_mission_that_somebody_has_ended_says_who(robot):
     with robot.journal.ordered_by(CommandAuthor("Ada")):
         robot.search.orders.record("abort")
     robot.journal.end_run(Ending.OVER, 1, "It has ended here.")
-    assert condition(robot.state).text() == "ABORTED: By Ada. It has ended here."
+    assert condition(robot.state).to_line() == "ABORTED: By Ada. It has ended here."
 
 
 def signing(ros, of):

@@ -51,7 +51,7 @@ class Life:
         self.situation = DisplayState()
         self.journal.add_listener(self.take)
         self.run: Search = MISSION.begin(ParameterReader(PARAMETERS))
-        self.run.keep_in(self.journal)
+        self.run.use_journal(self.journal)
         self.journal.begin({"mission": MISSION.name}, {})
         self.zones: ZoneManager = self.part(ZoneManager)
         self.record: MissionRecord = self.part(MissionRecord)
@@ -304,7 +304,7 @@ def test_facts_of_any_content_are_taken_over_or_refused_in_words(
     journal = Journal()
     journal.earlier_events = lambda: entries  # type: ignore[method-assign]
     with suppress(JournalError):
-        run.keep_in(journal)
+        run.use_journal(journal)
         run.shortfalls()
 
 
@@ -318,7 +318,7 @@ def test_facts_of_other_kinds_are_passed_over(live: Callable[..., Life]) -> None
 
 def test_without_a_journal_nothing_is_written() -> None:
     run = MISSION.begin(ParameterReader(PARAMETERS))
-    run.keep_in(Journal())
+    run.use_journal(Journal())
     run.context[MissionRecord].base_reached()
     assert run.context[MissionRecord].home
 
@@ -337,12 +337,12 @@ def test_a_fact_with_a_position_that_is_none_is_refused(kind: str, data: dict[st
     journal = Journal()
     journal.earlier_events = lambda: [JournalEntry(1, 1, 0.0, 0.0, kind, data)]  # type: ignore[method-assign]
     with pytest.raises(JournalError, match="does not fit: "):
-        MISSION.begin(ParameterReader(PARAMETERS)).keep_in(journal)
+        MISSION.begin(ParameterReader(PARAMETERS)).use_journal(journal)
 
 
 def test_numbers_that_lost_facts_have_given_are_not_given_again() -> None:
     journal, run = Journal(), MISSION.begin(ParameterReader(PARAMETERS))
     lost = {"count": 5, "numbers": {"survivor": 7}}
     journal.earlier_events = lambda: [JournalEntry(1, 1, 0.0, 0.0, "facts_lost", lost)]  # type: ignore[method-assign]
-    run.keep_in(journal)
+    run.use_journal(journal)
     assert run.context[ZoneManager].next_survivor_id() == "survivor_8"

@@ -48,9 +48,9 @@ def test_an_event_that_no_search_has_is_refused_when_it_is_written_and_when_a_ru
         journal.close()
         journal = open_journal(place, resume=True)
         with pytest.raises(JournalError, match="this version does not support the event 'zone_flooded'"):
-            search.keep_in(journal)
+            search.use_journal(journal)
     else:
-        search.keep_in(journal)
+        search.use_journal(journal)
         journal.begin({}, {})
         with pytest.raises(ValueError, match="this version does not support the event 'zone_flooded'"):
             journal.record_event("zone_flooded", zone="a")
@@ -181,7 +181,7 @@ def test_a_fact_is_a_sentence(search: Search, kind: str, data: dict[str, Any], s
 
 def test_no_zone_is_under_way_once_the_run_has_ended(search: Search, tmp_path: Path) -> None:
     journal = open_journal(tmp_path / "mission.journal")
-    search.keep_in(journal)
+    search.use_journal(journal)
     journal.begin({}, {})
     search.record.zone_started("a")
     from sar_compiler.journal.journal_entries import Ending

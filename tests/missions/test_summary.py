@@ -42,7 +42,7 @@ def test_a_zone_where_no_search_has_ended_is_named_of_a_complete_mission_too():
     search.record.zone_searched("b", None)
     search.zones.select_next_zone()
     search.record.base_reached()
-    assert search.remarks() == ["a was visited, not searched."]
+    assert search.open_points() == ["a was visited, not searched."]
     assert search.summary(0.0, 1).splitlines()[:3] == [
         "Summary: the mission is complete.",
         "  zones visited:   2 of 2 (a, b)",

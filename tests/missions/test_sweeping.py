@@ -195,7 +195,7 @@ def test_what_becomes_of_a_sweep_is_told_in_sentences() -> None:
 
 def opened(place: Path, search: Search, *, resume: bool) -> Any:
     kept = open_journal(place, resume=resume)
-    search.keep_in(kept)
+    search.use_journal(kept)
     kept.begin({}, {})
     return kept
 

@@ -153,7 +153,7 @@ def test_the_place_of_a_mistake_is_that_in_the_text_with_its_placeholders():
 
 def test_nodes_of_one_name_get_identifiers_of_their_own():
     identifiers = Identifiers()
-    assert [identifiers.assign(name) for name in ("Look!", "Look?", "Über 9")] == [
+    assert [identifiers.make_unique(name) for name in ("Look!", "Look?", "Über 9")] == [
         "Look_",
         "Look__2",
         "_ber_9",

@@ -15,7 +15,7 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
-from sar_compiler.reports.why import FailureAnalysis, difference_text, first_difference, why_text
+from sar_compiler.reports.why import FailureAnalysis, difference_text, first_difference, cause_text
 from sar_compiler.runtime.walking import pre_order
 from search_and_rescue.search import Search
 from search_and_rescue.zone_manager import ZoneManager
@@ -151,7 +151,7 @@ def test_of_a_parallel_those_are_told_that_failed():
 def test_a_root_that_succeeds_has_no_chain():
     reasons = why(flown(leaf("one", S)))
     assert (reasons.chain, reasons.likeliest, reasons.outcome) == ((), None, "complete")
-    assert why_text(reasons) == "complete: The root has failed."
+    assert cause_text(reasons) == "complete: The root has failed."
 
 
 AT_HOME = {"x": 0.0, "y": 0.0, "yaw": 0.0}
@@ -166,7 +166,7 @@ def mission(update, told):
             return F
 
     journal = Journal()
-    Search(ZoneManager([{"id": "zone_a", **AT_HOME}], AT_HOME)).keep_in(journal)
+    Search(ZoneManager([{"id": "zone_a", **AT_HOME}], AT_HOME)).use_journal(journal)
     act = Selector("try", memory=False, children=[Act("act", [F], F), leaf("go on", S)])
     root = Sequence("root", memory=True, children=[act, leaf("complete?", F)])
     return why(flown(root, 1, journal, told))
@@ -208,8 +208,8 @@ def test_what_had_failed_before_is_told_with_how_often():
 def test_a_failure_that_the_root_has_got_over_is_no_cause():
     reasons = why(flown(leaf("one", F, S), 2))
     assert reasons.went_on
-    assert "The root failed, and then continued:" in why_text(reasons)
-    assert "Likeliest cause" not in why_text(reasons._replace(outcome="complete"))
+    assert "The root failed, and then continued:" in cause_text(reasons)
+    assert "Likeliest cause" not in cause_text(reasons._replace(outcome="complete"))
 
 
 def test_the_last_tick_in_which_the_root_had_failed_is_known_though_it_went_on():
@@ -237,7 +237,7 @@ def test_entries_of_somebody_else_do_not_count(odd):
 
 
 def test_a_reason_with_a_line_break_is_one_line():
-    (line, *_) = why_text(
+    (line, *_) = cause_text(
         why(flown(leaf("one", S)))._replace(said="complete: a\nThe root has failed:")
     ).splitlines()
     assert line == "complete: a\\nThe root has failed:"
@@ -257,7 +257,7 @@ def given_up(*ways):
             return S
 
     journal = Journal()
-    Search(ZoneManager([{"id": "zone_a", **AT_HOME}], AT_HOME)).keep_in(journal)
+    Search(ZoneManager([{"id": "zone_a", **AT_HOME}], AT_HOME)).use_journal(journal)
     search = Selector("search or give up", memory=True, children=[*ways, Abandon("give up", [S], S)])
     steps = [Begin("begin", [S], S), search, leaf("complete?", F)]
     return why(flown(Sequence("root", memory=True, children=steps), 1, journal))

@@ -71,7 +71,7 @@ class Robot:
         self.feed, self.number, self.node, self.journal = feed, number, node, Journal()
         self.journal.clock = self.clock = ManualClock(100.0)
         self.journal.add_listener(lambda entry: feed.add_entry(entry, number))
-        self.search.keep_in(self.journal)
+        self.search.use_journal(self.journal)
 
     def begin(self) -> None:
         """Begin the run, and drive to the second zone."""

@@ -71,9 +71,9 @@ class PatrolRun(MissionRun):
         """Return the points: a patrol of others is another one."""
         return {"points": self._patrol.points}
 
-    def keep_in(self, journal: Journal) -> None:
+    def use_journal(self, journal: Journal) -> None:
         """Take over what an earlier run has done, and write down what this one does."""
-        super().keep_in(journal)
+        super().use_journal(journal)
         self._patrol.journal = journal
 
     def apply(self, fact: JournalEntry) -> None:
@@ -107,7 +107,7 @@ class PatrolRun(MissionRun):
         """Return the points without a photo; the patrol is complete if there are none."""
         return [f"There is no photo of {name}." for name in self._patrol.without_photo()]
 
-    def nothing_left(self) -> str:
+    def idle_reason(self) -> str:
         """Return that every point was visited, once that is so."""
         return "Every point was visited" if self._patrol.point is None else ""
 

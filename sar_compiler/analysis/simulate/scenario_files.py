@@ -203,11 +203,11 @@ def _counts(value: Value, words: LeafVocabulary) -> tuple[tuple[EventPattern, Bo
     for key, inner in value.entries or ():
         deed = words.parse_event(key)
         if deed is not None:
-            counts.append((deed, _bounds(inner.data)))
+            counts.append((deed, _parse_bounds(inner.data)))
     return tuple(counts)
 
 
-def _bounds(said: float | str) -> Bounds:
+def _parse_bounds(said: float | str) -> Bounds:
     """Read `2`, `at least 2` or `at most 2`."""
     *which, number = said.split() if isinstance(said, str) else [said]
     return Bounds(0 if "most" in which else int(number), None if "least" in which else int(number))

@@ -85,7 +85,7 @@ class BranchNode(ChoosingNode):
         cells, trail = ticker.cells, self._trail
         if cells[self.status_cell] != RUNNING:
             trail.start(self._bit)
-        outcome = self._come_to_one(ticker, self._ticks[cells[self.place]])
+        outcome = self._choose_result(ticker, self._ticks[cells[self.place]])
         if self._halts[cells[self.place]]:
             cells[self.status_cell] = RUNNING
             trail.mark_running(self._bit)
@@ -97,11 +97,11 @@ class BranchNode(ChoosingNode):
     def stop(self, ticker: Ticker) -> None:
         """Halt the branch if it runs."""
         if ticker.cells[self.status_cell] == RUNNING:
-            self._come_to_one(ticker, self._halts[ticker.cells[self.place]])
+            self._choose_result(ticker, self._halts[ticker.cells[self.place]])
             self._trail.mark_ended(self._bit)
         self.reset_outcome(ticker)
 
-    def _come_to_one(self, ticker: Ticker, results: tuple[BranchResult, ...]) -> int:
+    def _choose_result(self, ticker: Ticker, results: tuple[BranchResult, ...]) -> int:
         first = self._choices.choice_count
         result = results[self._choices.pick(len(results))]
         if self._trail.keeps:

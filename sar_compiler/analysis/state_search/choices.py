@@ -71,6 +71,6 @@ class Choices:
         self._asked = 0
         return len(path) - 1
 
-    def go_back(self, asked: int) -> None:
+    def rewind(self, asked: int) -> None:
         """Return to an earlier number of choices; the next choice is one of those that follow."""
         self._asked = asked

@@ -81,8 +81,8 @@ class Fork:
         ticker.cells = self.cells[:]
         ticker.values = self.values[:]
         ticker.entries.restore(self.entries)
-        ticker.choices.go_back(self.asked)
-        trail.go_back(self.happened)
+        ticker.choices.rewind(self.asked)
+        trail.rewind(self.happened)
         trail.going_on, trail.changed, trail.settled = self.going_on, self.changed, self.settled
         trail.watched, trail.broken = self.watched, self.broken
 

@@ -233,7 +233,7 @@ class ProbabilisticLeaf(StubNode):
             replies = self._possible()
         except SarError:
             return 1
-        return 1 if self._in_hand(ticker, replies) else len(self._options(replies))
+        return 1 if self._has_chosen(ticker, replies) else len(self._options(replies))
 
     def begin(self, ticker: Ticker) -> int:
         """Start the leaf, unless it runs; return its chosen outcome, or RUNNING until its time."""
@@ -252,7 +252,7 @@ class ProbabilisticLeaf(StubNode):
     def _chosen_reply(self, ticker: Ticker, replies: list[Reply]) -> Reply:
         """Return the chosen outcome, or RUNNING until its time."""
         values = ticker.values
-        if not self._in_hand(ticker, replies):
+        if not self._has_chosen(ticker, replies):
             self._choose(ticker, self._options(replies))
         running = [reply for reply in replies if reply.outcome == RUNNING]
         if running and values[self._left].ticks:
@@ -268,7 +268,7 @@ class ProbabilisticLeaf(StubNode):
         values[self._chosen] = values[self._left] = None
         cells[self.status_cell] = INVALID
 
-    def _in_hand(self, ticker: Ticker, replies: list[Reply]) -> bool:
+    def _has_chosen(self, ticker: Ticker, replies: list[Reply]) -> bool:
         """Return whether there is no choice: the leaf has chosen, and the outcome is possible or not due."""
         values = ticker.values
         chosen = values[self._chosen]
@@ -348,7 +348,7 @@ class WeighedSteps(TickSteps):
         """Play the next step, and return its kind; raises as `TickSteps.step`."""
         return NOTHING if self._is_over else super().step()
 
-    def take_state(self, outcome: int) -> None:
+    def save_state(self, outcome: int) -> None:
         """Save the state after a tick, and after the following ticks in which only time passes."""
         ticker = self._ticker
         ticker.entries.update_contents()
@@ -356,7 +356,7 @@ class WeighedSteps(TickSteps):
         passed = self._count_waiting_ticks() if ticker.choices.choice_count == 0 else 0
         if passed:
             self._pass_by(passed)
-        super().take_state(outcome)
+        super().save_state(outcome)
         if passed:
             self.waits = -1 - passed, 0, 0
 

@@ -117,14 +117,14 @@ Report = Callable[[Progress], bool | None]
 """Receives the progress; returns True to stop the search."""
 
 
-def keep_quiet(progress: Progress) -> None:
+def report_nothing(progress: Progress) -> None:
     """Report nothing."""
 
 
 def explore(
     stepper: Stepper,
     max_states: int,
-    report: Report = keep_quiet,
+    report: Report = report_nothing,
     names: Sequence[str] = (),
     starts: Sequence[bytes] = (),
 ) -> Graph:

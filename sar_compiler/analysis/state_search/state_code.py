@@ -56,7 +56,7 @@ class StateCode:
             entries: The number of each entry's content.
         """
         self._make_room(watched.bit_length(), len(cells) + len(values) + len(entries))
-        at = _put_number(self._room, _put_number(self._room, 0, outcome), watched)
+        at = _write_number(self._room, _write_number(self._room, 0, outcome), watched)
         return self._write(at, cells, values, entries)
 
     def write_middle(
@@ -82,8 +82,8 @@ class StateCode:
         """
         most = watched.bit_length() + broken.bit_length()
         self._make_room(most, len(cells) + len(values) + len(entries))
-        at = _put_number(self._room, _put_number(self._room, 0, node), watched)
-        at = _put_number(self._room, at, broken)
+        at = _write_number(self._room, _write_number(self._room, 0, node), watched)
+        at = _write_number(self._room, at, broken)
         forgotten = self._forgotten
         for place in shown:
             forgotten[place] = 0
@@ -100,12 +100,12 @@ class StateCode:
 
     def _write(self, at: i64, cells: vec[i32], values: list[Any], entries: vec[i32]) -> bytes:
         """Return the head, followed by all places."""
-        at = self._put_cells(at, cells)
-        at = self._put_values(at, len(cells), values)
-        at = self._put_entries(at, len(cells) + len(values), entries)
+        at = self._write_cells(at, cells)
+        at = self._write_values(at, len(cells), values)
+        at = self._write_entries(at, len(cells) + len(values), entries)
         return bytes(self._room[:at])
 
-    def _put_cells(self, at: i64, cells: vec[i32]) -> i64:
+    def _write_cells(self, at: i64, cells: vec[i32]) -> i64:
         room, first, forgotten = self._room, self._cells, self._forgotten
         nodes = len(forgotten)
         index: i64 = 0
@@ -118,7 +118,7 @@ class StateCode:
         self._last = last
         return at
 
-    def _put_values(self, at: i64, before: i64, values: list[Any]) -> i64:
+    def _write_values(self, at: i64, before: i64, values: list[Any]) -> i64:
         for place, first in enumerate(self._values):
             value = values[place]
             if value is not first and value != first:
@@ -127,7 +127,7 @@ class StateCode:
                 self._last = now
         return at
 
-    def _put_entries(self, at: i64, before: i64, entries: vec[i32]) -> i64:
+    def _write_entries(self, at: i64, before: i64, entries: vec[i32]) -> i64:
         room, last = self._room, self._last - before
         index: i64 = 0
         while index < len(entries):
@@ -193,11 +193,11 @@ def _write_place(code: vec[u8], at: i64, step: i64, held: i64) -> i64:
     code[at] = u8(min(step, _HALF) << 4 | min(held, _HALF))
     at += 1
     if step >= _HALF:
-        at = _put_number(code, at, step - _HALF)
-    return _put_number(code, at, held - _HALF) if held >= _HALF else at
+        at = _write_number(code, at, step - _HALF)
+    return _write_number(code, at, held - _HALF) if held >= _HALF else at
 
 
-def _put_number(code: vec[u8], at: i64, number: int) -> i64:
+def _write_number(code: vec[u8], at: i64, number: int) -> i64:
     """Write a number at an index; return the next index."""
     while number >= _MORE:
         code[at] = u8(_MORE | number & (_MORE - 1))

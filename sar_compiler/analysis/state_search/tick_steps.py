@@ -113,7 +113,7 @@ class TickSteps(Stepper):
                 if outcome < KNOWN:
                     self._flat.copy_shared_statuses(ticker)
                     self._flat.renumber(ticker)
-                    self.take_state(outcome)
+                    self.save_state(outcome)
                     return A_STATE
             except UndecidableError:
                 raise
@@ -125,7 +125,7 @@ class TickSteps(Stepper):
                 self._is_fresh = outcome == ENTERED
                 return A_NEW_MIDDLE if self._is_fresh else A_MIDDLE
 
-    def take_state(self, outcome: int) -> None:
+    def save_state(self, outcome: int) -> None:
         """Save the contents of the cells as the state after a tick."""
         ticker = self._ticker
         self.state = self._write_state(outcome, ticker.trail.watched)

@@ -84,7 +84,7 @@ class Trail:
 
     def begin(self, watched: int) -> None:
         """Start a tick, with the state of the properties."""
-        self.go_back(0)
+        self.rewind(0)
         self.begin_part()
         self.broken = 0
         self.watched = watched
@@ -93,7 +93,7 @@ class Trail:
         """Start a part of a tick: what follows is recorded separately from the previous part."""
         self.going_on = self.changed = self.settled = 0
 
-    def go_back(self, happened: int) -> None:
+    def rewind(self, happened: int) -> None:
         """Forget all events except the given number of first ones."""
         if self.keeps:
             del self.numbers[happened:]

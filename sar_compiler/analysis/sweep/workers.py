@@ -71,7 +71,7 @@ class ReplaceableExecutor:
         self._stop(self._executor)
 
 
-def in_processes(count: int) -> ReplaceableExecutor:
+def worker_processes(count: int) -> ReplaceableExecutor:
     """Return worker processes; a single worker is this process."""
     if count == 1:
         return ReplaceableExecutor(InlineExecutor, 1)

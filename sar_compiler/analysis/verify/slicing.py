@@ -68,7 +68,7 @@ def _mergeable(simulated: SimulatedTree, properties: Properties) -> dict[str, Me
         flows.add_script(script, resolve, is_condition=is_condition)
     for condition in properties.conditions:
         flows.add_script(condition.script, condition.entry_name, is_condition=True)
-    if not flows.types or not _take_ports(flows, simulated):
+    if not flows.types or not _add_port_accesses(flows, simulated):
         return {}
     # A name includes its board.
     board = simulated.compiled.board
@@ -106,7 +106,7 @@ def _scripts_of_outcomes(simulated: SimulatedTree) -> Iterator[_ReadScript]:
             yield from ((parse(script), resolve, is_used) for script, is_used in written if script)
 
 
-def _take_ports(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
+def _add_port_accesses(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
     """Add the reads and writes of ports; return False if a node may use unknown entries.
 
     The ports of stub leaves read nothing here, and their writes are in the scripts of their outcomes.
@@ -128,7 +128,7 @@ def _take_ports(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
 
 def _types_at_start(board: Board, name: str) -> set[object]:
     """Return the initial types of an entry: its own and that of its value."""
-    own = {board.kind(name)} if board.is_declared(name) else set()
+    own = {board.kind_of(name)} if board.is_declared(name) else set()
     return {*own, *((type(board.get(name)),) if board.has(name) else ())} - {None}
 
 

@@ -186,7 +186,7 @@ class TreeStepper:
         ]
         forks = self.ticker._forks  # noqa: SLF001 - compiled together with what has them
         behind = (fork.asked for fork in forks if fork.happened > outcomes[place])
-        self.ticker.choices.go_back(next(behind, self.ticker.choices.choice_count))
+        self.ticker.choices.rewind(next(behind, self.ticker.choices.choice_count))
 
     def play(self, state: bytes, wanted: Callable[[TickSteps], bool], number: int = 0) -> TickRecord:
         """Play the first wanted tick of a state, and return it with a tick number."""

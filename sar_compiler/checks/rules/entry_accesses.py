@@ -250,7 +250,7 @@ class TreePosition:
     number: int
     last: int
 
-    def holds(self, other: "TreePosition") -> bool:
+    def contains(self, other: "TreePosition") -> bool:
         """Return whether another place is this one or within it."""
         return self.number <= other.number <= self.last
 
@@ -340,7 +340,7 @@ class OrderedAccesses:
     def is_each_preceded(self, first: EntryAccess) -> bool:
         """Return whether another access precedes all of these, in the sense of `comes_first`."""
         place: TreePosition = first.position
-        if self.uses and self._numbers[0] < place.number and not self.uses[0].position.holds(place):
+        if self.uses and self._numbers[0] < place.number and not self.uses[0].position.contains(place):
             return False  # the most frequent case
         is_before = first.access.is_certain and first.access.time is AccessTime.BEFORE
         if self.has_access_in(place.number + 1, place.last) and not is_before:
@@ -534,7 +534,7 @@ def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str]
 
 def common_position(first: TreePosition, second: TreePosition) -> TreePosition:
     """Return the innermost place that contains two others."""
-    while first.around is not None and not first.holds(second):
+    while first.around is not None and not first.contains(second):
         first = first.around
     return first
 
@@ -542,7 +542,7 @@ def common_position(first: TreePosition, second: TreePosition) -> TreePosition:
 def branching_position(first: EntryAccess, second: EntryAccess) -> TreePosition | None:
     """Return the place in which two uses are in different children; None if one node contains the other."""
     place, other = first.position, second.position
-    return None if place.holds(other) or other.holds(place) else common_position(place, other)
+    return None if place.contains(other) or other.contains(place) else common_position(place, other)
 
 
 def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
@@ -552,7 +552,7 @@ def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
     place, other = first.position, second.position
     if place is other:
         return _comes_first_in_node(first.access, second.access)
-    if other.holds(place):
+    if other.contains(place):
         return second.access.time is AccessTime.AFTER and _is_straight(first, other.around)
     if other.number < place.number:
         return False

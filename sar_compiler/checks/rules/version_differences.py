@@ -36,7 +36,7 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
         fault = tree_id_fault(tree.attributes.get("ID", ""))
         if fault is not None:
             advice = Advice(hint=fault.hint, common_cause=fault.cause)
-            collector.refused_since(NAMES, tree, fault.message, value="ID", **advice)
+            collector.report_rejected_since(NAMES, tree, fault.message, value="ID", **advice)
     _report_tags(context, collector)
     _report_ports(context, collector)
     for bound, attribute, script in context.scripts:
@@ -96,7 +96,7 @@ def _report_tags(context: CheckContext, collector: FindingCollector) -> None:
         element = bound.element
         if element.tag == bound.spec.tag:
             message, hint = f"the node name '{element.tag}' contains {part}", f"remove {part}"
-            collector.refused_since(NAMES, element, message, hint=hint)
+            collector.report_rejected_since(NAMES, element, message, hint=hint)
 
 
 def _report_ports(context: CheckContext, collector: FindingCollector) -> None:
@@ -109,7 +109,7 @@ def _report_ports(context: CheckContext, collector: FindingCollector) -> None:
             if part:
                 message, hint = f"the port name '{name}' contains {part}", f"remove {part}"
                 advice = Advice(hint=hint, common_cause=Cause(f"port names contain {part}", name))
-                collector.refused_since(NAMES, bound.element, message, name=name, **advice)
+                collector.report_rejected_since(NAMES, bound.element, message, name=name, **advice)
 
 
 def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: FindingCollector) -> None:
@@ -120,7 +120,7 @@ def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: 
             hint = "write '...'. The string itself cannot contain a single quotation mark"
             span = bound.element.value_part_span(attribute, literal.start, literal.end)
             advice = Advice(suggestion=None if "'" in inside else f"'{inside}'", hint=hint)
-            collector.refused_since(QUOTES, bound.element, message, span, **advice)
+            collector.report_rejected_since(QUOTES, bound.element, message, span, **advice)
 
 
 def _newer_nodes(context: CheckContext) -> Iterator[Diagnostic]:

@@ -100,7 +100,7 @@ class _SubtreeExpander:
             name = bound.element.attributes.get("name") or f"{bound.subtree.name}::{self._count}"
             if name in names:
                 message, hint = f"two subtrees are named '{name}' here", "give each a unique name"
-                self._collector.refused_since(NAMES, bound.element, message, value="name", hint=hint)
+                self._collector.report_rejected_since(NAMES, bound.element, message, value="name", hint=hint)
                 name = f"{name}::{self._count}"  # each has its own keys
             names.add(name)
             inner = instance.inner[bound] = TreeInstance(

@@ -196,6 +196,6 @@ def _report_constant(first: EntryType, later: EntryType, key: str, collector: Fi
     value = written if is_plain else f"'{written}'"
     hint = f'write {first.name}="{{k}}" around it, and before that <Script code="k := {value}"/>'
     severity = btcpp_severity(collector.btcpp)
-    collector.refused_since(
+    collector.report_rejected_since(
         NUMBERS, later.bound.element, message, value=later.name, hint=hint, severity=severity
     )

@@ -29,12 +29,12 @@ _MEMORY = "Start with the running child (true) or with the first child (false) i
 _own = partial(language_spec, Kind.CONTROL, skipping=FROM_CHILD)
 
 
-def _after_the_first(_bound: NodeView) -> Mapping[int, Gate]:
+def _first_child_gates(_bound: NodeView) -> Mapping[int, Gate]:
     """Return the gates of the branches, which depend on the first child's result."""
     return {1: Gate((0,), S), 2: Gate((0,), F)}
 
 
-def _one_after_the_other(bound: NodeView) -> Mapping[int, Gate]:
+def _try_catch_gates(bound: NodeView) -> Mapping[int, Gate]:
     """Return the gates of a try-catch, whose last child handles a failure of the others."""
     *tried, last = range(len(bound.children))
     catches = {last: Gate(tuple(tried), F)} if bound.value("catch_on_halt") is False else {}
@@ -70,7 +70,7 @@ def _in_order(
 _REACTIVE_ONE = Counterpart(built_in=True, rewrite=rewrites.reactive)
 
 
-def _by_memory(with_memory: str, without: str, *, built_in: bool = True) -> Counterpart:
+def _memory_counterpart(with_memory: str, without: str, *, built_in: bool = True) -> Counterpart:
     return Counterpart(built_in, partial(rewrites.select_tag_by_memory, with_memory, without))
 
 
@@ -97,21 +97,25 @@ def _switch(cases: int) -> NodeSpec:
 
 
 def _branching_spec(tag: str, doc: str) -> NodeSpec:
-    means = Semantics(outcome_sets.branches, gates=_after_the_first)
+    means = Semantics(outcome_sets.branches, gates=_first_child_gates)
     return _own(tag, f"kernel.branching:{tag}Node", doc, semantics=means, child_count=(2, 3))
 
 
 SPECS = [
-    _in_order("Sequence", _by_memory("Sequence", "ReactiveSequence"), is_sequence=True, memory=None),
+    _in_order("Sequence", _memory_counterpart("Sequence", "ReactiveSequence"), is_sequence=True, memory=None),
     _in_order(
         "Selector",
-        _by_memory("Fallback", "ReactiveFallback", built_in=False),
+        _memory_counterpart("Fallback", "ReactiveFallback", built_in=False),
         "Chooser",
         is_sequence=False,
         memory=None,
     ),
     _in_order(
-        "Fallback", _by_memory("Fallback", "ReactiveFallback"), "FallbackStar", is_sequence=False, memory=None
+        "Fallback",
+        _memory_counterpart("Fallback", "ReactiveFallback"),
+        "FallbackStar",
+        is_sequence=False,
+        memory=None,
     ),
     _in_order("ReactiveSequence", _REACTIVE_ONE, is_sequence=True, memory=False),
     _in_order("ReactiveFallback", _REACTIVE_ONE, "ReactiveSelector", is_sequence=False, memory=False),
@@ -225,7 +229,7 @@ SPECS = [
             default=False,
         ),
         semantics=Semantics(
-            outcome_sets.attempt, gates=_one_after_the_other, counterpart=Counterpart(since="4.9")
+            outcome_sets.attempt, gates=_try_catch_gates, counterpart=Counterpart(since="4.9")
         ),
         child_count=(2, None),
     ),

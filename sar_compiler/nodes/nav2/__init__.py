@@ -140,7 +140,7 @@ def _fields(first: int, each: int, label: str, text: str) -> object:
     return text
 
 
-def _no_text(label: str, text: str) -> object:
+def _reject_text(label: str, text: str) -> object:
     if text.startswith(JSON):
         return ANYTHING.convert(text)
     raise ConversionError(f"'{text}' is not {label}, which cannot be written as text", hint="write a {key}")
@@ -152,7 +152,7 @@ def _message(name: str, label: str, cpp: str, convert: Callable[[str, str], obje
     return ValueType(f"nav2.{name}", label, partial(convert, label), python=python, cpp=cpp)
 
 
-def _of_fields(name: str, label: str, cpp: str, first: int, each: int) -> ValueType:
+def _message_type(name: str, label: str, cpp: str, first: int, each: int) -> ValueType:
     return _message(name, label, cpp, partial(_fields, first, each))
 
 
@@ -167,19 +167,22 @@ _TYPES = {
         cpp="std::chrono::milliseconds",
         unit="ms",
     ),
-    "PoseStamped": _of_fields("PoseStamped", "a pose", "geometry_msgs::msg::PoseStamped", 0, -_POSE),
-    "PoseStamped[]": _of_fields(
+    "PoseStamped": _message_type("PoseStamped", "a pose", "geometry_msgs::msg::PoseStamped", 0, -_POSE),
+    "PoseStamped[]": _message_type(
         "Poses", "several poses", "std::vector<geometry_msgs::msg::PoseStamped>", 0, _POSE
     ),
-    "Goals": _of_fields("Goals", "a list of goals", "nav_msgs::msg::Goals", _HEADER, _POSE),
-    "Path": _of_fields("Path", "a path", "nav_msgs::msg::Path", _HEADER, _POSE),
-    "WaypointStatus[]": _of_fields(
+    "Goals": _message_type("Goals", "a list of goals", "nav_msgs::msg::Goals", _HEADER, _POSE),
+    "Path": _message_type("Path", "a path", "nav_msgs::msg::Path", _HEADER, _POSE),
+    "WaypointStatus[]": _message_type(
         "WaypointStatuses", "the statuses of goals", "std::vector<nav2_msgs::msg::WaypointStatus>", 0, _STATUS
     ),
-    "Duration": _message("Duration", "a duration of ROS", "builtin_interfaces::msg::Duration", _no_text),
-    "Route": _message("Route", "a route", "nav2_msgs::msg::Route", _no_text),
+    "Duration": _message("Duration", "a duration of ROS", "builtin_interfaces::msg::Duration", _reject_text),
+    "Route": _message("Route", "a route", "nav2_msgs::msg::Route", _reject_text),
     "TrackingFeedback": _message(
-        "TrackingFeedback", "a message about the robot's path", "nav2_msgs::msg::TrackingFeedback", _no_text
+        "TrackingFeedback",
+        "a message about the robot's path",
+        "nav2_msgs::msg::TrackingFeedback",
+        _reject_text,
     ),
 }
 

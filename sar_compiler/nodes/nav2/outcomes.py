@@ -9,7 +9,7 @@ from sar_compiler.nodes.semantics import Gate
 _ENDS = S | F | K
 
 
-def _one_by_one(children: Sequence[int], told: int, goes_on: int) -> tuple[int, bool]:
+def _sequential_results(children: Sequence[int], told: int, goes_on: int) -> tuple[int, bool]:
     """Return the results that a node passes on, and whether its last child can end.
 
     Args:
@@ -44,7 +44,7 @@ def pipeline(bound: NodeView, children: Sequence[int], sure: bool) -> int:
         leaves = [child.is_leaf for child in bound.children]
         known = leaves.index(False) + 1 if False in leaves else len(children)
         children = [*children[:known], *[0] * (len(children) - known)]
-    found, comes_through = _one_by_one(children, F | R, S | K)
+    found, comes_through = _sequential_results(children, F | R, S | K)
     if not comes_through:
         return found
     # A child that runs while a later one was the furthest is regarded as one that was not skipped.
@@ -71,7 +71,7 @@ def round_robin(bound: NodeView, children: Sequence[int], sure: bool, *, wraps: 
 
 
 def _wrapping_results(children: Sequence[int]) -> int:
-    found, comes_through = _one_by_one(children, S | R, _ENDS)
+    found, comes_through = _sequential_results(children, S | R, _ENDS)
     if not comes_through:
         return found
     fails = all(child & (F | K) for child in children) and union(children) & F
@@ -80,7 +80,7 @@ def _wrapping_results(children: Sequence[int]) -> int:
 
 def _not_wrapping(children: Sequence[int]) -> int:
     *others, last = children
-    found, comes_through = _one_by_one(others, S | R, _ENDS)
+    found, comes_through = _sequential_results(others, S | R, _ENDS)
     if not comes_through:
         return found
     found |= last & R
@@ -92,7 +92,7 @@ def _not_wrapping(children: Sequence[int]) -> int:
 
 def nonblocking_results(_bound: NodeView, children: Sequence[int], _sure: bool) -> int:
     """Return the possible outcomes of a node that ticks all its children in every tick."""
-    found, comes_through = _one_by_one(children, F, S | R)
+    found, comes_through = _sequential_results(children, F, S | R)
     if not comes_through:
         return found
     runs = union(children) & R
@@ -103,7 +103,7 @@ def persistent(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
     """Return the possible outcomes of a sequence whose current index is on the blackboard."""
     if not sure:
         return union(children) & (F | R) | S
-    found, comes_through = _one_by_one(children, F | R, S | K)
+    found, comes_through = _sequential_results(children, F | R, S | K)
     return found | (S if comes_through else 0)
 
 

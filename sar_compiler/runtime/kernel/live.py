@@ -76,14 +76,14 @@ class LiveTicker(Ticker):
             return
         if not node.shows_itself:
             if node.behaviour.status is not STATUSES[self.cells[node.status_cell]]:
-                self.take_over()
+                self.copy_statuses()
             self._reached.append(node)
         node.reached = self._number
         if node.index != node.status_cell:
             # They share one cell, and either node's result is newer than both behaviours.
             self.reach(node.children[0])
 
-    def take_over(self) -> None:
+    def copy_statuses(self) -> None:
         """Copy the statuses of all behaviours, except for those that were reached.
 
         A node whose status has changed is reset, unless it had ended and was reset by its parent.
@@ -129,8 +129,8 @@ class LiveTree:
         self._children: list[list[Any]] = [list(node.behaviour.children) for node in self._parents]
         self._changes: int = Children.changes
         if former is not None:
-            self._go_on_from(former)
-        self.ticker.take_over()
+            self._copy_state(former)
+        self.ticker.copy_statuses()
         for node in self._flat.nodes:
             if is_strict and isinstance(node, ForeignNode):
                 node.require_statuses()
@@ -200,12 +200,12 @@ class LiveTree:
         ticker = self.ticker
         ticker.enter()
         try:
-            ticker.take_over()
+            ticker.copy_statuses()
             self._flat.nodes[index].stop(ticker)
         finally:
             ticker.write_statuses()
 
-    def _go_on_from(self, former: "LiveTree") -> None:
+    def _copy_state(self, former: "LiveTree") -> None:
         """Copy the state of nodes that were part of another tree."""
         there, here = former.ticker, self.ticker
         known = {id(node.behaviour): node for node in former._flat.nodes}

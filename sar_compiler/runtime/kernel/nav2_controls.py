@@ -49,7 +49,7 @@ class RecoveringNode(ControlNode):
         if outcome == RUNNING:
             ticker.cells[self.wanted] = 0
             return RUNNING
-        after = self.after_main if ticker.cells[self.current] == 0 else self.after_recovery
+        after = self.after_main if ticker.cells[self.current] == 0 else self.on_recovery_outcome
         return after(ticker, outcome)
 
     def after_main(self, ticker: Ticker, outcome: int) -> int:
@@ -61,7 +61,7 @@ class RecoveringNode(ControlNode):
         cells[self.current] = 1
         return self.tick_child(self.children[1], ticker)
 
-    def after_recovery(self, ticker: Ticker, outcome: int) -> int:
+    def on_recovery_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Continue after the second child has ended or was skipped."""
         cells = ticker.cells
         if outcome == FAILURE:
@@ -293,14 +293,14 @@ class PauseResumeNode(ControlNode):
         if cells[self.asking]:
             cells[self.asking] = 0
             self.asked.reset_outcome(ticker)
-            return self.take_answer(ticker, outcome)
+            return self.on_query_outcome(ticker, outcome)
         if outcome == RUNNING:
             return RUNNING
         if outcome == FAILURE or cells[self.mode] == _RESUMED:
             return self.set_outcome(ticker, FAILURE if outcome == FAILURE else SUCCESS)
         return self.next_mode(ticker)
 
-    def take_answer(self, ticker: Ticker, outcome: int) -> int:
+    def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Change the mode as requested, and tick its child."""
         cells = ticker.cells
         is_paused = cells[self.mode] == _PAUSED

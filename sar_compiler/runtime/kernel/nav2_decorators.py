@@ -122,12 +122,12 @@ class AskingNode(OwnNode):
             ticker.cells[self.asking] = 0
             if outcome != RUNNING or not self.waits:
                 self.asked.reset_outcome(ticker)
-            return self.take_answer(ticker, outcome)
+            return self.on_query_outcome(ticker, outcome)
         if outcome & ENDED:
             self.child.reset_outcome(ticker)
         return self.set_outcome(ticker, outcome)
 
-    def take_answer(self, ticker: Ticker, outcome: int) -> int:
+    def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Return the outcome, given the result of the leaf."""
         raise NotImplementedError
 
@@ -154,7 +154,7 @@ class WhenDueNode(AskingNode):
             return self.tick_child(self.child, ticker)
         return self.tick_query(ticker)
 
-    def take_answer(self, ticker: Ticker, outcome: int) -> int:
+    def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Tick the child if it is due."""
         return self.tick_child(self.child, ticker) if outcome == SUCCESS else RUNNING
 
@@ -180,7 +180,7 @@ class DistanceNode(AskingNode):
         ticker.cells[self.status_cell] = RUNNING
         return self.tick_query(ticker)
 
-    def take_answer(self, ticker: Ticker, outcome: int) -> int:
+    def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Tick the child if it is due."""
         cells = ticker.cells
         starts, cells[self.is_first] = cells[self.is_first], 0
@@ -213,7 +213,7 @@ class LongerPathNode(AskingNode):
         cells[self.seen] = 1
         return self.set_outcome(ticker, SUCCESS)
 
-    def take_answer(self, ticker: Ticker, outcome: int) -> int:
+    def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
         """Tick the child if the path has become longer."""
         if outcome == SUCCESS:
             return self.tick_child(self.child, ticker)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.analysis.sweep import StoppingRule, SweepError, SweepRow, smallest_failure, sweep
-from sar_compiler.analysis.sweep.workers import ReplaceableExecutor, in_processes
+from sar_compiler.analysis.sweep.workers import ReplaceableExecutor, worker_processes
 from tests.analysis.sweep.plays import EndsItsWorker, all_succeed, odd_ones_fail
 
 
@@ -56,18 +56,18 @@ class AnyOrder(Executor):
 
 def test_a_row_is_played_until_its_interval_is_narrow_enough():
     rule = StoppingRule(runs=1000, half_width=0.05, batch=10)
-    half, whole = swept(rule, in_processes(1))
+    half, whole = swept(rule, worker_processes(1))
     assert rule.interval(half).half_width <= 0.05 < rule.interval(half[:-10]).half_width
     assert len(whole) == 40
 
 
 def test_a_row_ends_after_the_largest_number_of_runs_whatever_is_known():
-    outcomes = swept(StoppingRule(runs=25, half_width=0.0, batch=10), in_processes(1))
+    outcomes = swept(StoppingRule(runs=25, half_width=0.0, batch=10), worker_processes(1))
     assert [len(each) for each in outcomes] == [25, 25]
 
 
 def test_the_runs_of_a_row_have_one_seed_after_the_other():
-    first, _ = swept(StoppingRule(runs=5, half_width=0.0, batch=2), in_processes(1), seed=7)
+    first, _ = swept(StoppingRule(runs=5, half_width=0.0, batch=2), worker_processes(1), seed=7)
     assert [each.seed for each in first] == [7, 8, 9, 10, 11]
 
 
@@ -75,19 +75,19 @@ def test_the_runs_of_a_row_have_one_seed_after_the_other():
 def test_the_table_does_not_depend_on_who_finishes_first(seed, count, batch, half_width):
     rule = StoppingRule(runs=100, half_width=half_width, batch=batch)
     workers = ReplaceableExecutor(lambda: AnyOrder(Random(seed)), count)  # noqa: S311 - no secret
-    assert swept(rule, workers) == swept(rule, in_processes(1))
+    assert swept(rule, workers) == swept(rule, worker_processes(1))
 
 
 def test_worker_processes_give_the_same_table_as_this_one():
     rule = StoppingRule(runs=60, half_width=0.12, batch=7)
-    assert swept(rule, in_processes(2)) == swept(rule, in_processes(1))
+    assert swept(rule, worker_processes(2)) == swept(rule, worker_processes(1))
 
 
 @pytest.mark.parametrize("times", [1, 3])
 def test_a_worker_that_is_killed_changes_nothing(tmp_path, times):
     rule = StoppingRule(runs=40, half_width=0.0, batch=10)
-    (killed,) = swept(rule, in_processes(2), plays=[EndsItsWorker(tmp_path, times)])
-    (whole,) = swept(rule, in_processes(1), plays=[odd_ones_fail])
+    (killed,) = swept(rule, worker_processes(2), plays=[EndsItsWorker(tmp_path, times)])
+    (whole,) = swept(rule, worker_processes(1), plays=[odd_ones_fail])
     assert len(list(tmp_path.iterdir())) >= times
     assert killed == whole
 
@@ -96,7 +96,7 @@ def test_runs_that_end_every_worker_end_the_sweep(tmp_path):
     with pytest.raises(
         SweepError, match="workers have terminated 4 times while they played seeds 0 to 9 of row 0"
     ):
-        swept(StoppingRule(10, 0.0, batch=10), in_processes(2), plays=[EndsItsWorker(tmp_path, 99)])
+        swept(StoppingRule(10, 0.0, batch=10), worker_processes(2), plays=[EndsItsWorker(tmp_path, 99)])
 
 
 def test_an_error_of_a_run_ends_the_sweep():
@@ -105,7 +105,7 @@ def test_an_error_of_a_run_ends_the_sweep():
         raise ValueError(message)
 
     with pytest.raises(ValueError, match="this cannot be played"):
-        swept(StoppingRule(10, 0.0), in_processes(1), plays=[refuse])
+        swept(StoppingRule(10, 0.0), worker_processes(1), plays=[refuse])
 
 
 def test_the_smallest_failure_is_the_one_of_the_smallest_size():

@@ -165,7 +165,7 @@ def entries_of(board: Board) -> tuple[tuple[str, object, object, int], ...]:
     return tuple(
         (
             name.removeprefix(board.prefix),
-            (board.kind(name), board.is_declared(name)),
+            (board.kind_of(name), board.is_declared(name)),
             freeze(board.get(name)) if board.has(name) else None,
             board.stamp(name),
         )
