@@ -70,7 +70,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
         TreeError: If the tree or a world is not valid.
         SarError: If a file cannot be read, a fault is impossible, or a run ends before its mission starts.
     """
-    from sar_compiler.sim.simulated_runs import mission_threads, minimize_faults
+    from sar_compiler.sim.simulated_runs import minimize_faults, mission_threads
 
     require_middleware()
     # The runs are stopped gracefully, however the command ends.

@@ -120,9 +120,9 @@ class _PropertyReactions:
                 else:
                     self._report_refusal(order, str(error))
             else:
-                answer.add_done_callback(partial(self._take_answer, order))
+                answer.add_done_callback(partial(self._on_response, order))
 
-    def _take_answer(self, order: _DueCommand, answer: Future[tuple[bool, str]]) -> None:
+    def _on_response(self, order: _DueCommand, answer: Future[tuple[bool, str]]) -> None:
         error = answer.exception()
         accepted, said = answer.result() if error is None else (False, str(error))
         if not accepted:
@@ -226,9 +226,9 @@ class PropertyWatch(RunExtension):
 
     def on_status(self, number: int, status: str) -> None:
         """Handle the status that a leaf returned."""
-        self._call_monitor(self._take_answer, number, status)
+        self._call_monitor(self._process_status, number, status)
 
-    def _take_answer(self, number: int, status: str) -> None:
+    def _process_status(self, number: int, status: str) -> None:
         said = getattr(self._leaves[number], "outcome_label", "")
         self._watch.on_status(number, status, self._declared[number].label(status, said))
 

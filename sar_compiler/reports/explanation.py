@@ -98,7 +98,7 @@ class Explanation(NamedTuple):
 
     def text(self) -> str:
         """Return the explanation in words."""
-        from sar_compiler.reports.why import counterfactual_text, cause_text
+        from sar_compiler.reports.why import cause_text, counterfactual_text
 
         change, reason = self.otherwise
         if change is not None:
@@ -112,7 +112,7 @@ class Explanation(NamedTuple):
 
     def data(self) -> dict[str, Any]:
         """Return the explanation as JSON values."""
-        from sar_compiler.reports.why import counterfactual_data, cause_data
+        from sar_compiler.reports.why import cause_data, counterfactual_data
 
         change, reason = self.otherwise
         return {

@@ -15,7 +15,7 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
-from sar_compiler.reports.why import FailureAnalysis, difference_text, first_difference, cause_text
+from sar_compiler.reports.why import FailureAnalysis, cause_text, difference_text, first_difference
 from sar_compiler.runtime.walking import pre_order
 from search_and_rescue.search import Search
 from search_and_rescue.zone_manager import ZoneManager
