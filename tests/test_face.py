@@ -30,7 +30,7 @@ PUBLIC = [f"{group}.{name}" for group, module in GROUPS.items() for name in modu
 LAZY = [group for group in GROUPS if group != "sar_compiler.testing"]
 ROS = {
     "sar_compiler.TreeRunner",
-    "sar_compiler.running",
+    "sar_compiler.running_tree",
     "sar_compiler.missions.DataNode",
     "sar_compiler.missions.flat_parameters",
     "sar_compiler.missions.serve",
