@@ -113,10 +113,15 @@ class DrivenPage:
         return True
 
     def _button(self, text):
-        return lambda: self.browser.js(
-            "[...document.querySelectorAll('#actions button')].find((each) => each.textContent === arguments[0]).click()",
-            text,
-        )
+        def press():
+            found = self.browser.js(
+                "const found = [...document.querySelectorAll('#actions button')].find((each) => each.textContent === arguments[0]);"
+                "found?.click(); return Boolean(found);",
+                text,
+            )
+            assert found, f"no button {text} for {self.browser.text('#chosen')} in {self.path}"
+
+        return press
 
     def _up(self, pairs, element):
         node, parent = pairs[element]
