@@ -174,7 +174,7 @@ def test_a_node_from_the_palette_and_an_attribute_in_its_form_are_in_the_text(pa
 
 def test_a_counterexample_walks_over_the_drawing_and_selects_its_leaf(page):
     page.browser.click("#verify")
-    page.browser.wait_for("#state", "states")
+    page.browser.wait_for("#verdicts", "does not hold")
     page.browser.js("document.querySelector('#verdicts button').click()")
     page.browser.wait_for("#step", "tick 1: ZonesRemaining? some left")
     page.browser.wait_for("#chosen", "ZonesRemaining?")
@@ -256,7 +256,7 @@ def test_a_node_is_found_and_a_key_shows_who_writes_and_reads_it(page):
 def test_axe_finds_nothing_wrong_with_the_page(page, axe):
     page.choose("NavigateToZone")
     page.browser.click("#verify")
-    page.browser.wait_for("#verdicts", "proved")
+    page.browser.wait_for("#verdicts", "does not hold")
     page.browser.js("document.querySelector('#verdicts button').click()")
     page.browser.js("window.studio.replace('AdvanceZone', 'AdvnceZone')")
     page.browser.wait_for("#findings", "AdvnceZone")
