@@ -13,6 +13,7 @@ from importlib.resources import files
 from typing import Any, NamedTuple
 
 from sar_compiler.journal.display import EventTime, Landmark, Level
+from sar_compiler.journal.journal_entries import FACTS_LOST
 from sar_compiler.journal.mission_state import KnownEvent, MissionState, RobotPose
 from sar_compiler.journal.open_tasks import find_open_tasks
 from sar_compiler.journal.status_line import GOOD, condition
@@ -86,6 +87,7 @@ def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
         "legend": _legend(state) if drawing else (),
         "others": [*_landmarks(state, is_found=False)],
         "next_steps": [] if is_simulated else [*next_steps(state)],
+        "limits": [*limits(state)],
         "commands": [each for each in state.facts if each.by],
         "events": _first_and_last(state.facts, _MOST_EVENTS),
         "first": likeliest_cause(why) if why is not None else "",
@@ -179,6 +181,29 @@ def next_steps(state: MissionState) -> Iterator[str]:
         )
     if state.runs and not state.runs[-1].ending:
         yield f"Ask for a later report: this one is from {_day(state.now)}"
+
+
+def limits(state: MissionState) -> Iterator[str]:
+    """Yield what the readers of the report cannot rely on."""
+    found = [each for each in state.situation.found() if each.level != Level.GIVEN_UP]
+    if unsure := [each.name for each in found if not each.is_certain]:
+        yield f"No person has confirmed {', '.join(unsure)}"
+    for figure in state.situation.figures.values():
+        if figure.of is not None and figure.value < figure.of:
+            yield f"Incomplete: {figure.text}"
+        elif figure.unit == "%":
+            yield f"The {figure.text} depends on the probabilities that were set before the run"
+    if lost := sum(int(fact.data.get("count", 0)) for fact in state.facts if fact.kind == FACTS_LOST):
+        yield f"{lost} events could not be recorded"
+    if state.assumption_failed_at is not None:
+        yield "The run contradicts an assumption of its verification"
+    if state.runs and not state.runs[-1].ending:
+        yield "The end of the run is not recorded"
+    if state.situation.landmarks:
+        frame = (
+            "" if georeference(state) is not None else " Positions are in the robot's map, not on the earth."
+        )
+        yield f"Positions are as exact as the robot's localisation was.{frame}".rstrip(".")
 
 
 def _is_number(text: str) -> bool:
@@ -352,12 +377,24 @@ def _drawing(state: MissionState) -> Mapping[str, object] | None:
         "letters": f"{size * _LETTER:.4f}",
         "image": _image(state),
         "grid": [*_grid(extent, step)],
+        "north": _north(state, extent, size),
         "scale": {"x": f"{left + size:.3f}", "y": f"{-low - size:.3f}", "step": f"{step:g}"},
         "areas": [(_level(state, each), _points(each.corners)) for each in landmarks if each.corners],
         "ways": [_points((pose.x, pose.y) for pose in way) for way in _ways(state.trail)],
         "marks": [(f"{each.x:.3f}", f"{-each.y:.3f}", _symbol(state, each)) for each in places],
         "mark_scale": f"{size * _MARK:.5f}",
         "labels": [*_labels(state, places, extent, size)],
+    }
+
+
+def _north(state: MissionState, extent: MapBox, size: float) -> Mapping[str, object]:
+    """Return the sign of the map's directions, in its upper right corner: north, or the axes if it is unknown."""
+    place = georeference(state)
+    return {
+        "x": f"{extent.right - 4 * size:.3f}",
+        "y": f"{4 * size - extent.high:.3f}",
+        "scale": f"{size * _MARK:.5f}",
+        "turn": None if place is None else f"{90.0 - place.heading:.1f}",
     }
 
 

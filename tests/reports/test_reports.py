@@ -586,6 +586,23 @@ class TestThePage:
         ]
         assert "<h2>Properties</h2>" not in html_report(mission())
 
+    @pytest.mark.parametrize(
+        ("parameters", "letters"), [(VIENNA, ["N"]), ({}, ["y", "x"])], ids=["on the earth", "nowhere"]
+    )
+    def test_the_map_shows_north_or_its_axes_where_north_is_unknown(self, parameters, letters):
+        sign = re.findall(r'<g class="north".*?</g>', html_report(mission(parameters=parameters)))
+        assert re.findall("<text[^>]*>(.)</text>", sign[0]) == letters
+        turned = html_report(mission(parameters={**VIENNA, "georeference.heading": 0.0}))
+        assert 'rotate(90.0)"><path d="M0 -15' in turned
+
+    def test_a_report_states_what_its_readers_cannot_rely_on(self):
+        limits = lambda *told, **more: html_report(mission(*told, **more)).partition("<h2>Limits")[2]  # noqa: E731
+        assert "No person has confirmed survivor_1." in limits()
+        assert "No person has confirmed" not in limits(CONFIRMED)
+        assert "Positions are in the robot&#39;s map, not on the earth." in limits(parameters={})
+        assert "not on the earth" not in limits()
+        assert "The end of the run is not recorded." in limits(ended=False)
+
     def test_a_mission_that_has_left_nothing_says_so(self):
         assert "The mission has left nothing to do." in html_report(MissionState())
 
@@ -594,7 +611,16 @@ class TestThePage:
         first, engineers = page.split('<section class="annex">')
         heads = [re.findall("<h2>(.*?)</h2>", part) for part in (first, engineers)]
         assert heads == [
-            ["What to do next", "Map", "Result", "Survivors", "Zones", "Events", "Alarms"],
+            [
+                "What to do next",
+                "Map",
+                "Result",
+                "Survivors",
+                "Zones",
+                "Events",
+                "Alarms",
+                "Limits of this report",
+            ],
             ["What has happened", "Faults met", "Parameters", "Tree"],
         ]
         assert ".annex { display: none }" in page.partition("@media print")[2]
@@ -631,7 +657,8 @@ class TestThePage:
         drawn, rest = page.split('<ul class="legend">')
         items = rest.split("</ul>")[0]
         known = r'<(?:g|polygon|path|polyline) class="([^"]+)"'
-        classes = set(re.findall(known, drawn))
+        # The sign of the directions has its own letters.
+        classes = set(re.findall(known, drawn)) - {"north"}
         assert classes == {
             "mark done",
             "mark given-up",
