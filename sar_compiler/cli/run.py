@@ -214,7 +214,7 @@ def _options(argv: Sequence[str]) -> Namespace:
         parser.error(message)
     given.seed, given.speed, given.like = given.seed or 0, given.speed or 1.0, given.like or QUICK_NAME
     given.until = Until(given.until) if given.until else None
-    given.ros, given.additions = split.ros, additions(given)
+    given.ros, given.additions, given.command = split.ros, additions(given), argv
     return given
 
 

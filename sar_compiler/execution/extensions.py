@@ -1,6 +1,6 @@
 """The extensions of one run, called in the order of their creation."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.execution.run_journal import RunJournal
     from sar_compiler.execution.run_watch import PropertyWatch
+    from sar_compiler.journal.display import AwaitedItem
     from sar_compiler.ros.engine import Engine
 
 
@@ -70,6 +71,11 @@ class RunExtensions:
     def cause_of_failure(self) -> str:
         """Return the likeliest cause of a failure in a line; empty if none is known."""
         return next(filter(None, (each.cause_of_failure() for each in self._extensions)), "")
+
+    def on_awaited(self, items: "Sequence[AwaitedItem]") -> None:
+        """Notify each extension of the items that the start needs."""
+        for extension in self._extensions:
+            extension.on_awaited(items)
 
     def on_begin(self) -> None:
         """Open the journal, which notifies the other extensions; ticks follow.

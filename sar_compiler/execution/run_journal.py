@@ -57,6 +57,7 @@ class RunJournal(RunExtension):
             "node": node.get_fully_qualified_name(),
             "tree_file": str(path.resolve()),
             "options": _node_options(options.additions),
+            "command": [*options.command],
         }
         if options.supervision.deaths:
             self._run_about["after"] = options.supervision.deaths[-1]

@@ -39,6 +39,7 @@ class RunOptions:
         executor: The executor of the mission's node: `events` or `single-threaded`.
         traceback: Whether tracebacks of leaves are logged.
         supervision: The supervisor of this process, if there is one.
+        command: The words of the command line, with which the mission can be resumed; empty for a run of another program.
     """
 
     tree: str
@@ -66,6 +67,7 @@ class RunOptions:
     executor: str = "events"
     traceback: bool = False
     supervision: Supervision = field(default_factory=Supervision)
+    command: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

@@ -360,6 +360,7 @@ class TreeRun:
             can_resume=self.setup.journal.aside is not None,
             first=(OrphanedGoals(self._node, self.setup.journal), self._sole),
             endpoints=declared_endpoints(self.tree.root),
+            report=self.extensions.on_awaited,
         )
 
     def _conclude_check(self, route: RouteCheck | None) -> int:

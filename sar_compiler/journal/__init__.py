@@ -21,6 +21,7 @@ PUBLIC_MODULES = (
     "recorded_events",
     "recorded_ticks",
     "refused_start",
+    "resume_command",
     "spill_file",
     "status_line",
     "status_watch",

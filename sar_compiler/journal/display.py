@@ -233,6 +233,18 @@ class MissionPhase(NamedTuple):
     place: str = ""
 
 
+class AwaitedItem(NamedTuple):
+    """A resource that a run needs before its first tick.
+
+    Attributes:
+        name: Its name in the operator's words: `navigation`.
+        problem: Why it is not available, for engineers; empty if it is.
+    """
+
+    name: str
+    problem: str = ""
+
+
 class Display(NamedTuple):
     """The complete display of a mission at one time.
 

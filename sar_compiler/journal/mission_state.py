@@ -6,12 +6,13 @@ state is the same. Entries of other kinds, or without the data of their kind, ar
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal import journal_entries as events
 from sar_compiler.journal.display import (
+    AwaitedItem,
     DisplayState,
     EventTime,
     Gauge,
@@ -247,6 +248,7 @@ class MissionState:
         since_phase: The start of the present phase.
         finished: When each landmark was finished or abandoned in the last run, by kind and name.
         process: The state of the process that runs it; by default, it exists and reports.
+        awaited: What its next run needs before it starts; empty if none is about to start.
         properties: The monitored properties of the last run, by name; empty if there are none.
         assumption_failed_at: The first time that the last run contradicted an assumption of the verification; None if it did not.
         place: A georeference that is supplied afterwards; else the parameters may have one.
@@ -255,6 +257,7 @@ class MissionState:
     def __init__(self) -> None:
         self.about: Mapping[str, Any] = {}
         self.process = RunProcess()
+        self.awaited: Sequence[AwaitedItem] = ()
         self.place: Georeference | None = None
         self.runs: list[RunState] = []
         self.nodes: list[NodeState] = []
@@ -436,7 +439,7 @@ class MissionState:
     def _on_run_began(self, run: Mapping[str, Any], **about: Any) -> None:
         self.runs.append(RunState(self.now.run, self.now, run))
         self.drive, self.plan, self.tick, self.lacks, self.breakpoint = None, [], 0, "", ""
-        self.is_position_lost = False
+        self.is_position_lost, self.awaited = False, ()
         self.finished, self.properties, self.assumption_failed_at = {}, {}, None
         self.about = self.about or about
         self.nodes = list(tree_nodes(self.about.get("tree")))

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from sar_compiler.journal.display import Landmark, Level
+from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.status_line import (
     CRASHED,
@@ -19,6 +20,7 @@ from sar_compiler.journal.status_line import (
     WAITING,
     WARNING,
     condition,
+    missing_names,
 )
 
 _SEVERITY = (QUIET, GOOD, WARNING, ERROR)
@@ -50,6 +52,9 @@ class OpenTask(NamedTuple):
 
 def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
     """Return the open tasks of a mission: errors first, then by urgency."""
+    if state.awaited:
+        names = missing_names(state)
+        return (OpenTask(WARNING, f"Start on the robot, or wait for: {names}"),) if names else ()
     if not state.runs:
         return ()
     landmarks = state.situation.landmarks.values()
@@ -81,6 +86,9 @@ def _robot_tasks(state: MissionState) -> Iterator[OpenTask]:
         yield OpenTask(
             ERROR, "Ask an engineer to resume the mission, or fetch the robot: its program has crashed"
         )
+    elif run.ending in (Ending.STOPPED, Ending.FAILED):
+        how = "was stopped" if run.ending == Ending.STOPPED else "has failed"
+        yield OpenTask(WARNING, f"Ask an engineer to resume the mission, or fetch the robot: its program {how}")
     elif run.ending and run.status and (end := _missed_end(state)):
         yield OpenTask(WARNING, f"Fetch the robot: it has not reached {end.name}", *_position_text(end))
     elif now.word == PAUSED:

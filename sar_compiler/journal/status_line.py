@@ -25,6 +25,8 @@ _PHASES = {
 # The duration is shown for these words.
 _COUNTED = (PAUSED, WAITING, POSITION_LOST)
 _LONG_SILENCE_SEC = 10.0
+# A longer list of awaited items is cut.
+_MOST_AWAITED = 3
 _ENDS = {"over": FAILED, "stopped": STOPPED, "failed": FAILED}
 
 
@@ -61,6 +63,9 @@ def status_line_text(state: MissionState) -> str:
 
 def condition(state: MissionState) -> StatusLine:
     """Return the status of a mission."""
+    if state.awaited:
+        names = missing_names(state)
+        return StatusLine(level=WARNING if names else QUIET, reason=f"waiting for {names}" if names else "")
     if not state.runs:
         return StatusLine(reason="the run has not started")
     run, process, now = state.runs[-1], state.process, state.now.time
@@ -75,6 +80,13 @@ def condition(state: MissionState) -> StatusLine:
     word, level = _PHASES.get(phase.name, (phase.name, GOOD))
     reason = phase.reason or {DRIVING: _drive(state), WORKING: phase.place}.get(word, "")
     return StatusLine(word, level, state.since_phase.time, reason)
+
+
+def missing_names(state: MissionState) -> str:
+    """Return the names of the items that the next run still waits for; empty if there are none."""
+    names = [each.name for each in state.awaited if each.problem]
+    more = f" and {len(names) - _MOST_AWAITED} more" if len(names) > _MOST_AWAITED else ""
+    return f"{', '.join(names[:_MOST_AWAITED])}{more}"
 
 
 def silence_text(seconds: float) -> str:

@@ -3,7 +3,7 @@
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from functools import partial
 
@@ -15,6 +15,7 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
 from sar_compiler.errors import SarError
+from sar_compiler.journal.display import AwaitedItem
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.frame_sources import frame_sources
@@ -45,6 +46,7 @@ MOVED_M = 0.25
 # A pose within these tolerances of the initial one is the same, metres and radians.
 _AGREES_M, _AGREES_RAD = 0.5, 0.5
 
+_POSITION = "the robot's position"
 _ODOMETRY = Endpoint("topic", "odometry/filtered", "nav_msgs/msg/Odometry")
 
 # The errors of a bring-up without an initial pose.
@@ -56,9 +58,11 @@ class Requirement(ABC):
 
     Attributes:
         ends_by_itself: Whether it will be fulfilled without any intervention. No time limit applies meanwhile.
+        title: Its name in the operator's words.
     """
 
     ends_by_itself = False
+    title = "the end of the previous run"
 
     @abstractmethod
     def poll(self) -> str | None:
@@ -381,6 +385,7 @@ class Readiness:
         can_resume: Whether the journal of the previous mission exists.
         endpoints: The use of actions, services and topics by the leaves; names that are not listed may have any type.
         first: Requirements of the caller, who also closes them, to check before all others.
+        report: Called with all requirements in the operator's words whenever one of them changes.
 
     Attributes:
         uses_nav2: Whether a leaf needs Nav2 to be localised and active.
@@ -397,12 +402,14 @@ class Readiness:
         can_resume: bool = False,
         endpoints: Mapping[Use, Endpoint] | None = None,
         first: Iterable[Requirement] = (),
+        report: Callable[[Sequence[AwaitedItem]], object] = lambda _: None,
     ) -> None:
         self.node = node
         self._first = tuple(first)
         self.ends_by_itself = False
-        # The next steps of the checks, each of which returns the missing item, and the objects to close at the end.
-        self._steps: list[Callable[[], str | None]] = []
+        # The names and the next steps of the checks, each of which returns the missing item, and the objects to close at the end.
+        self._steps: list[tuple[str, Callable[[], str | None]]] = []
+        self._report, self._reported = report, dict[str, str]()
         self._closing: list[Requirement] = []
         self._localised: LocalisationCheck | None = None
         self._graph = ros_graph(node)
@@ -410,15 +417,18 @@ class Readiness:
         self._endpoints = [
             (endpoints or {}).get(use, Endpoint(use.kind, use.name)) for use in uses if use.name
         ]
-        self._steps.append(lambda: self._graph.clock() or None)
+        self._steps.append(("the clock", lambda: self._graph.clock() or None))
         self.uses_nav2 = any(use.kind == "nav2" for use in uses)
         if self.uses_nav2:
             self._wait_for_nav2(initial_pose, restarts, can_resume)
         elif Use.transforms() in uses:
             sources = frame_sources(node)
-            self._steps.append(lambda: self._graph.explain_missing_transforms() or sources.conflict() or None)
+            explain = self._graph.explain_missing_transforms
+            self._steps.append((_POSITION, lambda: explain() or sources.conflict() or None))
         self._steps += [
-            partial(self._missing_endpoint, each) for each in self._endpoints if each.kind != "node"
+            (each.name.rpartition("/")[2].replace("_", " "), partial(self._missing_endpoint, each))
+            for each in self._endpoints
+            if each.kind != "node"
         ]
 
     @property
@@ -442,13 +452,13 @@ class Readiness:
                 self.node, initial_pose, restarts=restarts, can_resume=can_resume
             )
             self._closing.append(self._localised)
-            self._steps.append(self._localised.poll)
+            self._steps.append((_POSITION, self._localised.poll))
         # Queried even after it was active: it may have become inactive before everything else is ready.
-        self._steps.append(robot_estimate(self.node).lifecycle(localizer).poll)
+        self._steps.append((_POSITION, robot_estimate(self.node).lifecycle(localizer).poll))
         self._closing.append(Nav2Check(self.node, navigator, tells_pose=initial_pose is not None))
-        self._steps.append(self._closing[-1].poll)
+        self._steps.append(("navigation", self._closing[-1].poll))
         self._endpoints += [Endpoint("node", name) for name in NAV2_NODES]
-        self._steps.append(self._localisation_conflict)
+        self._steps.append((_POSITION, self._localisation_conflict))
 
     @property
     def is_nav2_absent(self) -> bool:
@@ -481,12 +491,19 @@ class Readiness:
         self.ends_by_itself = any(each.ends_by_itself for each in first)
         if self._localised is not None:
             self._localised.may_publish = not first
+        items = {each.title: first.get(each, "") for each in self._first}
         # Queries and their responses continue while a requirement is missing that must be met before anything is changed.
         others: list[str] = []
         with (
             suppress(SarError) if first else nullcontext()
         ):  # it is raised again once no other requirement precedes it
-            others = [line for step in self._steps if (line := step()) is not None]
+            for name, step in self._steps:
+                line = step()
+                items[name] = items.get(name) or line or ""
+                others += [line] if line is not None else []
+        if items != self._reported:
+            self._reported = items
+            self._report([*map(AwaitedItem, items, items.values())])
         lines = [*first.values()] or others
         advice = self._graph.advice(self._endpoints) if lines and not first else ""
         # Nav2's nodes declare most of their parameters while they are configured.

@@ -89,6 +89,7 @@ class RobotLease(Requirement):
     """
 
     ends_by_itself = True
+    title = "a robot that no other mission drives"
 
     def __init__(
         self, node: Node, actions: Iterable[str], discovery: DiscoveryWait, *, claims: bool = True

@@ -5,7 +5,10 @@ from typing import TYPE_CHECKING
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sar_compiler.compiler import CompiledTree
+    from sar_compiler.journal.display import AwaitedItem
     from sar_compiler.journal.journal_entries import JournalEntry
     from sar_compiler.ros.engine import Engine
 
@@ -27,6 +30,9 @@ class RunExtension:
         Raises:
             SarError: If the extension cannot be used. The run then ends before it starts.
         """
+
+    def on_awaited(self, items: "Sequence[AwaitedItem]") -> None:
+        """Handle a change of the items that the start needs; those with a problem are still awaited."""
 
     def on_begin(self) -> None:
         """Handle the start of the run, before the first tick; the journal is called first.

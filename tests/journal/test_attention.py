@@ -2,7 +2,16 @@
 
 import pytest
 
-from sar_compiler.journal.display import Alarm, Figure, Gauge, Landmark, LandmarkKind, Level, MissionPhase
+from sar_compiler.journal.display import (
+    Alarm,
+    AwaitedItem,
+    Figure,
+    Gauge,
+    Landmark,
+    LandmarkKind,
+    Level,
+    MissionPhase,
+)
 from sar_compiler.journal.journal_entries import GOAL_SENT, LACKS, RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.journal.open_tasks import find_open_tasks, severity
@@ -50,6 +59,24 @@ def test_a_robot_that_drives_and_has_found_nobody_leaves_nothing_to_do_and_is_gr
 
 def test_a_mission_that_has_not_begun_asks_for_nothing():
     assert find_open_tasks(MissionState()) == ()
+
+
+def test_a_run_that_waits_for_its_start_asks_for_what_is_missing_and_is_not_green():
+    state = MissionState()
+    state.awaited = [AwaitedItem("navigation", "it is inactive"), AwaitedItem("clock")]
+    assert texts(state) == ["Start on the robot, or wait for: navigation"]
+    assert (severity(state), condition(state).reason) == ("warning", "waiting for navigation")
+    state.awaited = [AwaitedItem("navigation"), AwaitedItem("clock")]
+    assert (texts(state), severity(state)) == ([], "quiet")
+    state.take(JournalEntry(1, 1, 0.0, 0.0, RUN_BEGAN, {"run": {"node": "/search"}}))
+    assert not state.awaited
+
+
+@pytest.mark.parametrize(("ending", "words"), [("stopped", "was stopped"), ("failed", "has failed")])
+def test_an_interrupted_mission_is_resumed_or_its_robot_fetched(ending, words):
+    state = mission(AWAY)
+    state.take(JournalEntry(3, 1, 2.0, 2.0, RUN_ENDED, {"ending": ending, "status": 1, "reason": ""}))
+    assert texts(state)[0] == f"Have the mission resumed, or fetch the robot: its program {words}"
 
 
 def test_a_detection_is_reviewed_by_the_command_of_its_kind():

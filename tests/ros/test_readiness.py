@@ -658,6 +658,28 @@ class TestNav2:
         wait(ros, ready)
         assert nav2.poses
 
+    def test_each_change_of_what_is_awaited_is_reported_in_the_operator_s_words(self, ros: Ros) -> None:
+        from sar_compiler.ros.readiness import Readiness, Requirement
+
+        class First(Requirement):
+            title, line = "the first", "it is not there"
+
+            def missing(self) -> str | None:
+                return self.line or None
+
+        told: list[list[tuple[str, str]]] = []
+        first, report = First(), lambda items: told.append([*map(tuple, items)])
+        use = Use.service("detect_survivor")
+        ready = Readiness(ros.node(), [use], initial_pose=None, first=[first], report=report)
+        for _ in range(2):
+            assert not ready.poll()
+        (items,) = told
+        assert [name for name, problem in items if problem] == ["the first", "detect survivor"]
+        assert dict(items)["the clock"] == ""
+        first.line = ""
+        assert not ready.poll()
+        assert [name for name, problem in told[-1] if problem] == ["detect survivor"]
+
     def test_an_old_pose_kept_for_latecomers_is_no_answer(
         self, ros: Ros, monkeypatch: pytest.MonkeyPatch
     ) -> None:

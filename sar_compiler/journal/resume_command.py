@@ -1,0 +1,41 @@
+"""The command that resumes a mission from its journal."""
+
+import shlex
+from collections.abc import Iterable, Iterator
+
+from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.mission_state import MissionState
+
+# The options of the first run that the resumed one does not repeat, and those of them that have a value.
+_OMITTED, _WITH_VALUE = ("--new", "--resume", "--check", "--journal"), "--journal"
+
+
+def resume_command(state: MissionState, journal: str) -> str:
+    """Return the command that resumes a mission; empty if its last run is active or over, or its command line is unknown.
+
+    Args:
+        state: The mission.
+        journal: The path of its journal.
+    """
+    if not state.runs or not journal:
+        return ""
+    run = state.runs[-1]
+    is_interrupted = run.ending in (Ending.STOPPED, Ending.FAILED) or (
+        not run.ending and state.process.is_gone
+    )
+    words = run.about.get("command")
+    if not is_interrupted or not isinstance(words, list):
+        return ""
+    # First, because everything behind --ros-args belongs to ROS.
+    return shlex.join(["sar-run", "--resume", "--journal", journal, *_words_to_repeat(map(str, words))])
+
+
+def _words_to_repeat(words: Iterable[str]) -> Iterator[str]:
+    """Yield the words of a command line that the resumed run repeats."""
+    rest = iter(words)
+    for word in rest:
+        option = word.partition("=")[0]
+        if option not in _OMITTED:
+            yield word
+        elif word == _WITH_VALUE:
+            next(rest, None)
