@@ -658,7 +658,8 @@ def test_no_colour_stands_outside_its_home():
 
 
 def test_no_stylesheet_names_a_colour_that_there_is_not():
-    own = {"level", "map", *COLOURS}
+    sizes = {"large", "title", "body", "small"}
+    own = {"level", "map", *sizes, *COLOURS}
     used = {
         (str(path), name)
         for path in PACKAGE.rglob("*.css")

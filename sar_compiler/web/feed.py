@@ -26,8 +26,10 @@ import asyncio
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
+from sar_compiler.journal.display import AwaitedItem
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.json_values import json_text, json_value
@@ -132,15 +134,21 @@ class LiveFeed:
         hello: The first message to the page, as JSON values; `robots` are the names of the robots, `verbs` their commands.
         beat: Returns the heartbeat of every second, as JSON values; called in the server's thread.
         robots: The number of robots.
+        journals: The journals of the robots; empty if they have none.
     """
 
     def __init__(
-        self, hello: dict[str, object], beat: Callable[[], dict[str, object]], robots: int = 1
+        self,
+        hello: dict[str, object],
+        beat: Callable[[], dict[str, object]],
+        robots: int = 1,
+        journals: Sequence[Path] = (),
     ) -> None:
         self._hello, self._beat = {**hello, "mode": "live"}, beat
         self._verbs: Any = hello.get("verbs") or [[] for _ in range(robots)]
         self._news: deque[Callable[[], None]] = deque()
-        self._states = [PageState(robot) for robot in range(robots)]
+        places = [str(each) for each in journals] or [""] * robots
+        self._states = [PageState(robot, place) for robot, place in enumerate(places)]
         self._listeners: set[_Browser] = set()
         self._ended = self._has_told_all = False
 
@@ -151,6 +159,10 @@ class LiveFeed:
     def set_why(self, why: Mapping[str, Any], robot: int = 0) -> None:
         """Queue the cause of a robot's failed run, as JSON values; from any thread, without blocking."""
         self._news.append(lambda: self._states[robot].set_why(why))
+
+    def set_awaited(self, items: Sequence[AwaitedItem], robot: int = 0) -> None:
+        """Queue what a robot's next run waits for; from any thread, without blocking."""
+        self._news.append(lambda: self._states[robot].set_awaited(items))
 
     def set_process(self, process: RunProcess, robot: int = 0) -> None:
         """Queue the state of a robot's process; from any thread, without blocking."""

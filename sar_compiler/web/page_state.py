@@ -1,12 +1,12 @@
 """The state of a robot's mission for a page, as JSON values, and its changes."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal import journal_entries as events
 from sar_compiler.journal.command_objects import run_identity
-from sar_compiler.journal.display import EventTime, Landmark, with_author
+from sar_compiler.journal.display import AwaitedItem, EventTime, Landmark, with_author
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
 from sar_compiler.journal.mission_state import (
@@ -19,11 +19,14 @@ from sar_compiler.journal.mission_state import (
     RunProcess,
 )
 from sar_compiler.journal.open_tasks import find_open_tasks
+from sar_compiler.journal.resume_command import resume_command
 from sar_compiler.journal.status_line import condition
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
 # A longer log keeps its last lines, and of earlier ones events and warnings. A longer trail loses every second point.
 _LOG, _RECENT, _IMPORTANT, _TRAIL = 2000, 300, 1400, 1000
+# The largest number of changes of leaves, and how many of them are kept then.
+_LANES, _KEPT_LANES = 2000, 1200
 # The log of ROS is late by this number of lines at most.
 _LATE = 50
 
@@ -125,19 +128,20 @@ class GrowingList:
 class PageState:
     """The page's view of a robot after some entries.
 
-    Its parts, as a page has them: `run`, `condition`, `tasks`, `place`, `objects` of commands, `estimate`, `nodes`, `states` by node, `pose`, `plan`,
+    Its parts, as a page has them: `run`, `awaited`, `condition`, `tasks`, `resume`, `place`, `objects` of commands, `estimate`, `nodes`, `states` by node, `pose`, `plan`,
     `drive`, `map`, `times` of these, `kinds` by name, `landmarks` by kind and name (null for one that has disappeared),
-    `rasters` by name, `figures`, `gauges`, `alarms`, `properties`, `why`, `log` and `trail`, from an index on. `begin` drops earlier values.
+    `rasters` by name, `figures`, `gauges`, `alarms`, `properties`, `why`, `log`, `trail` and `lanes` (the changes of the leaves' statuses: time, node, status), from an index on. `begin` drops earlier values.
 
     Args:
         robot: The robot's index among those of a page.
+        journal: The path of its journal; empty if it has none.
 
     Attributes:
         robot: The same.
     """
 
-    def __init__(self, robot: int = 0) -> None:
-        self.robot = robot
+    def __init__(self, robot: int = 0, journal: str = "") -> None:
+        self.robot, self._journal = robot, journal
         self._passed = 0.0
         self._began = 0.0
         self._mission = MissionState()
@@ -147,7 +151,7 @@ class PageState:
         # The results of others' analyses of the run.
         self._why: Mapping[str, Any] | None = None
         self._times: dict[str, float] = {}
-        self._log, self._trail = GrowingList(), GrowingList()
+        self._log, self._trail, self._lanes = GrowingList(), GrowingList(), GrowingList()
         # The times of the log's last lines, in seconds since 1970.
         self._walls: list[float] = []
         # The index of the last event in the log; its sentence follows it.
@@ -171,7 +175,7 @@ class PageState:
         """
         mission = self._mission
         if entry.kind == events.RUN_BEGAN and mission.runs and entry.run <= mission.runs[-1].number:
-            self.__init__(self.robot)  # type: ignore[misc] # another mission has begun in the same journal
+            self.__init__(self.robot, self._journal)  # type: ignore[misc] # another mission has begun in the same journal
             mission = self._mission
         mission.apply(entry)
         self._touched.update(self._PARTS.get(entry.kind, ()))
@@ -197,18 +201,24 @@ class PageState:
         self._why = why
         self._touched.add("why")
 
+    def set_awaited(self, items: Sequence[AwaitedItem]) -> None:
+        """Set what the next run waits for before it starts; its start removes them."""
+        self._mission.awaited = items
+        self._touched.update(("awaited", "condition", "tasks"))
+
     def set_process(self, process: RunProcess) -> None:
         """Update the state of the process that runs the mission."""
         before = condition(self._mission)
         self._mission.process = process
         if condition(self._mission) != before:
-            self._touched.update(("condition", "tasks"))
+            self._touched.update(("condition", "tasks", "resume"))
 
     def change(self) -> PageChange | None:
         """Return the changes since the last call; None without changes."""
         if self._is_new:
             change = self.full_state()
-            self._log.pop_changes(), self._trail.pop_changes()
+            for _, each in self._lists():
+                each.pop_changes()
         elif self._touched:
             change = {"robot": self.robot, **{part: self._READ[part](self) for part in self._touched}}
             if self._nodes:
@@ -237,13 +247,14 @@ class PageState:
         }
 
     def _lists(self) -> tuple[tuple[str, GrowingList], ...]:
-        return ("log", self._log), ("trail", self._trail)
+        return ("log", self._log), ("trail", self._trail), ("lanes", self._lanes)
 
     def _on_run_began(self, entry: JournalEntry) -> None:
         self._began, self._times = entry.time, {}
         self._why = None
         self._nodes = set()
         self._last, self._at_rest = {}, set()
+        self._lanes.renew([])
         self._add_line("fact", "The run began.")
 
     def _on_run_ended(self, _: JournalEntry) -> None:
@@ -253,6 +264,7 @@ class PageState:
     def _on_status(self, entry: JournalEntry) -> None:
         data = entry.data
         number = data["node"]
+        self._add_to_lane(number, str(data["status"]))
         if data["status"] == IDLE:  # an ended status stays until the next one
             self._at_rest.add(number)
             return
@@ -266,6 +278,13 @@ class PageState:
             was_reset=number in self._at_rest,
         )
         self._at_rest.discard(number)
+
+    def _add_to_lane(self, number: int, status: str) -> None:
+        if self._mission.nodes[number].children:
+            return
+        self._lanes.append([round(self._mission.now.time, 2), number, status])
+        if len(changes := self._lanes.values) > _LANES:
+            self._lanes.renew(changes[-_KEPT_LANES:])
 
     def _on_pose(self, _: JournalEntry) -> None:
         for pose in self._mission.trail:
@@ -409,19 +428,21 @@ class PageState:
     _PARTS: ClassVar[Mapping[str, tuple[str, ...]]] = {
         events.RUN_BEGAN: (
             "run",
+            "awaited",
             "nodes",
             "plan",
             "drive",
             "why",
             "condition",
             "tasks",
+            "resume",
             "place",
             "estimate",
             "times",
             "north",
             "properties",
         ),
-        events.RUN_ENDED: ("run", "drive", "condition", "tasks", "place", "estimate", "properties"),
+        events.RUN_ENDED: ("run", "drive", "condition", "tasks", "resume", "place", "estimate", "properties"),
         events.GOAL_SENT: ("condition", "tasks"),
         events.GOAL_ENDED: ("drive", "plan", "condition", "tasks", "estimate"),
         events.CHANGED: ("condition", "tasks", "place", "estimate"),
@@ -442,6 +463,7 @@ class PageState:
     # The parts that are replaced as a whole, in the order of transmission.
     _READ: ClassVar[Mapping[str, Callable[["PageState"], Any]]] = {
         "run": _run,
+        "awaited": lambda self: [each._asdict() for each in self._mission.awaited],
         "time": lambda self: self._mission.now.time + self._passed,
         "nodes": _tree,
         "pose": _pose_values,
@@ -449,6 +471,7 @@ class PageState:
         "drive": lambda self: self._mission.drive and self._mission.drive._asdict(),
         "condition": lambda self: condition(self._mission)._asdict(),
         "tasks": lambda self: [task._asdict() for task in find_open_tasks(self._mission)],
+        "resume": lambda self: resume_command(self._mission, self._journal),
         "place": lambda self: self._mission.situation.phase.place,
         "objects": lambda self: dict(self._mission.situation.objects),
         "estimate": lambda self: {"end": self._mission.likely_end, "limit": self._mission.time_limit_sec},

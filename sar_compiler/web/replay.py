@@ -85,10 +85,13 @@ class ReplayTrack:
         self.last = TrackPosition()
         self._make()
         self.why: Mapping[str, Any] | None = None if self.first is None else explain(path)
-        self._state, self._place = PageState(), TrackPosition()
+        self._state, self._place = self._new_state(), TrackPosition()
+
+    def _new_state(self) -> PageState:
+        return PageState(journal=str(self._path))
 
     def _make(self) -> None:
-        state, place = PageState(), TrackPosition()
+        state, place = self._new_state(), TrackPosition()
         with JournalFile.open_snapshot(self._path) as file:
             every = max(_LEAST, file.last_number() // _CHECKPOINTS)
             for number, entry in enumerate(file.stream_after(StreamPosition())):
@@ -126,7 +129,7 @@ class ReplayTrack:
     def _state_at(self, count: int) -> tuple[PageState, TrackPosition]:
         """Return the state of the last of the first *count* checkpoints, and its position."""
         if not count:
-            return PageState(), TrackPosition()
+            return self._new_state(), TrackPosition()
         place, packed = self._checkpoints[count - 1]
         return _unpack(packed), place
 

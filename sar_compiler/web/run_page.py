@@ -14,6 +14,7 @@ from sar_compiler.commands import print_error
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.journal.database import JournalFile, is_locked
+from sar_compiler.journal.display import AwaitedItem
 from sar_compiler.journal.journal_entries import BREAKPOINT, RUN_BEGAN, RUN_ENDED, STATUS, JournalEntry
 from sar_compiler.journal.mission_state import FAILURE, RunProcess
 from sar_compiler.missions.mission import LONGEST, OperatorCommand
@@ -83,7 +84,8 @@ class RunPage(RunExtension):
             **self._tools.tools,
             **({"report": PageQuery(self._report)} if journal.is_kept else {}),
         }
-        feed = LiveFeed({"robots": robots, "verbs": forms, "tools": [*tools]}, heartbeat)
+        hello: dict[str, object] = {"robots": robots, "verbs": forms, "tools": [*tools]}
+        self._feed = feed = LiveFeed(hello, heartbeat, journals=[journal.place] if journal.is_kept else [])
         for entry in journal.earlier():
             feed.add_entry(entry)
         # Separately: the page continues without an explanation.
@@ -99,6 +101,10 @@ class RunPage(RunExtension):
     def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:
         """Allow queries of the tree."""
         self._tools.begin(tree, engine)
+
+    def on_awaited(self, items: Sequence[AwaitedItem]) -> None:
+        """Show what the start waits for."""
+        self._feed.set_awaited(items)
 
     def on_end(self, *, has_begun: bool) -> None:
         """Stop serving, on a terminal after Ctrl-C."""
@@ -187,7 +193,7 @@ def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fal
     team = _TeamPage(paths)
     tools = journal_tools(paths, team.reading)
     hello: dict[str, object] = {"robots": _names(paths), "tools": [*tools]}
-    team.feed = feed = LiveFeed(hello, team.heartbeat, len(paths))
+    team.feed = feed = LiveFeed(hello, team.heartbeat, len(paths), paths)
     with open_team_commands(print_error) as orders, _serve(feed, port, tools, orders, opens=opens) as server:
         team.orders = orders
         while not server.wait(_LOOK_SEC):

@@ -135,12 +135,13 @@ class Patrol:
 class Live:
     """A run that a test is: a journal that nobody keeps, and its page."""
 
-    def __init__(self, orders=None, verbs=(), port=0, tools=None):
+    def __init__(self, orders=None, verbs=(), port=0, tools=None, journal=""):
         self.journal = Journal()
         self.journal.attach(Patrol(), KINDS)
         self.verbs = list(verbs)
         hello: dict[str, object] = {"verbs": [self.verbs], "tools": [*(tools or ())]}
-        self.feed = LiveFeed(hello, lambda: {"verbs": [[verb["name"] for verb in self.verbs]]})
+        names = lambda: {"verbs": [[verb["name"] for verb in self.verbs]]}  # noqa: E731
+        self.feed = LiveFeed(hello, names, journals=[journal] if journal else [])
         self.journal.add_listener(self.feed.add_entry)
         self.server = PageServer(self.feed, port, orders, tools)
         self.server.start()

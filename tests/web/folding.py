@@ -18,7 +18,9 @@ def folded(known, change):
     """Return what a page knows after a change, as `static/run.js` has it."""
     change = plain(change)
     known = {} if change.pop("begin", False) else dict(known)
-    for name in ("log", "trail"):
+    if "nodes" in change:
+        known["lanes"] = []
+    for name in ("log", "trail", "lanes"):
         if name in change:
             known[name] = known.get(name, [])[: change[name]["at"]] + change.pop(name)["values"]
     if "nodes" in change:

@@ -1,26 +1,30 @@
-"""The operator's page in each condition of a search, and pictures of it: `python -m tests.web.staged FOLDER`."""
+"""The operator's page in each condition of a search, and pictures of it: `python -m tests.web.staged FOLDER [CONDITION…]`."""
 
 import base64
 import struct
 import sys
+import tempfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from sar_compiler.journal.display import AwaitedItem
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, CommandAuthor, Ending
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.web.feed import LiveFeed
-from sar_compiler.web.page_server import PageServer
+from sar_compiler.web.feed import LiveFeed, ReplayFeed
+from sar_compiler.web.page_server import PageQuery, PageServer
+from sar_compiler.web.replay import Replay
 from sar_compiler.web.run_page import _form
 from search_and_rescue.operator_commands import VERBS
 from search_and_rescue.record import SurvivorReport
 from search_and_rescue.search import Search
 from search_and_rescue.search_theory import SearchExpectation
 from search_and_rescue.zone_manager import Zone, ZoneManager
-from tests.web.browsers import open_browser
+from tests.web.browsers import Browser, open_browser
 from tests.web.flown import Deaf
 
 WIDTHS = {360: 740, 768: 1024, 1280: 800, 2560: 1440}
@@ -30,6 +34,7 @@ const orders = document.getElementById('orders');
 return orders.hidden || Boolean(document.querySelector('.stop:enabled, .stop-all:enabled'));
 """
 """Whether the buttons are those of the condition: they come with the first beat."""
+TO_END = "const time = document.getElementById('time'); time.value = time.max; time.dispatchEvent(new Event('input'))"
 ZONES = {"zone_a": (-3.0, 3.0), "zone_b": (3.5, 3.0), "zone_c": (4.0, -3.0)}
 
 
@@ -62,13 +67,13 @@ def floor() -> str:
 class Robot:
     """A robot of a search that a test drives by hand."""
 
-    def __init__(self, feed: LiveFeed, number: int, node: str) -> None:
+    def __init__(self, feed: LiveFeed, number: int, node: str, journal: Journal | None = None) -> None:
         zones = [Zone(id=name, x=x, y=y, yaw=0.0) for name, (x, y) in ZONES.items()]
         areas = {name: SearchExpectation(0.3, 0.8, 60.0) for name in ZONES}
         self.search = Search(
             ZoneManager(zones, {"x": 0.0, "y": -4.0, "yaw": 0.0}, areas=areas), wanted_success=0.8
         )
-        self.feed, self.number, self.node, self.journal = feed, number, node, Journal()
+        self.feed, self.number, self.node, self.journal = feed, number, node, journal or Journal()
         self.journal.clock = self.clock = ManualClock(100.0)
         self.journal.add_listener(lambda entry: feed.add_entry(entry, number))
         self.search.use_journal(self.journal)
@@ -77,7 +82,12 @@ class Robot:
         """Begin the run, and drive to the second zone."""
         journal, record = self.journal, self.search.record
         journal.begin(
-            {"mission": "search_and_rescue"}, {"node": self.node, "parameters": {"time_limit_sec": 900.0}}
+            {"mission": "search_and_rescue"},
+            {
+                "node": self.node,
+                "parameters": {"time_limit_sec": 900.0},
+                "command": ["search_and_rescue_guarded"],
+            },
         )
         journal.record_observation(
             "map", x=-6.0, y=-6.0, yaw=0.0, resolution=0.375, width=32, height=32, png=floor()
@@ -157,6 +167,16 @@ def lose_position(robot: Robot) -> None:
     )
 
 
+def wait_for_start(robot: Robot) -> None:
+    problems = {"the robot's position": "", "navigation": "bt_navigator is inactive", "detect survivor": ""}
+    robot.feed.set_awaited([*map(AwaitedItem, problems, problems.values())])
+
+
+def stop(robot: Robot) -> None:
+    robot.journal.watch(GOAL_ENDED, goal="ab" * 16, status=5)
+    robot.journal.end(Ending.STOPPED, 130, "")
+
+
 def wait_for_nav2(robot: Robot) -> None:
     robot.journal.record_observation("lacks", text="Nav2 is not active: bt_navigator is inactive")
 
@@ -184,7 +204,9 @@ CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {
         "error",
         "Press the stop button",
     ),
-    "not begun": (lambda _: None, "quiet", ""),
+    "not begun": (wait_for_start, "warning", "Start on the robot, or wait for: navigation"),
+    "stopped": (stop, "warning", "Have the mission resumed, or fetch the robot"),
+    "replay": (Robot.find, "warning", "This is a recording"),
     "team": (
         lambda robot: robot.feed.set_process(RunProcess(is_gone=True), robot.number),
         "error",
@@ -197,12 +219,19 @@ CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {
 @contextmanager
 def staged(name: str) -> Iterator[PageServer]:
     """Serve the page of a condition."""
+    if name == "replay":
+        with tempfile.TemporaryDirectory() as folder:
+            yield from _recorded(Path(folder) / "search.journal")
+        return
     robots = ["robot1", "robot2", "robot3"] if name == "team" else ["search_and_rescue"]
     verbs = [_form(verb) for verb in VERBS]
     names = [verb["name"] for verb in verbs]
     hello = {"robots": robots, "verbs": [verbs for _ in robots]}
-    feed = LiveFeed(hello, lambda: {"verbs": [names for _ in robots]}, len(robots))
-    server = PageServer(feed, 0, Deaf())
+    places = [Path("/robot/search_and_rescue.journal") for _ in robots]
+    feed = LiveFeed(hello, lambda: {"verbs": [names for _ in robots]}, len(robots), places)
+    tools = {"report": PageQuery(lambda _: ""), "entries": PageQuery(lambda _: [])}
+    hello["tools"] = [*tools]
+    server = PageServer(feed, 0, Deaf(), tools)
     server.start()
     try:
         for number, each in enumerate(robots):
@@ -215,21 +244,44 @@ def staged(name: str) -> Iterator[PageServer]:
         server.close()
 
 
-def main(folder: str) -> None:
+def _recorded(path: Path) -> Iterator[PageServer]:
+    """Serve the replay of a search that has found somebody."""
+    journal = open_journal(path)
+    robot = Robot(LiveFeed({}, dict), 0, "/search_and_rescue", journal)
+    robot.begin()
+    CONDITIONS["replay"][0](robot)
+    journal.close()
+    server = PageServer(ReplayFeed(Replay([path]), {"robots": ["search_and_rescue"]}), 0)
+    server.start()
+    try:
+        yield server
+    finally:
+        server.close()
+
+
+def show(browser: Browser, server: PageServer, name: str, width: int) -> None:
+    """Open the page of a condition, in a replay at its end."""
+    browser.size(width, WIDTHS[width])
+    browser.open(server.url)
+    if name == "replay":
+        browser.js(TO_END)
+        browser.wait_for("#places", "survivor_1")
+    browser.wait(lambda: browser.js(SETTLED), "the buttons")
+
+
+def main(folder: str, *wanted: str) -> None:
     """Make a picture for each condition and width."""
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     with open_browser() as browser:
-        for name in CONDITIONS:
+        for name in wanted or CONDITIONS:
             with staged(name) as server:
-                for width, height in WIDTHS.items():
-                    browser.size(width, height)
-                    browser.open(server.url)
-                    browser.wait(lambda: browser.js(SETTLED), "the buttons")
+                for width in WIDTHS:
+                    show(browser, server, name, width)
                     (place / f"{name.replace(' ', '_')}_{width}.png").write_bytes(
                         browser.driver.get_screenshot_as_png()
                     )
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])

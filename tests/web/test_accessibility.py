@@ -136,7 +136,7 @@ def touched(browser, request):
 def require_large(browser):
     """Fail with all that a finger could miss, in each part of a page."""
     open_all(browser)
-    for view in ("tree", "map", "log"):
+    for view in ("tree", "map", "log", "lanes"):
         browser.js("document.querySelector(`nav [data-view=${arguments[0]}]`)?.click()", view)
         assert browser.js(SMALL, FINGER) == []
 
@@ -181,7 +181,7 @@ def test_everything_that_can_be_clicked_is_reached_by_tab(told, browser, page):
     while (at := tab(browser)) and len(reached) < 3 * wanted:
         reached.append(at)
     focusable = browser.js(
-        "return document.querySelectorAll('#map, #log, #tree, #chosen, #places[tabindex]').length"
+        "return document.querySelectorAll('#map, #log, #tree, #lanes, #chosen, #places[tabindex]').length"
     )
     assert wanted <= len(reached) <= wanted + focusable, reached
 

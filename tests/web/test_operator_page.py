@@ -6,6 +6,7 @@ from contextlib import closing
 import pytest
 from selenium.webdriver.common.keys import Keys
 
+from sar_compiler.journal.display import AwaitedItem
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.mission_state import RunProcess
@@ -317,6 +318,95 @@ def test_places_have_their_state_and_what_was_found_its_coordinates(patrol, brow
     )
     browser.wait_for("#places", "north given up, no way")
     browser.wait_for("#places", "find_1 seenx -2.00, y 2.25 · in north · found at 0:00")
+
+
+MARKED = "return [...document.querySelectorAll('.looked-at')].map((each) => each.closest('#map, #places, #log').id).sort()"
+
+
+def test_a_name_in_a_line_of_the_log_shows_its_place_everywhere(patrol, browser):
+    patrol.journal.note("point_reached", point="north")
+    browser.wait_for("#log .link", "north")
+    browser.click("#log .link")
+    assert browser.js(MARKED) == ["log", "map", "places"]
+    assert browser.text("#places .looked-at").startswith("✓north visited")
+
+
+def test_a_mark_on_the_map_shows_its_row_and_its_lines(patrol, browser):
+    patrol.journal.note("point_reached", point="north")
+    browser.wait_for("#log .link", "north")
+    browser.js(
+        "document.querySelector('#map .mark.done').dispatchEvent(new MouseEvent('click', { bubbles: true }))"
+    )
+    assert browser.js(MARKED) == ["log", "places"]
+
+
+def test_each_name_in_a_task_and_in_an_alarm_leads_to_its_place(patrol, browser):
+    patrol.journal.note("point_reached", point="north", level="GIVEN_UP")
+    patrol.journal.note("point_reached", point="east", level="GIVEN_UP", state="visited")
+    patrol.journal.note("alarmed", text="no water at east")
+    names = "return [...document.querySelectorAll(`${arguments[0]} .link`)].map((each) => each.textContent)"
+    browser.wait(lambda: browser.js(names, "#tasks") == ["north", "east"], "the names of the tasks")
+    browser.wait(lambda: browser.js(names, "#alarms") == ["east"], "the name in the alarm")
+
+
+def test_the_mission_is_a_line_with_what_was_reached_and_what_came_last(patrol, browser):
+    patrol.journal.clock.advance(30.0)
+    patrol.journal.note("point_reached", point="north")
+    patrol.journal.clock.advance(30.0)
+    patrol.journal.note("alarmed", text="no water")
+    browser.wait_for("#line p", "last: 1:00 alarmed")
+    label = browser.js("return document.querySelector('#line [role=img]').getAttribute('aria-label')")
+    assert label == "The mission until 1:00: 0:30 north visited, 1:00 no water"
+    places = "return [...document.querySelectorAll('#line div > span > span')].map((each) => parseFloat(each.style.left))"
+    first, second = browser.js(places)
+    assert second == pytest.approx(2 * first, abs=0.1)
+
+
+def test_a_detection_is_reviewed_by_the_buttons_of_its_row(skipping, crew, browser):
+    browser.wait_for("#places .verdicts button", "a find")
+    browser.click("#places .verdicts button")
+    chosen = "return [...document.querySelectorAll('#ask select')].map((each) => each.value)"
+    assert browser.js(chosen) == ["find_1", "YES"]
+    assert crew.given == []
+    browser.click("#ask .yes")
+    browser.wait(lambda: crew.given == [("review", "")], "the review")
+    assert crew.seen[0]["find/find_1"] == "seen at (-2.00, 2.25)"
+
+
+def test_before_the_start_the_page_lists_what_is_awaited_in_the_operator_s_words(live, browser):
+    run = live()
+    run.feed.set_awaited(
+        [AwaitedItem("navigation", "bt_navigator is inactive"), AwaitedItem("detect survivor")]
+    )
+    browser.open(run.server.url)
+    browser.wait_for("#tasks", "Start on the robot, or wait for: navigation")
+    items = "return [...document.querySelectorAll('.checklist > span')].map((each) => each.textContent)"
+    assert browser.js(items) == ["…waiting for navigation", "✓there: detect survivor"]
+    assert "bt_navigator" not in browser.text("body")
+    run.begin()
+    browser.wait_for("#tasks", "Nothing to do")
+    assert browser.js(items) == []
+
+
+def test_after_an_interruption_the_page_has_the_command_that_resumes(live, browser):
+    run = live(journal="/robot/patrol.journal")
+    run.journal.begin(ABOUT, {"node": "/patrol", "command": ["patrol", "--view", "web"]})
+    browser.open(run.server.url)
+    assert browser.js("return document.getElementById('ending').hidden")
+    run.journal.end(Ending.STOPPED, 130)
+    browser.wait_for("#ending code", "sar-run --resume --journal /robot/patrol.journal patrol --view web")
+
+
+def test_a_mission_that_is_over_offers_its_report_and_no_resumption(live, browser):
+    run = live(
+        tools={"report": PageQuery(lambda _: ""), "entries": PageQuery(lambda _: [])}, journal="/a.journal"
+    )
+    run.journal.begin(ABOUT, {"node": "/patrol", "command": ["patrol"]})
+    run.journal.end(Ending.OVER, 1, "No point is left.")
+    browser.open(run.server.url)
+    browser.wait_for("#ending", "A new run starts a new mission.")
+    assert browser.js("return document.querySelector('#ending a').getAttribute('href')") == "report?robot=0"
+    assert browser.text("#ending code") == ""
 
 
 def test_events_are_facts_until_every_line_is_asked_for(patrol, browser):

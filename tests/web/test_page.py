@@ -20,7 +20,7 @@ from sar_compiler.web.replay import Replay
 from sar_compiler.web.run_page import _FailureExplainer, _form
 from search_and_rescue.operator_commands import VERBS
 from tests.processes import free_port
-from tests.web.conftest import ABOUT, KINDS, POINTS, Patrol
+from tests.web.conftest import ABOUT, KINDS, POINTS, TREE, Patrol
 from tests.web.folding import history
 from tests.web.test_page_server import Operator
 
@@ -104,7 +104,7 @@ def test_the_end_of_a_run_stays_on_the_page(live, browser):
     assert "a find at an unusable position" in browser.text("#progress")
 
 
-def test_why_a_mission_has_failed_stays_on_the_page(live, browser):
+def test_the_page_of_a_failed_run_opens_at_the_cause_which_stays(live, browser):
     run = live()
     run.journal.add_listener(_FailureExplainer(run.feed).add_entry)
     run.begin()
@@ -114,10 +114,62 @@ def test_why_a_mission_has_failed_stays_on_the_page(live, browser):
     run.status(0, "FAILURE")
     run.journal.end_run(Ending.OVER, 1, "The root has failed.")
     browser.wait_for("#why summary", "Why: Drive FAILURE, no way there")
-    browser.click("#why summary")
-    assert "Mission FAILURE  mission.xml:3" in browser.text("#why")
-    browser.click("#why li:nth-child(2) button")
+    browser.wait(lambda: browser.js("return document.getElementById('why').open"), "the chain of causes")
     assert browser.text("#details").startswith("nodeDrive")
+    assert "Mission FAILURE  mission.xml:3" in browser.text("#why")
+    browser.click("#why li:nth-child(1) button")
+    assert browser.text("#details").startswith("nodeMission")
+    run.journal.watch("log", node="patrol", level=20, text="later")
+    browser.wait_for("#log", "later")
+    assert browser.text("#details").startswith("nodeMission")
+
+
+LANES = "return document.getElementById('lanes').getAttribute('aria-label')"
+
+
+def drag_lanes(browser, *points):
+    """Press the mouse at a point of the lanes, move it over the others, and let go: pixels from their upper left corner."""
+    left, top = browser.js(
+        "const { x, y } = document.getElementById('lanes').getBoundingClientRect(); return [x, y]"
+    )
+    places = [(left + x, top + y) for x, y in points]
+    mouse(browser, "mousePressed", *places[0])
+    for place in places[1:]:
+        mouse(browser, "mouseMoved", *place, buttons=1)
+    mouse(browser, "mouseReleased", *places[-1])
+
+
+def test_the_timeline_has_a_lane_for_each_leaf_that_selects_it_and_a_drag_zooms(live, browser):
+    run = live()
+    run.journal.clock = clock = ManualClock(100.0)
+    run.begin()
+    run.status(0, "RUNNING")
+    run.status(1, "RUNNING")
+    clock.advance(60.0)
+    run.status(1, "SUCCESS", tick=2)
+    run.status(2, "RUNNING", tick=2)
+    clock.advance(60.0)
+    run.status(2, "SUCCESS", tick=3)
+    browser.open(tree_of(run.server))
+    browser.wait(lambda: browser.js(LANES) == "Timeline from 0:00 to 2:00: 2 leaves", "two lanes")
+    drag_lanes(browser, (300, 18 + 16 + 8))
+    browser.wait_for("#details", "nodeSearch")
+    drag_lanes(browser, (300, 20), (500, 20), (600, 20))
+    browser.wait(lambda: "from 0:00 to 2:00" not in browser.js(LANES), "a part of the time")
+    browser.click("#all-time")
+    assert browser.js(LANES) == "Timeline from 0:00 to 2:00: 2 leaves"
+
+
+def test_a_tree_that_does_not_fit_is_folded_to_its_running_branch(live, browser):
+    leaves = [{**TREE["children"][0], "name": f"leaf {number}"} for number in range(40)]
+    branches = [{**TREE, "name": f"branch {number}", "children": leaves} for number in range(2)]
+    run = live().begin({**ABOUT, "tree": {**TREE, "children": branches}})
+    run.status(45, "RUNNING")
+    browser.open(tree_of(run.server))
+    browser.wait(lambda: any(row.startswith("leaf 3,") for row in browser.rows()), "the running leaf")
+    browser.js("document.getElementById('tree').scrollTop = 0")
+    browser.wait(lambda: any(row.startswith("branch 0,") for row in browser.rows()), "the folded branch")
+    assert [row.split(",")[0] for row in browser.rows()][:4] == ["Mission", "branch 0", "branch 1", "leaf 0"]
 
 
 def test_nobody_asks_why_a_mission_has_succeeded(live, browser):

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from tests.web.staged import CONDITIONS, WIDTHS, staged
+from tests.web.staged import CONDITIONS, WIDTHS, show, staged
 
 pytestmark = pytest.mark.unmeasured
 
@@ -17,6 +17,16 @@ const height = (selector) => document.querySelector(selector)?.getBoundingClient
 return [height('header'), height('#state'), height('#orders .first')];
 """
 STICKING_OUT = "return document.documentElement.scrollWidth - window.innerWidth"
+SIZES = """
+const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+const sizes = new Set();
+while (walker.nextNode()) if (walker.currentNode.data.trim() && walker.currentNode.parentElement.checkVisibility()) sizes.add(getComputedStyle(walker.currentNode.parentElement).fontSize);
+return [...sizes];
+"""
+MOST_SIZES = 4
+FIRST_TASK = "return document.querySelector('#tasks li').getBoundingClientRect().bottom"
+SEEN_FIRST = 200
+"""State and first task are within so many pixels from the top."""
 BAND, PHONE_SHARE = 64, 0.3
 """Height of the band on a desk, pixels, and the share of a phone for header, band and STOP."""
 
@@ -26,15 +36,60 @@ BAND, PHONE_SHARE = 64, 0.3
 def test_the_page_says_what_to_do_in_words_of_operators_and_leaves_room_for_the_map(browser, name, width):
     _, level, task = CONDITIONS[name]
     with staged(name) as server:
-        browser.size(width, WIDTHS[width])
-        browser.open(server.url)
+        show(browser, server, name, width)
         browser.wait_for("#tasks", task)
         browser.wait(lambda: browser.js("return document.body.dataset.level") == level, level)
         header, band, stop = browser.js(HEIGHTS)
         text = browser.js("return document.body.innerText")
         assert FORBIDDEN.findall(text) == []
         assert browser.js(STICKING_OUT) <= 0
+        assert len(sizes := browser.js(SIZES)) <= MOST_SIZES, sizes
+        assert browser.js(FIRST_TASK) <= SEEN_FIRST
     if width == 360:
         assert header + band + stop <= PHONE_SHARE * WIDTHS[width]
     else:
         assert band <= BAND
+
+
+SAID = """
+const rows = (selector) => [...document.querySelectorAll(selector)];
+const after = (heading) => [...document.querySelectorAll('#places h2')].find((each) => each.textContent.startsWith(heading))?.nextElementSibling;
+return {
+  title: document.title,
+  open: rows('#tasks li.warning, #tasks li.error').length + rows('#alarms li').filter((each) => !each.querySelector('small').textContent.endsWith('over')).length,
+  figures: Object.fromEntries(rows('#figures div').map((each) => [each.firstChild.textContent, each.lastChild.textContent])),
+  gauges: Object.fromEntries(rows('.gauge').map((each) => [each.firstChild.firstChild.textContent, each.querySelector('b').textContent])),
+  times: Object.fromEntries(rows('#times div').map((each) => [each.firstChild.textContent, each.lastChild.textContent])),
+  zones: [...(after('zones')?.children ?? [])].map((each) => each.querySelector('span').textContent),
+  survivors: [...(after('survivors')?.children ?? [])].map((each) => each.querySelector('span').textContent),
+  level: document.body.dataset.level,
+  text: document.body.innerText,
+};
+"""
+"""The numbers of a page, and the words that they count."""
+
+
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_no_two_numbers_of_a_page_contradict_each_other(browser, name):
+    with staged(name) as server:
+        show(browser, server, name, 1280)
+        said = browser.js(SAID)
+    (counted,) = re.findall(r"\((\d+)\)", said["title"]) or ["0"]
+    if name != "team":  # its tasks are of all robots, and so is the title
+        assert int(counted) == said["open"]
+    assert (said["level"] in ("good", "quiet")) == (said["open"] == 0)
+    for figure, value in said["figures"].items():
+        first = value.split()[0]
+        assert {*re.findall(rf"{figure} ([\d.]+)", said["text"].replace("\n", " "))} <= {first}
+    if said["figures"]:
+        visited, _, whole = said["figures"]["zones visited"].partition(" of ")
+        states = [row.split(" ", 1)[1] for row in said["zones"]]
+        assert int(whole) == len(states)
+        assert int(visited) == sum(state.startswith("visited") for state in states)
+        assert int(said["figures"]["survivors found"]) == len(said["survivors"])
+        assert int(said["figures"]["survivors reported"]) <= len(said["survivors"])
+    for gauge, value in said["gauges"].items():
+        known = {value.removeprefix("▼ ").partition(" ")[0]}
+        assert {*re.findall(rf"{gauge}(?: is)?(?: at)? ([\d.]+) %", said["text"])} <= known
+    if "to go" in said["times"] and name in ("paused", "waiting", "position lost"):
+        assert not re.search(r"\d", said["times"]["to go"])

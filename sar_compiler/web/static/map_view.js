@@ -2,13 +2,16 @@
 
 import { isMoving, isPlaced } from "./condition_view.js";
 import { inWords } from "./places_view.js";
-import { clock, html, icon, mark, say, set, svg } from "./shapes.js";
+import { clock, hue, html, icon, mark, say, set, svg } from "./shapes.js";
 import { LEVELS } from "./signs.js";
 
 const ARROW = "M15 0 L-10 10 L-5 0 L-10 -10 Z";
-// Candidate positions of a label: x and y of its centre in half widths and heights of the label, beyond the mark's radius.
+// Candidate positions of a label: x and y of its centre in half widths and heights of the label, beyond the mark's radius, at two distances.
 const SIDES = [[0, 1], [1, 0], [0, -1], [-1, 0], [0.8, 1], [-0.8, 1], [0.8, -1], [-0.8, -1]];
-const [RADIUS, HEIGHT, FONT] = [13, 16, "600 12.5px system-ui, 'DejaVu Sans', sans-serif"];
+const AWAY = [0, 26];
+const [RADIUS, HEIGHT, FONT] = [13, 16, "600 13px system-ui, 'DejaVu Sans', sans-serif"];
+// The cost of a label that seems to belong to another mark: more than of one that covers anything.
+const MISTAKEN = 10000;
 // Maximum distance in pixels at which a click on the first corner closes an outline.
 const [CLOSING, LEAST_CORNERS] = [9, 3];
 const STEPS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
@@ -162,7 +165,11 @@ export class MapView {
   ways(run, other) {
     const { trail, pose } = run;
     const plan = isMoving(this.stream, run) ? run.plan : [];
-    const line = (points, name) => svg("polyline", { class: name, points: points.map(([x, y]) => this.at(x, y).map((each) => each.toFixed(1)).join(",")).join(" ") });
+    const line = (points, name) => {
+      const drawn = svg("polyline", { class: name, points: points.map(([x, y]) => this.at(x, y).map((each) => each.toFixed(1)).join(",")).join(" ") });
+      if (this.stream.isTeam) drawn.style.setProperty("--robot", hue(this.stream.runs.indexOf(run)));
+      return drawn;
+    };
     return [line(trail, `trail${other}`), ...(plan.length ? [line(rest(plan, pose), `plan under${other}`), line(rest(plan, pose), `plan${other}`)] : [])];
   }
 
@@ -222,22 +229,28 @@ export class MapView {
     const isOld = !isPlaced(this.stream, run);
     say(group.firstChild, `${text || "the robot"}${isOld ? ", last known place" : ""}`);
     set(group.lastChild, { transform: `rotate(${((-(pose.yaw ?? 0) * 180) / Math.PI).toFixed(1)})` });
-    return [{ group, at, number, radius: 15, name: `robot${other}${isOld ? " stale" : ""}`, text, style: "label name" }];
+    if (this.stream.isTeam) group.style.setProperty("--robot", hue(number));
+    return [{ group, at, number, robot: this.stream.isTeam ? number : undefined, radius: 15, name: `robot${other}${isOld ? " stale" : ""}`, text, style: "label name" }];
   }
 
   /** Place each name beside its mark where it overlaps least. */
   labels(marks, width, height) {
-    return marks.filter(({ text }) => text).map(({ at: [x, y], text, style }) => {
+    return marks.filter(({ text }) => text).flatMap(({ at: [x, y], text, style, robot }) => {
       const half = this.pen.measureText(text).width / 2 + 2;
-      const boxes = SIDES.map(([right, down]) => {
-        const [cx, cy] = [x + right * (half + RADIUS + 2), y + down * (HEIGHT / 2 + RADIUS + 1)];
+      const boxes = AWAY.flatMap((away) => SIDES.map(([right, down]) => {
+        const [cx, cy] = [x + right * (half + RADIUS + 2 + away), y + down * (HEIGHT / 2 + RADIUS + 1 + away)];
         return [cx - half, cy - HEIGHT / 2, cx + half, cy + HEIGHT / 2];
-      });
-      const near = marks.filter(({ at }) => Math.hypot(at[0] - x, at[1] - y) < 2 * (half + RADIUS) && (at[0] !== x || at[1] !== y));
+      }));
+      const near = marks.filter(({ at }) => Math.hypot(at[0] - x, at[1] - y) < 2 * (half + RADIUS + AWAY[1]) && (at[0] !== x || at[1] !== y));
       const cost = boxes.map((box, side) => side * 0.5 + outside(box, width, height) + this.taken.reduce((sum, other) => sum + overlap(box, other), 0) + mistaken(box, [x, y], near));
-      const box = boxes[cost.indexOf(Math.min(...cost))];
+      const least = Math.min(...cost);
+      const box = boxes[cost.indexOf(least)];
       this.taken.push(box);
-      return svg("text", { class: style, x: ((box[0] + box[2]) / 2).toFixed(1), y: (box[3] - 4).toFixed(1), "text-anchor": "middle" }, text);
+      const label = svg("text", { class: style, x: ((box[0] + box[2]) / 2).toFixed(1), y: (box[3] - 4).toFixed(1), "text-anchor": "middle" }, text);
+      if (robot !== undefined) label.style.setProperty("--robot", hue(robot));
+      // A label that does not touch its mark, or that another mark is nearer to, is connected to its own by a line.
+      const isApart = boxes.indexOf(box) >= SIDES.length || mistaken(box, [x, y], near) > 0;
+      return isApart ? [svg("path", { class: "leader", d: `M${x} ${y} L${clamp(x, box[0], box[2])} ${clamp(y, box[1], box[3])}` }), label] : [label];
     });
   }
 
@@ -433,6 +446,10 @@ function cells(layer) {
   return group;
 }
 
+function clamp(value, least, most) {
+  return Math.max(least, Math.min(most, value)).toFixed(1);
+}
+
 /** Return the overlap of two boxes in square pixels. */
 function overlap([left, top, right, bottom], [a, b, c, d]) {
   return Math.max(0, Math.min(right, c) - Math.max(left, a)) * Math.max(0, Math.min(bottom, d) - Math.max(top, b));
@@ -441,7 +458,7 @@ function overlap([left, top, right, bottom], [a, b, c, d]) {
 /** The cost of a label that lies nearer to another mark than to its own. */
 function mistaken([left, top, right, bottom], own, others) {
   const away = ([x, y]) => Math.hypot(Math.max(left - x, 0, x - right), Math.max(top - y, 0, y - bottom));
-  return others.some(({ at }) => away(at) < away(own)) ? 200 : 0;
+  return others.some(({ at }) => away(at) < away(own)) ? MISTAKEN : 0;
 }
 
 function outside([left, top, right, bottom], width, height) {

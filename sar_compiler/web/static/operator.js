@@ -4,7 +4,8 @@ import { conditionOf, isStale, showCondition, worst } from "./condition_view.js"
 import { LogView } from "./log_view.js";
 import { MapView } from "./map_view.js";
 import { Orders } from "./orders.js";
-import { AlarmsView, CardsView, TasksView, driveLeft, showFigures, showGauges, showTimes } from "./panels.js";
+import { MissionLine } from "./mission_line.js";
+import { AlarmsView, CardsView, EndingView, TasksView, beginning, showFigures, showGauges, showTimes, whereabouts } from "./panels.js";
 import { PlacesView } from "./places_view.js";
 import { PropertiesView } from "./properties_view.js";
 import { ReplayBar } from "./replay_bar.js";
@@ -15,15 +16,23 @@ const at = (id) => document.getElementById(id);
 const stream = new Stream({ begin, change: drawer(show) });
 const map = new MapView(at("map"), at("legend").querySelector("table"));
 const orders = new Orders(at("orders"), stream, map);
-const alarms = new AlarmsView(at("alarms"), at("sound"));
-const tasks = new TasksView(at("tasks"), orders, alarms, (task) => map.look(task));
+const alarms = new AlarmsView(at("alarms"), at("sound"), look);
+const tasks = new TasksView(at("tasks"), orders, alarms, look);
 const cards = new CardsView(at("robots"));
-const places = new PlacesView(at("places"), (landmark) => map.look(landmark));
-map.onChosen = (landmark) => places.look(landmark);
+const ending = new EndingView(at("ending"));
+const places = new PlacesView(at("places"), look, orders);
+map.onChosen = (landmark) => [places, log].forEach((view) => view.look(landmark));
 const properties = new PropertiesView(at("properties"));
-const log = new LogView(at("log"));
+const log = new LogView(at("log"), look);
+const line = new MissionLine(at("line"), look);
 const replay = new ReplayBar(at("timeline"), stream);
 log.levels = ["fact"];
+
+/** Show a landmark on the map, in its list and in the log. */
+function look(landmark) {
+  if (landmark.robot !== undefined && landmark.robot !== stream.chosen) stream.choose(landmark.robot);
+  [places, log, map].forEach((view) => view.look(landmark));
+}
 
 function begin() {
   orders.again();
@@ -45,15 +54,17 @@ function show() {
   document.body.classList.toggle("stale", isStale(stream, run));
   orders.show();
   // A run in the server's own process has no report before its end.
-  at("report").hidden = !stream.tools.includes("report") || (stream.tools.includes("entries") && !run.run.ended);
-  at("report").href = `report?robot=${stream.chosen}`;
+  const hasReport = stream.tools.includes("report") && (run.run.ended || !stream.tools.includes("entries"));
+  const report = `report?robot=${stream.chosen}`;
+  at("report").hidden = !hasReport;
+  at("report").href = report;
   if (!stream.isTold) return;
   const { mission = "mission", is_simulated: isSimulated } = run.run;
   say(at("mission"), `${stream.isTeam ? `${stream.names[stream.chosen]}: ` : ""}${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
   const open = stream.runs.reduce((sum, each) => sum + each.tasks.length, 0);
-  document.title = `${open ? `(${open}) ` : ""}${condition.word}: ${mission}`;
-  // The remaining time is shown while the replay or run continues.
-  say(at("drive"), driveLeft(stream, run));
+  document.title = `${stream.isReplay ? "replay: " : ""}${open ? `(${open}) ` : ""}${condition.word}: ${mission}`;
+  if (stream.isReplay) say(at("replaying"), `REPLAY of ${beginning(run)}`);
+  say(at("drive"), whereabouts(stream, run));
   showTimes(at("times"), stream, run);
   showFigures(at("figures"), run);
   showGauges(at("gauges"), run);
@@ -61,6 +72,8 @@ function show() {
   tasks.show(stream);
   alarms.show(stream);
   cards.show(stream);
+  ending.show(stream, run, hasReport ? report : "");
+  line.show(stream);
   places.show(stream);
   properties.show(run);
   log.show(run);

@@ -191,10 +191,12 @@ export class Orders {
     return wanted && this.verbs?.find(({ name, role }) => (name === wanted || role === wanted) && this.now.has(name));
   }
 
-  /** Give a command, after the question that it needs; *found* is the detection that the command refers to. */
-  async begin(verb, found = "") {
+  /** Give a command, after the question that it needs; *found* is the detection that the command refers to, *chosen* further values. */
+  async begin(verb, found = "", chosen = {}) {
+    if (!verb) return;
     const robot = this.stream.chosen;
     const given = Object.fromEntries(verb.fields.filter(({ kind, optional }) => found && kind === "found" && !optional).map(({ name }) => [name, found]));
+    Object.assign(given, chosen);
     const seen = this.seen(verb, robot);
     const known = new Map(this.stream.runs[robot].landmarks);
     const values = verb.fields.length || verb.confirm ? await this.question(verb, robot, given) : {};

@@ -1,10 +1,13 @@
-// Parts of the operator's page beside the map: gauges and figures, open tasks, alarms, and a card for each robot.
+// Parts of the operator's page beside the map: gauges and figures, open tasks, alarms, a card for each robot, and what follows the end.
 
-import { conditionOf, isMoving, isStale, showCondition } from "./condition_view.js";
-import { clock, html, say, set } from "./shapes.js";
+import { conditionOf, isCrashed, isMoving, isPlaced, isStale, showCondition } from "./condition_view.js";
+import { linked } from "./links.js";
+import { clock, html, hue, say, set } from "./shapes.js";
 import { CONDITIONS } from "./signs.js";
 
 const SEEN = "sar-seen";
+// A robot that is nearer to a landmark is at it.
+const NEAR_M = 0.5;
 // The number of acknowledged alarms to store.
 const REMEMBERED = 200;
 
@@ -76,6 +79,22 @@ export function driveLeft(stream, run) {
   return `${distance.toFixed(1)} m${left == null ? "" : `, about ${clock(left)}`}`;
 }
 
+/** Return where the robot is, by the nearest landmark; of a moving one, the remaining part of its drive. */
+export function whereabouts(stream, run) {
+  const moving = driveLeft(stream, run);
+  const places = run.pose ? [...run.landmarks.values()].filter((each) => !each.corners.length && !run.kindOf(each).is_found) : [];
+  if (moving || !places.length) return moving;
+  const away = ({ x, y }) => Math.hypot(x - run.pose.x, y - run.pose.y);
+  const nearest = places.reduce((one, other) => (away(other) < away(one) ? other : one));
+  const words = away(nearest) < NEAR_M ? `at ${nearest.name}` : `${away(nearest).toFixed(1)} m from ${nearest.name}`;
+  return isPlaced(stream, run) ? words : `last seen ${words}`;
+}
+
+/** Return when a run began, in words of this computer's clock. */
+export function beginning({ run }) {
+  return run.wall ? new Date(1000 * run.wall).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "";
+}
+
 const STOP_BUTTON = "Press the stop button on the robot: it may still be driving";
 
 /** The open tasks, the most urgent first, each with its command if available. Alarms have a separate list. */
@@ -89,30 +108,38 @@ export class TasksView {
     const all = stream.runs.flatMap((each, robot) => each.tasks.filter((task) => !task.is_alarm).map((task) => ({ ...task, robot, who: stream.isTeam ? `${stream.names[robot]}: ` : "" })));
     if (silent && !isReplay && !run.run.ended) all.unshift({ level: "error", text: STOP_BUTTON, name: "", command: "", robot: stream.chosen, who: "" });
     const told = all.map((task) => ({ ...task, verb: task.robot === stream.chosen ? this.orders.find(task.command) : undefined }));
-    const key = JSON.stringify([told, run.run.number]);
+    const key = JSON.stringify([told, run.run.number, run.awaited, isReplay]);
     if (key === this.key) return;
     this.key = key;
     const added = told.filter(({ level, who, text }) => level === "error" && !this.known.has(who + text));
     this.alarms.ring(added.length);
     for (const { who, text } of added) this.known.add(who + text);
     this.place.hidden = !stream.isTold;
-    const nothing = run.run.number ? "Nothing to do" : "The run has not started yet. Its terminal lists what it waits for.";
-    const items = told.map(({ level, who, text, kind, name, robot, verb }) => {
-      const item = html("li", { class: level }, html("b", { "aria-hidden": "true" }, CONDITIONS[level]), name ? this.link(who + text, { kind, name, robot }) : html("span", {}, who + text));
+    const items = told.map(({ level, who, text, name, robot, verb }) => {
+      const item = html("li", { class: level }, html("b", { "aria-hidden": "true" }, CONDITIONS[level]), html("span", {}, who, ...linked(stream.runs[robot], text, (landmark) => this.look({ ...landmark, robot }))));
       if (!verb) return item;
       const button = html("button", { type: "button", "aria-label": `${verb.label}: ${text}` }, verb.label);
       button.addEventListener("click", () => this.orders.begin(verb, name));
       item.append(button);
       return item;
     });
-    this.place.querySelector("ul").replaceChildren(...(items.length ? items : [html("li", { class: "nothing" }, nothing)]));
+    const list = items.length ? items : [html("li", { class: "nothing" }, nothingToDo(run))];
+    const recorded = isReplay ? [html("li", { class: "nothing" }, html("b", {}, "This is a recording"), ` of ${beginning(run)}. Nothing of it happens now.`)] : [];
+    this.place.querySelector("ul").replaceChildren(...recorded, ...(isReplay && !items.length ? [] : list), ...awaited(run));
   }
-  /** A task that shows its place on the map. */
-  link(text, landmark) {
-    const link = html("button", { type: "button", class: "link" }, text);
-    link.addEventListener("click", () => this.look(landmark));
-    return link;
-  }
+}
+
+/** Return the line of a page without tasks. */
+function nothingToDo(run) {
+  if (run.awaited.length) return "Nothing to do: the run starts now.";
+  return run.run.number ? "Nothing to do" : "The run has not started yet. Its terminal lists what it waits for.";
+}
+
+/** The checklist of a run that has not started. */
+function awaited(run) {
+  if (!run.awaited.length) return [];
+  const items = run.awaited.map(({ name, problem }) => html("span", { class: problem ? "missing" : "there" }, html("b", { "aria-hidden": "true" }, problem ? "…" : "✓"), html("span", { class: "unseen" }, problem ? "waiting for " : "there: "), name));
+  return [html("li", { class: "checklist" }, ...items)];
 }
 
 /** The alarms, which stay until the operator has acknowledged them. */
@@ -120,15 +147,16 @@ export class AlarmsView {
   /**
    * @param {HTMLElement} place the element of the alarms.
    * @param {HTMLInputElement} sound the switch for the sound of new alarms.
+   * @param {Function} look shows a landmark that an alarm names.
    */
-  constructor(place, sound) {
-    Object.assign(this, { place, sound });
+  constructor(place, sound, look) {
+    Object.assign(this, { place, sound, look });
     this.seen = new Set(remembered());
     this.known = new Set();
   }
 
   show(stream) {
-    const all = stream.runs.flatMap((run, robot) => run.alarms.map((alarm) => ({ ...alarm, who: stream.isTeam ? stream.names[robot] : "", id: [stream.names[robot], run.run.wall, alarm.run, alarm.text].join("\n") })));
+    const all = stream.runs.flatMap((run, robot) => run.alarms.map((alarm) => ({ ...alarm, robot, who: stream.isTeam ? stream.names[robot] : "", id: [stream.names[robot], run.run.wall, alarm.run, alarm.text].join("\n") })));
     const open = all.filter(({ id, is_over: isOver }) => !isOver || !this.seen.has(id)).sort((one, other) => this.seen.has(one.id) - this.seen.has(other.id) || other.run - one.run || other.time - one.time);
     const told = open.map((each) => ({ ...each, isSeen: this.seen.has(each.id) }));
     this.ring(told.filter(({ isSeen, id }) => !isSeen && !this.known.has(id)).length);
@@ -140,10 +168,10 @@ export class AlarmsView {
     this.place.querySelector("ul").replaceChildren(...told.map((alarm) => this.item(alarm, stream)));
   }
 
-  item({ text, level, is_over: isOver, isSeen, time, who, id }, stream) {
+  item({ text, level, is_over: isOver, isSeen, time, who, id, robot }, stream) {
     const said = [who, text].filter(Boolean).join(": ");
     const serious = level >= 40 ? "error" : "warning";
-    const item = html("li", { class: `${serious}${isSeen ? " seen" : ""}` }, html("b", { "aria-hidden": "true" }, CONDITIONS[serious]), html("span", {}, said, html("small", {}, `at ${clock(time)}${isOver ? ", over" : ""}`)));
+    const item = html("li", { class: `${serious}${isSeen ? " seen" : ""}` }, html("b", { "aria-hidden": "true" }, CONDITIONS[serious]), html("span", {}, ...(who ? [`${who}: `] : []), ...linked(stream.runs[robot], text, (landmark) => this.look({ ...landmark, robot })), html("small", {}, `at ${clock(time)}${isOver ? ", over" : ""}`)));
     if (isSeen) return item;
     const button = html("button", { type: "button", "aria-label": `Seen: ${said}` }, "Seen");
     button.addEventListener("click", () => {
@@ -215,7 +243,33 @@ export class CardsView {
 
   card(name, index, stream) {
     const card = html("button", { type: "button", class: "card" }, html("strong", {}, name), html("span", { class: "state" }), html("span"), html("small"));
+    card.style.setProperty("--robot", hue(index));
     card.addEventListener("click", () => stream.choose(index));
     return card;
+  }
+}
+
+/** The end of a run: the report, and the command that resumes an interrupted mission. */
+export class EndingView {
+  /** @param {HTMLElement} place the element to show it in. */
+  constructor(place) {
+    this.place = place;
+  }
+
+  /** @param {string} report the address of the report; empty if there is none. */
+  show(stream, run, report) {
+    const isOver = !stream.isReplay && (Boolean(run.run.ended) || isCrashed(run));
+    const key = JSON.stringify([isOver, run.resume, report, run.condition.word]);
+    if (key === this.key) return;
+    this.key = key;
+    this.place.hidden = !isOver || !(run.resume || report || run.run.ended);
+    const copy = html("button", { type: "button" }, "Copy");
+    copy.addEventListener("click", () => navigator.clipboard.writeText(run.resume));
+    this.place.replaceChildren(
+      html("h2", {}, "After the end"),
+      ...(report ? [html("a", { class: "button", href: report, target: "_blank" }, "Open the report")] : []),
+      ...(run.resume ? [html("p", {}, "Resume the mission on the robot's computer:"), html("p", { class: "command" }, html("code", {}, run.resume), copy)] : []),
+      ...(run.run.ended && !run.resume ? [html("p", {}, "This mission is over. A new run starts a new mission.")] : []),
+    );
   }
 }

@@ -1,15 +1,20 @@
-// A list of all landmarks of each kind that have a state.
+// A list of all landmarks of each kind that have a state, with the review of detections.
 
+import { link } from "./links.js";
 import { clock, html, icon, mark } from "./shapes.js";
 
-const DONE = 2;
+const [DONE, GIVEN_UP] = [2, 3];
 // The levels in the order of the rows: what is in hand, what was given up, what is to come, what is done.
-const ORDER = { 1: 0, 3: 1, 0: 2, [DONE]: 3 };
+const ORDER = { 1: 0, [GIVEN_UP]: 1, 0: 2, [DONE]: 3 };
 
 export class PlacesView {
-  /** @param {Function} look shows a landmark on the map. */
-  constructor(place, look = () => {}) {
-    Object.assign(this, { place, lookOnMap: look });
+  /**
+   * @param {HTMLElement} place the element of the lists.
+   * @param {Function} look shows a landmark on the map and in the log.
+   * @param {import("./orders.js").Orders} orders the commands, some of which review detections.
+   */
+  constructor(place, look = () => {}, orders = null) {
+    Object.assign(this, { place, lookElsewhere: look, orders });
   }
 
   /** Bring the row of a landmark into sight, and mark it. */
@@ -25,21 +30,35 @@ export class PlacesView {
     const { run } = stream;
     const all = [...run.landmarks.values()];
     const lists = Object.values(run.kinds).map((kind) => [kind, all.filter((each) => each.kind === kind.name && each.state)]).filter(([, found]) => found.length);
-    const told = lists.map(([kind, found]) => [kind, [...found].sort((one, other) => ORDER[one.level] - ORDER[other.level]).map((each) => ({ ...each, shown: stream.nameOf(run, each.name) }))]);
+    // Detections come first: people depend on them.
+    lists.sort(([one], [other]) => other.is_found - one.is_found);
+    const told = lists.map(([kind, found]) => [kind, [...found].sort((one, other) => ORDER[one.level] - ORDER[other.level]).map((each) => ({ ...each, shown: stream.nameOf(run, each.name), verdicts: this.verdicts(each, kind) }))]);
     const key = JSON.stringify(told);
     if (this.key === key) return;
     this.key = key;
     this.place.hidden = !told.length;
     this.place.replaceChildren(...told.flatMap(([kind, found]) => [html("h2", {}, `${kind.plural}${found.length > 1 ? ` (${found.length})` : ""}`), html("ul", {}, ...found.map((each) => this.item(each, kind)))]));
   }
+
+  /** Return the choices of the command that reviews a detection now: field, value and label of each; none for another landmark. */
+  verdicts({ level, is_certain: isCertain }, { review }) {
+    const verb = review && level !== GIVEN_UP && !isCertain ? this.orders?.find(review) : null;
+    const field = verb?.fields.find(({ kind, optional }) => kind === "choice" && !optional);
+    return field ? field.choices.map(([value, label]) => [field.name, value, label]) : [];
+  }
+
   item(landmark, kind) {
-    const { name, shown, x, y, state, reason, level } = landmark;
+    const { name, shown, x, y, state, reason, level, verdicts } = landmark;
     const where = kind.is_found ? [`x ${x.toFixed(2)}, y ${y.toFixed(2)}`] : [];
     // Of what is done, the state is enough.
     const more = level === DONE && !kind.is_found ? "" : [...where, ...details(landmark)].join(" · ");
-    const link = html("button", { type: "button", class: "link" }, shown);
-    link.addEventListener("click", () => this.lookOnMap(landmark));
-    return html("li", { "data-key": `${landmark.kind}/${name}` }, icon(mark(landmark, kind)), html("span", {}, link, ` ${[state, reason].filter(Boolean).join(", ")}`, ...(more ? [html("small", {}, more)] : [])));
+    const buttons = verdicts.map(([field, value, label]) => {
+      const button = html("button", { type: "button", "aria-label": `${name} is ${label}` }, label);
+      button.addEventListener("click", () => this.orders.begin(this.orders.find(kind.review), name, { [field]: value }));
+      return button;
+    });
+    const line = html("span", {}, link(shown, landmark, this.lookElsewhere), ` ${[state, reason].filter(Boolean).join(", ")}`, ...(more ? [html("small", {}, more)] : []), ...(buttons.length ? [html("span", { class: "verdicts" }, ...buttons)] : []));
+    return html("li", { "data-key": `${landmark.kind}/${name}` }, icon(mark(landmark, kind)), line);
   }
 }
 

@@ -12,18 +12,19 @@ export class Run {
     Object.assign(this, {
       run: { number: 0 }, condition: { word: "", level: "quiet", since: 0, reason: "" }, place: "", estimate: {}, time: 0, nodes: [], states: [],
       pose: null, plan: [], drive: null, map: null, times: {}, kinds: {}, landmarks: new Map(), rasters: {},
-      tasks: [], objects: {}, figures: [], gauges: [], alarms: [], properties: { watched: [], assumption_failed_at: null }, why: null, log: [], trail: [],
+      tasks: [], awaited: [], resume: "", objects: {}, figures: [], gauges: [], alarms: [], properties: { watched: [], assumption_failed_at: null }, why: null, log: [], trail: [], lanes: [],
     });
   }
 
   /** Apply a change: new values of most parts, and differences of nodes, landmarks, rasters and lists. */
-  take({ begin, nodes, states = {}, landmarks = {}, rasters, log, trail, ...parts }) {
+  take({ begin, nodes, states = {}, landmarks = {}, rasters, log, trail, lanes, ...parts }) {
     if (begin) this.begin();
     if (begin || parts.kinds || rasters || Object.keys(landmarks).length) this.version = (this.version ?? 0) + 1;
     Object.assign(this, parts);
     if (nodes) {
       this.nodes = linked(nodes);
       this.states = this.nodes.map(() => NEVER);
+      this.lanes = [];
     }
     for (const [id, [status, since, entered, time, tick, message, failed, failure, label, ends, ran, longest]] of Object.entries(states)) {
       this.states[id] = { status, since, entered, time, tick, message, failed, failure, label, ends, ran, longest };
@@ -34,6 +35,7 @@ export class Run {
     }
     this.rasters = { ...this.rasters, ...rasters };
     if (log) this.log = [...this.log.slice(0, log.at), ...log.values.map(([run, when, level, text]) => ({ run, time: when, level, text }))];
+    if (lanes) this.lanes.splice(lanes.at, Infinity, ...lanes.values);
     if (trail) this.trail.splice(trail.at, Infinity, ...trail.values);
   }
 

@@ -58,6 +58,14 @@ export function badge(status, former = false) {
   return sign;
 }
 
+// The names of the colours of a team's robots.
+const HUES = ["robot", "trail", "success", "skipped"];
+
+/** Return the colour of a robot by its index. */
+export function hue(index) {
+  return `var(--${HUES[index % HUES.length]})`;
+}
+
 /** The meanings of the status signs. */
 export const STATUS_WORDS = { RUNNING: "running", SUCCESS: "success", FAILURE: "failure", HALTED: "halted", SKIPPED: "skipped", "": "not ticked yet" };
 

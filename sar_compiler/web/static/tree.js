@@ -2,10 +2,11 @@
 
 import { conditionOf, isStale, showCondition } from "./condition_view.js";
 import { showDetails } from "./details.js";
+import { LanesView } from "./lanes_view.js";
 import { LogView } from "./log_view.js";
 import { MapView } from "./map_view.js";
 import { Orders } from "./orders.js";
-import { CardsView } from "./panels.js";
+import { CardsView, beginning } from "./panels.js";
 import { PlacesView } from "./places_view.js";
 import { PropertiesView } from "./properties_view.js";
 import { ReplayBar } from "./replay_bar.js";
@@ -23,17 +24,37 @@ const at = (id) => document.getElementById(id);
 const stream = new Stream({ begin, change: drawer(show) });
 const tree = new TreeView(at("tree"), showChosen);
 const map = new MapView(at("map"));
-const places = new PlacesView(at("places"));
+const places = new PlacesView(at("places"), find);
+map.onChosen = (landmark) => [places, log].forEach((view) => view.look(landmark));
 const properties = new PropertiesView(at("properties"));
-const log = new LogView(at("log"));
+const log = new LogView(at("log"), find);
 const cards = new CardsView(at("robots"));
 const replay = new ReplayBar(at("timeline"), stream);
-const why = new WhyView(at("why"), (id) => {
-  look("tree");
-  tree.select(id);
-});
+const why = new WhyView(at("why"), select);
+const lanes = new LanesView(at("lanes"), stream, select);
 const tools = new Tools({ bar: at("tools"), board: at("board"), otherwise: at("otherwise") }, stream, tree);
 const orders = new Orders(at("orders"), stream, { pick: onMap((answer) => map.pick(answer)), draw: onMap((answer) => map.draw(answer)) });
+
+/** Show a node in the tree. */
+function select(id) {
+  look("tree");
+  tree.select(id);
+}
+
+/** Show a landmark on the map, in its list and in the log. */
+function find(landmark) {
+  [places, log, map].forEach((view) => view.look(landmark));
+}
+
+/** Open a failed run at the cause, unless the user has selected a node. */
+function openAtCause({ why: cause, run }) {
+  const key = cause && run.ended ? `${run.number} ${run.wall}` : "";
+  if (!key || key === openAtCause.key) return;
+  openAtCause.key = key;
+  at("why").open = true;
+  const [first] = cause.answers;
+  if (!tree.isAsked && first?.node != null) tree.select(first.node);
+}
 
 /** Show the map before it is used for picking. */
 function onMap(ask) {
@@ -55,6 +76,7 @@ function show() {
   showCondition(at("condition"), conditionOf(stream, run));
   document.body.classList.toggle("stale", isStale(stream, run));
   at("replaying").hidden = !stream.isReplay;
+  if (stream.isReplay) say(at("replaying"), `REPLAY of ${beginning(run)}`);
   orders.show();
   if (!stream.isTold) return;
   const { number, mission = "mission", is_simulated: isSimulated, node = "" } = run.run;
@@ -71,7 +93,9 @@ function show() {
   properties.show(run);
   cards.show(stream);
   log.show(run);
+  lanes.show(run);
   why.show(run);
+  openAtCause(run);
   showChosen();
   if (stream.isReplay) replay.show();
   document.body.classList.add("ready");
@@ -109,12 +133,13 @@ function running(run) {
   const isOver = run.run.ended || run.condition.word === "crashed";
   const all = isOver ? [] : run.running();
   const leaves = all.slice(0, SHOWN);
-  const key = all.map((id) => `${id} ${run.nodes[id].name}`).join("\n");
+  const key = `${all.map((id) => `${id} ${run.nodes[id].name}`).join("\n")}${JSON.stringify(run.awaited)}`;
   if (list.dataset.key !== key || list.childElementCount === 0) {
     list.dataset.key = key;
     list.replaceChildren(...leaves.map((id) => runner(run, id)));
     const rest = all.length - leaves.length;
-    if (rest || !all.length) list.append(html("li", { class: "nobody" }, rest ? `and ${rest} more` : "nobody"));
+    const nobody = run.awaited.map(({ name, problem }) => (problem ? `waiting for ${name}: ${problem}` : `${name}: there`)).join("; ") || "nobody";
+    if (rest || !all.length) list.append(html("li", { class: "nobody" }, rest ? `and ${rest} more` : nobody));
   }
   leaves.forEach((id, index) => {
     const { since, message } = run.states[id];
@@ -141,9 +166,10 @@ function look(view) {
 for (const button of document.querySelectorAll("nav button")) button.addEventListener("click", () => look(button.dataset.view));
 at("fold").addEventListener("click", () => tree.fold());
 at("unfold").addEventListener("click", () => {
-  at("follow").checked = tree.follows = tree.follows && tree.nodes.length <= 200;
+  at("follow").checked = tree.follows = tree.follows && !tree.isLarge;
   tree.unfold();
 });
+at("all-time").addEventListener("click", () => lanes.zoom(null));
 at("follow").addEventListener("change", () => {
   tree.follows = at("follow").checked;
   stream.page.change();

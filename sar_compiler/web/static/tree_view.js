@@ -3,7 +3,8 @@
 import { badge, duration, set, svg } from "./shapes.js";
 
 const ROW = 26;
-const MANY = 200;
+// The height in which a tree is assumed to be shown while it is hidden, in pixels.
+const HIDDEN = 400;
 
 export class TreeView {
   /**
@@ -51,7 +52,9 @@ export class TreeView {
       this.isAsked = false;
       this.folded.clear();
       this.led = "";
-      if (run.nodes.length > MANY) this.fold();
+      // A tree that does not fit is folded to its running branch.
+      this.isLarge = run.nodes.length * ROW > (this.place.clientHeight || HIDDEN);
+      if (this.isLarge) this.fold();
       this.search(this.wanted);
     }
     this.follow();
@@ -63,7 +66,7 @@ export class TreeView {
     const now = running.join(" ");
     if (!this.follows || !running.length || now === this.led || this.wanted) return;
     this.led = now;
-    if (this.nodes.length > MANY) this.fold();
+    if (this.isLarge) this.fold();
     running.forEach((id) => this.unfoldTo(id));
     this.arrange();
     this.reveal(running[0]);
