@@ -26,6 +26,8 @@ from sar_compiler.journal.status_line import (
 _SEVERITY = (QUIET, GOOD, WARNING, ERROR)
 _ALARM_IS_ERROR = 40
 _STOP_BUTTON = "Press the stop button on the robot: it may still be driving"
+# The words for places that the mission has not finished.
+_LEFT = {Level.TO_COME: "not reached", Level.IN_HAND: "not finished"}
 # A longer list of names is cut, and its length is given.
 _MOST_NAMES = 5
 
@@ -152,7 +154,7 @@ def _location_tasks(state: MissionState) -> Iterator[OpenTask]:
         # An outline repeats the state of the place that it belongs to, unless a person has to act on it.
         is_task = kind.remedy or not (each.corners or kind.is_found or kind.is_end)
         if is_left and is_task:
-            word = "not finished" if each.level == Level.IN_HAND else each.state
+            word = _LEFT.get(each.level, each.state)
             groups.setdefault((kind.name, word), []).append(each)
     for (_, word), places in groups.items():
         kind = state.situation.kind_of(places[0])

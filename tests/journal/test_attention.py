@@ -118,7 +118,7 @@ def test_a_zone_that_was_given_up_is_searched_by_people_at_once_and_one_that_is_
     assert texts(mission(AT_HOME, given_up, still_open)) == [
         "Send people to search zone_b (after attempt 2): abandoned"
     ]
-    assert "Send people to search zone_c: open" in texts(mission(AT_HOME, given_up, still_open, end=0))
+    assert "Send people to search zone_c: not reached" in texts(mission(AT_HOME, given_up, still_open, end=0))
 
 
 def test_places_of_one_state_are_one_task_with_at_most_five_names():

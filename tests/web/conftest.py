@@ -135,9 +135,9 @@ class Patrol:
 class Live:
     """A run that a test is: a journal that nobody keeps, and its page."""
 
-    def __init__(self, orders=None, verbs=(), port=0, tools=None, journal=""):
+    def __init__(self, orders=None, verbs=(), port=0, tools=None, journal="", kinds=KINDS):
         self.journal = Journal()
-        self.journal.attach(Patrol(), KINDS)
+        self.journal.attach(Patrol(), kinds)
         self.verbs = list(verbs)
         hello: dict[str, object] = {"verbs": [self.verbs], "tools": [*(tools or ())]}
         names = lambda: {"verbs": [[verb["name"] for verb in self.verbs]]}  # noqa: E731

@@ -34,7 +34,7 @@ const orders = document.getElementById('orders');
 return orders.hidden || Boolean(document.querySelector('.stop:enabled, .stop-all:enabled'));
 """
 """Whether the buttons are those of the condition: they come with the first beat."""
-TO_END = "const time = document.getElementById('time'); time.value = time.max; time.dispatchEvent(new Event('input'))"
+NEAR_END = "const time = document.getElementById('time'); time.value = time.max - 5; time.dispatchEvent(new Event('input'))"
 ZONES = {"zone_a": (-3.0, 3.0), "zone_b": (3.5, 3.0), "zone_c": (4.0, -3.0)}
 
 
@@ -68,10 +68,13 @@ class Robot:
     """A robot of a search that a test drives by hand."""
 
     def __init__(self, feed: LiveFeed, number: int, node: str, journal: Journal | None = None) -> None:
-        zones = [Zone(id=name, x=x, y=y, yaw=0.0) for name, (x, y) in ZONES.items()]
+        # The robots of a team search beside each other.
+        zones = [
+            Zone(id=name, x=x - 1.6 * number, y=y - 0.9 * number, yaw=0.0) for name, (x, y) in ZONES.items()
+        ]
         areas = {name: SearchExpectation(0.3, 0.8, 60.0) for name in ZONES}
         self.search = Search(
-            ZoneManager(zones, {"x": 0.0, "y": -4.0, "yaw": 0.0}, areas=areas), wanted_success=0.8
+            ZoneManager(zones, {"x": -1.6 * number, "y": -4.0, "yaw": 0.0}, areas=areas), wanted_success=0.8
         )
         self.feed, self.number, self.node, self.journal = feed, number, node, journal or Journal()
         self.journal.clock = self.clock = ManualClock(100.0)
@@ -99,8 +102,12 @@ class Robot:
         self.search.zones.select_next_zone()
         record.zone_started("zone_b")
         journal.record_event(GOAL_SENT, action="/navigate_to_pose", goal="ab" * 16)
-        journal.record_observation("pose", x=1.0, y=2.0, yaw=0.4)
-        journal.record_observation("plan", frame="map", points=[[1.0, 2.0], [2.0, 2.5], [3.5, 3.0]])
+        self.clock.advance(25.0)
+        x, y = -1.6 * self.number, -0.9 * self.number
+        journal.record_observation("pose", x=x + 1.0, y=y + 2.0, yaw=0.4)
+        journal.record_observation(
+            "plan", frame="map", points=[[x + 1.0, y + 2.0], [x + 2.0, y + 2.5], [x + 3.5, y + 3.0]]
+        )
         journal.record_observation("progress", target="zone_b", distance=2.7, time_left=4.0)
 
     def find(self) -> None:
@@ -112,6 +119,12 @@ class Robot:
         """Give a command as an operator does."""
         with self.journal.ordered_by(CommandAuthor("Ann (page, 127.0.0.1)", "smoke")):
             self.search.orders.record(name)
+
+    def come_home(self) -> None:
+        """Reach the base station."""
+        self.clock.advance(30.0)
+        self.journal.watch("pose", x=0.0, y=-4.0, yaw=0.0)
+        self.search.record.base_reached()
 
     def end(self, status: int, reason: str) -> None:
         """End the run where its goals have ended."""
@@ -127,7 +140,7 @@ class Robot:
             else:
                 self.search.record.zone_searched(zone, None)
                 self.search.zones.select_next_zone()
-        self.search.record.base_reached()
+        self.come_home()
         self.end(1 if left else 0, "No zone is left." if left else "Mission complete.")
 
 
@@ -143,6 +156,8 @@ def run_low(robot: Robot) -> None:
     robot.search.record.record_alarm("the battery is at 15 %, below 20 %")
     for _ in range(2):
         robot.search.zones.abandon("the battery is low")
+    robot.journal.watch("plan", frame="map", points=[[1.0, 2.0], [-4.5, 1.5], [0.0, -4.0]])
+    robot.journal.watch("progress", target="base station", distance=12.1, time_left=30.0)
 
 
 def complete(robot: Robot) -> None:
@@ -157,7 +172,7 @@ def abort(robot: Robot) -> None:
 
 def call_home(robot: Robot) -> None:
     robot.command("go_home")
-    robot.search.record.base_reached()
+    robot.come_home()
     robot.end(1, "zone_b and zone_c were not visited.")
 
 
@@ -228,9 +243,9 @@ def staged(name: str) -> Iterator[PageServer]:
     names = [verb["name"] for verb in verbs]
     hello = {"robots": robots, "verbs": [verbs for _ in robots]}
     places = [Path("/robot/search_and_rescue.journal") for _ in robots]
-    feed = LiveFeed(hello, lambda: {"verbs": [names for _ in robots]}, len(robots), places)
     tools = {"report": PageQuery(lambda _: ""), "entries": PageQuery(lambda _: [])}
     hello["tools"] = [*tools]
+    feed = LiveFeed(hello, lambda: {"verbs": [names for _ in robots]}, len(robots), places)
     server = PageServer(feed, 0, Deaf(), tools)
     server.start()
     try:
@@ -250,6 +265,8 @@ def _recorded(path: Path) -> Iterator[PageServer]:
     robot = Robot(LiveFeed({}, dict), 0, "/search_and_rescue", journal)
     robot.begin()
     CONDITIONS["replay"][0](robot)
+    robot.clock.advance(20.0)
+    robot.journal.watch("pose", x=2.4, y=2.4, yaw=0.4)
     journal.close()
     server = PageServer(ReplayFeed(Replay([path]), {"robots": ["search_and_rescue"]}), 0)
     server.start()
@@ -260,11 +277,11 @@ def _recorded(path: Path) -> Iterator[PageServer]:
 
 
 def show(browser: Browser, server: PageServer, name: str, width: int) -> None:
-    """Open the page of a condition, in a replay at its end."""
+    """Open the page of a condition, in a replay near its end."""
     browser.size(width, WIDTHS[width])
     browser.open(server.url)
     if name == "replay":
-        browser.js(TO_END)
+        browser.js(NEAR_END)
         browser.wait_for("#places", "survivor_1")
     browser.wait(lambda: browser.js(SETTLED), "the buttons")
 

@@ -362,7 +362,11 @@ def test_the_mission_is_a_line_with_what_was_reached_and_what_came_last(patrol, 
     assert second == pytest.approx(2 * first, abs=0.1)
 
 
-def test_a_detection_is_reviewed_by_the_buttons_of_its_row(skipping, crew, browser):
+def test_a_detection_is_reviewed_by_the_buttons_of_its_row(live, crew, browser):
+    kinds = [kind._replace(review="review") if kind.is_found else kind for kind in KINDS]
+    run = live(orders=crew, verbs=[*VERBS, REVIEW], kinds=kinds).begin()
+    run.journal.note("found", name="find_1", x=-2.0, y=2.25)
+    browser.open(run.server.url)
     browser.wait_for("#places .verdicts button", "a find")
     browser.click("#places .verdicts button")
     chosen = "return [...document.querySelectorAll('#ask select')].map((each) => each.value)"

@@ -16,7 +16,7 @@ export class MissionLine {
   constructor(place, look) {
     Object.assign(this, { place, look });
     this.past = html("i");
-    this.now = html("b", {}, "➤");
+    this.now = html("b", {}, "▾");
     this.marks = html("span");
     this.track = html("div", { role: "img" }, this.past, this.marks, this.now);
     this.words = html("p");

@@ -63,11 +63,13 @@ function show() {
   say(at("mission"), `${stream.isTeam ? `${stream.names[stream.chosen]}: ` : ""}${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
   const open = stream.runs.reduce((sum, each) => sum + each.tasks.length, 0);
   document.title = `${stream.isReplay ? "replay: " : ""}${open ? `(${open}) ` : ""}${condition.word}: ${mission}`;
-  if (stream.isReplay) say(at("replaying"), `REPLAY of ${beginning(run)}`);
-  say(at("drive"), whereabouts(stream, run));
-  showTimes(at("times"), stream, run);
+  if (stream.isReplay) say(at("began"), ` of ${beginning(run)}`);
+  // The band is about one robot.
+  const shown = stream.runs[condition.index];
+  say(at("drive"), whereabouts(stream, shown));
+  showTimes(at("times"), stream, shown);
+  showGauges(at("gauges"), shown);
   showFigures(at("figures"), run);
-  showGauges(at("gauges"), run);
   map.show(stream);
   tasks.show(stream);
   alarms.show(stream);
@@ -87,7 +89,7 @@ function worstOf(stream) {
   const level = worst(["good", ...all.map((each) => each.level)]);
   const chosen = all[stream.chosen];
   const index = all.findIndex((each) => each.level === level);
-  return index < 0 || level === "good" || chosen.level === level ? chosen : { ...all[index], word: `${stream.names[index]}: ${all[index].word}` };
+  return index < 0 || level === "good" || chosen.level === level ? { ...chosen, index: stream.chosen } : { ...all[index], index, word: `${stream.names[index]}: ${all[index].word}` };
 }
 
 /** Have the icon of the tab in the colour of the state. */

@@ -16,8 +16,8 @@ export function showTimes(place, stream, run) {
   const { estimate, time, run: { number } } = run;
   const ended = !isMoving(stream, run);
   const left = ended || estimate.end == null || estimate.end < time ? null : estimate.end - time;
-  const rows = [
-    ["time", number ? `${clock(time)}${number > 1 ? `, run ${number}` : ""}` : "–"],
+  const rows = !number ? [] : [
+    ["time", `${clock(time)}${number > 1 ? `, run ${number}` : ""}`],
     ...(ended ? [] : [["to go", left == null ? "–" : `about ${clock(left)}`]]),
     ...(estimate.limit ? [["limit", clock(estimate.limit), !ended && left != null && time + left > estimate.limit]] : []),
   ];
@@ -124,7 +124,7 @@ export class TasksView {
       return item;
     });
     const list = items.length ? items : [html("li", { class: "nothing" }, nothingToDo(run))];
-    const recorded = isReplay ? [html("li", { class: "nothing" }, html("b", {}, "This is a recording"), ` of ${beginning(run)}. Nothing of it happens now.`)] : [];
+    const recorded = isReplay ? [html("li", { class: "nothing" }, html("b", {}, "This is a recording"), ` of ${beginning(run)}. Nothing of it happens now.${items.length ? " To do at that time:" : ""}`)] : [];
     this.place.querySelector("ul").replaceChildren(...recorded, ...(isReplay && !items.length ? [] : list), ...awaited(run));
   }
 }

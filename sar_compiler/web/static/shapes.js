@@ -59,11 +59,12 @@ export function badge(status, former = false) {
 }
 
 // The names of the colours of a team's robots.
-const HUES = ["robot", "trail", "success", "skipped"];
+const HUES = ["trail", "success", "skipped"];
 
-/** Return the colour of a robot by its index. */
+/** Return the colour of a robot by its index; empty for the usual one. */
 export function hue(index) {
-  return `var(--${HUES[index % HUES.length]})`;
+  const name = HUES[(index % (HUES.length + 1)) - 1];
+  return name ? `var(--${name})` : "";
 }
 
 /** The meanings of the status signs. */

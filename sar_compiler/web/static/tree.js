@@ -76,7 +76,7 @@ function show() {
   showCondition(at("condition"), conditionOf(stream, run));
   document.body.classList.toggle("stale", isStale(stream, run));
   at("replaying").hidden = !stream.isReplay;
-  if (stream.isReplay) say(at("replaying"), `REPLAY of ${beginning(run)}`);
+  if (stream.isReplay) say(at("began"), ` of ${beginning(run)}`);
   orders.show();
   if (!stream.isTold) return;
   const { number, mission = "mission", is_simulated: isSimulated, node = "" } = run.run;
