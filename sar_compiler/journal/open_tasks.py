@@ -123,10 +123,14 @@ def _alarm_tasks(state: MissionState) -> Iterator[OpenTask]:
 def _gauge_tasks(state: MissionState) -> Iterator[OpenTask]:
     if _is_over(state):
         return
+    target = "" if state.drive is None else state.drive.target
+    landmarks = state.situation.landmarks.values()
+    is_coming = any(each.name == target and state.situation.kind_of(each).is_end for each in landmarks)
+    do = f"Expect the robot at {target}" if is_coming else "Call the robot back"
     for gauge in state.gauges:
         if gauge.least is not None and gauge.value < gauge.least:
             limit = f"{gauge.least:g} {gauge.unit}".strip()
-            yield OpenTask(WARNING, f"Call the robot back: {gauge.text}, below the limit of {limit}")
+            yield OpenTask(WARNING, f"{do}: {gauge.text}, below the limit of {limit}")
 
 
 def _detection_tasks(state: MissionState) -> Iterator[OpenTask]:

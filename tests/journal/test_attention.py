@@ -12,7 +12,7 @@ from sar_compiler.journal.display import (
     Level,
     MissionPhase,
 )
-from sar_compiler.journal.journal_entries import GOAL_SENT, LACKS, RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.journal_entries import GOAL_SENT, LACKS, PROGRESS, RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.journal.open_tasks import find_open_tasks, severity
 from sar_compiler.journal.status_line import condition
@@ -158,6 +158,13 @@ def test_a_battery_below_its_limit_calls_the_robot_home_while_the_run_lasts():
     assert texts(mission(gauges=(gauge,))) == ["Call the robot back: battery 19 %, below the limit of 20 %"]
     assert texts(mission(gauges=(gauge._replace(value=20.0),))) == []
     assert texts(mission(AT_HOME, gauges=(gauge,), end=0)) == []
+
+
+def test_of_a_robot_that_comes_home_it_is_said_that_it_comes():
+    state = mission(AWAY, gauges=(Gauge("battery", 19.0, "%", 20.0),))
+    progress = {"target": "base", "distance": 4.0, "time_left": None}
+    state.take(JournalEntry(4, 1, 3.0, 3.0, PROGRESS, progress))
+    assert texts(state) == ["Expect the robot at base: battery 19 %, below the limit of 20 %"]
 
 
 def test_a_pause_is_ended_by_the_command_of_that_role():

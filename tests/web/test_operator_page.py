@@ -513,7 +513,7 @@ def test_a_crashed_robot_has_no_commands_and_looks_so_in_its_card_and_on_the_map
     team.feed.set_process(RunProcess(is_gone=True), 0)
     browser.wait_for("#robots button", "crashed")
     assert "2.5 m" not in browser.text("#robots button")
-    assert browser.text("#drive") == ""
+    assert browser.text("#drive") == "last seen 2.2 m from dock"
     browser.wait(lambda: browser.js(ENABLED) == ["STOP ALL"], "no commands to robot1")
     assert browser.js("return document.querySelectorAll('#robots .stale, #map .robot.stale').length") == 2
     browser.click(ALL)

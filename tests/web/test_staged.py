@@ -24,9 +24,9 @@ while (walker.nextNode()) if (walker.currentNode.data.trim() && walker.currentNo
 return [...sizes];
 """
 MOST_SIZES = 4
-FIRST_TASK = "return document.querySelector('#tasks li').getBoundingClientRect().bottom"
+FIRST_TASK = "return document.querySelector('#tasks li > span, #tasks .nothing').getBoundingClientRect().bottom"
 SEEN_FIRST = 200
-"""State and first task are within so many pixels from the top."""
+"""State, and the text of the first task, are within so many pixels from the top."""
 BAND, PHONE_SHARE = 64, 0.3
 """Height of the band on a desk, pixels, and the share of a phone for header, band and STOP."""
 

@@ -10,8 +10,8 @@ const ARROW = "M15 0 L-10 10 L-5 0 L-10 -10 Z";
 const SIDES = [[0, 1], [1, 0], [0, -1], [-1, 0], [0.8, 1], [-0.8, 1], [0.8, -1], [-0.8, -1]];
 const AWAY = [0, 26];
 const [RADIUS, HEIGHT, FONT] = [13, 16, "600 13px system-ui, 'DejaVu Sans', sans-serif"];
-// The cost of a label that seems to belong to another mark: more than of one that covers anything.
-const MISTAKEN = 10000;
+// The cost of a label that another mark is nearer to, which then needs a line to its own, in square pixels that a label may cover instead.
+const MISTAKEN = 300;
 // Maximum distance in pixels at which a click on the first corner closes an outline.
 const [CLOSING, LEAST_CORNERS] = [9, 3];
 const STEPS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
