@@ -52,6 +52,30 @@ def test_no_label_of_the_page_is_hidden(live, browser, width):
     assert browser.js(HIDDEN, "#map") == []
 
 
+NEARER = """
+const centre = (box) => [(box.left + box.right) / 2, (box.top + box.bottom) / 2];
+const marks = [...document.querySelectorAll('#map .mark')].map((each) => [each.querySelector('title').textContent.split(':')[0], centre(each.querySelector('path').getBoundingClientRect())]);
+const labels = [...document.querySelectorAll('#map .label')].map((each) => [each.textContent, each.getBoundingClientRect(), each.previousElementSibling?.matches('.leader')]);
+const away = (box, [x, y]) => Math.hypot(Math.max(box.left - x, 0, x - box.right), Math.max(box.top - y, 0, y - box.bottom));
+const least = (values) => Math.min(...values);
+return labels.filter(([name, box, isLed]) => !isLed && least(marks.filter(([each]) => each === name).map(([, at]) => away(box, at))) > 2 + least(marks.map(([, at]) => away(box, at)))).map(([name]) => name);
+"""
+"""The labels without a line to their mark that lie nearer to another one."""
+
+
+@pytest.mark.parametrize("width", [400, 1600])
+def test_a_label_lies_nearest_to_its_own_mark_or_is_connected_to_it(live, browser, width):
+    run = live().begin()
+    for number in range(9):
+        x, y = -1.0 + 0.7 * (number % 3), 1.0 + 0.7 * (number // 3)
+        run.journal.note("point_added", point=f"a point in a crowd {number}", x=x, y=y)
+    browser.size(width, 800)
+    browser.open(run.server.url)
+    browser.wait_for("#map", "a point in a crowd 8")
+    assert browser.js(NEARER) == []
+    assert browser.js("return document.querySelectorAll('#map .leader').length") > 0
+
+
 A4 = (688, 1001)
 """What is within the margins of a sheet, pixels: 182 by 265 mm."""
 MOST_SHEETS = 2

@@ -24,7 +24,9 @@ while (walker.nextNode()) if (walker.currentNode.data.trim() && walker.currentNo
 return [...sizes];
 """
 MOST_SIZES = 4
-FIRST_TASK = "return document.querySelector('#tasks li > span, #tasks .nothing').getBoundingClientRect().bottom"
+FIRST_TASK = (
+    "return document.querySelector('#tasks li > span, #tasks .nothing').getBoundingClientRect().bottom"
+)
 SEEN_FIRST = 200
 """State, and the text of the first task, are within so many pixels from the top."""
 BAND, PHONE_SHARE = 64, 0.3
