@@ -12,7 +12,14 @@ from sar_compiler.journal.display import (
     Level,
     MissionPhase,
 )
-from sar_compiler.journal.journal_entries import GOAL_SENT, LACKS, PROGRESS, RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.journal_entries import (
+    GOAL_SENT,
+    LACKS,
+    PROGRESS,
+    RUN_BEGAN,
+    RUN_ENDED,
+    JournalEntry,
+)
 from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.journal.open_tasks import find_open_tasks, severity
 from sar_compiler.journal.status_line import condition
