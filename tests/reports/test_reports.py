@@ -556,7 +556,7 @@ class TestThePage:
             "Go to survivor_1 at 48.2000000, 16.3713452 (not confirmed)",
             "Fetch the robot: it has not reached base station",
             "Send people to search zone_b (after attempt 2): abandoned",
-            "Send people to search zone_c: open",
+            "Send people to search zone_c: not reached",
         ]
 
     def test_who_was_confirmed_is_gone_to_as_such_and_who_was_rejected_is_not(self):
