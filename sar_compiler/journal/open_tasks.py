@@ -3,7 +3,7 @@
 They are computed once, beside the status line, so that page, terminal and reports never disagree. Green means that there are none.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from sar_compiler.journal.display import Landmark, Level
@@ -27,7 +27,7 @@ _SEVERITY = (QUIET, GOOD, WARNING, ERROR)
 _ALARM_IS_ERROR = 40
 _STOP_BUTTON = "Press the stop button on the robot: it may still be driving"
 # The words for places that the mission has not finished.
-_LEFT = {Level.TO_COME: "not reached", Level.IN_HAND: "not finished"}
+_LEFT: Mapping[int, str] = {Level.TO_COME: "not reached", Level.IN_HAND: "not finished"}
 # A longer list of names is cut, and its length is given.
 _MOST_NAMES = 5
 

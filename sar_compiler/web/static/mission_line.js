@@ -34,7 +34,8 @@ export class MissionLine {
     this.past.style.width = this.now.style.left = now;
     if (this.log !== run.log || this.version !== run.version || this.alarms !== run.alarms) {
       Object.assign(this, { log: run.log, version: run.version, alarms: run.alarms, reached: reached(run) });
-    }
+    } else if (this.shown === `${Math.floor(run.time)} ${Math.floor(length)}`) return;
+    this.shown = `${Math.floor(run.time)} ${Math.floor(length)}`;
     const found = apart(this.reached.map((each) => ({ ...each, at: share(each.time) })));
     const key = found.map(({ at, name, text, landmark }) => `${at.toFixed(3)} ${name} ${text} ${landmark?.level} ${landmark?.is_certain}`).join("\n");
     if (key !== this.key) this.marks.replaceChildren(...found.map((each) => this.mark(run, each)));
