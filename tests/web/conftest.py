@@ -140,8 +140,11 @@ class Live:
         self.journal.attach(Patrol(), kinds)
         self.verbs = list(verbs)
         hello: dict[str, object] = {"verbs": [self.verbs], "tools": [*(tools or ())]}
-        names = lambda: {"verbs": [[verb["name"] for verb in self.verbs]]}  # noqa: E731
-        self.feed = LiveFeed(hello, names, journals=[journal] if journal else [])
+        self.feed = LiveFeed(
+            hello,
+            lambda: {"verbs": [[verb["name"] for verb in self.verbs]]},
+            journals=[journal] if journal else [],
+        )
         self.journal.add_listener(self.feed.add_entry)
         self.server = PageServer(self.feed, port, orders, tools)
         self.server.start()

@@ -45,7 +45,9 @@ export class LanesView {
     this.drawnAt = performance.now();
     const { lanes, nodes } = this.run;
     const [from, to] = this.shown;
-    this.leaves = [...new Set(lanes.map(([, id]) => id))].filter((id) => nodes[id]).sort((one, other) => one - other).slice(0, MOST_LANES);
+    // First the leaves that take time, then those that are done at once, each in the order of the tree.
+    const lasting = new Set(lanes.filter(([, , status]) => status === "RUNNING").map(([, id]) => id));
+    this.leaves = [...new Set(lanes.map(([, id]) => id))].filter((id) => nodes[id]).sort((one, other) => lasting.has(other) - lasting.has(one) || one - other).slice(0, MOST_LANES);
     const size = [width, Math.max(height - 4, this.leaves.length * LANE + AXIS)];
     if (this.canvas.width !== size[0] || this.canvas.height !== size[1]) [this.canvas.width, this.canvas.height] = size;
     const colour = (name) => getComputedStyle(this.place).getPropertyValue(`--${name}`).trim();

@@ -68,7 +68,8 @@ function reached(run) {
   return [...places, ...alarms].sort((one, other) => one.time - other.time);
 }
 
-/** Leave out the marks that would lie on the one before. */
+/** Leave out the marks that would lie on the one before, and look like it. */
 function apart(marks) {
-  return marks.filter(({ at }, index) => !index || at - marks[index - 1].at >= APART || marks[index].landmark?.level !== marks[index - 1].landmark?.level);
+  const look = ({ landmark }) => `${landmark?.kind} ${landmark?.level}`;
+  return marks.filter((each, index) => !index || each.at - marks[index - 1].at >= APART || look(each) !== look(marks[index - 1]));
 }
