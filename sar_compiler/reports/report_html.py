@@ -185,7 +185,7 @@ def next_steps(state: MissionState) -> Iterator[str]:
 
 def limits(state: MissionState) -> Iterator[str]:
     """Yield what the readers of the report cannot rely on."""
-    found = [each for each in state.situation.found() if each.level != Level.GIVEN_UP]
+    found = [each for each in state.situation.detections() if each.level != Level.GIVEN_UP]
     if unsure := [each.name for each in found if not each.is_certain]:
         yield f"No person has confirmed {', '.join(unsure)}"
     for figure in state.situation.figures.values():

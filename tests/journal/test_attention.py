@@ -75,14 +75,14 @@ def test_a_run_that_waits_for_its_start_asks_for_what_is_missing_and_is_not_gree
     assert (severity(state), condition(state).reason) == ("warning", "waiting for navigation")
     state.awaited = [AwaitedItem("navigation"), AwaitedItem("clock")]
     assert (texts(state), severity(state)) == ([], "quiet")
-    state.take(JournalEntry(1, 1, 0.0, 0.0, RUN_BEGAN, {"run": {"node": "/search"}}))
+    state.apply(JournalEntry(1, 1, 0.0, 0.0, RUN_BEGAN, {"run": {"node": "/search"}}))
     assert not state.awaited
 
 
 @pytest.mark.parametrize(("ending", "words"), [("stopped", "was stopped"), ("failed", "has failed")])
 def test_an_interrupted_mission_is_resumed_or_its_robot_fetched(ending, words):
     state = mission(AWAY)
-    state.take(JournalEntry(3, 1, 2.0, 2.0, RUN_ENDED, {"ending": ending, "status": 1, "reason": ""}))
+    state.apply(JournalEntry(3, 1, 2.0, 2.0, RUN_ENDED, {"ending": ending, "status": 1, "reason": ""}))
     assert texts(state)[0] == f"Have the mission resumed, or fetch the robot: its program {words}"
 
 
@@ -170,7 +170,7 @@ def test_a_battery_below_its_limit_calls_the_robot_home_while_the_run_lasts():
 def test_of_a_robot_that_comes_home_it_is_said_that_it_comes():
     state = mission(AWAY, gauges=(Gauge("battery", 19.0, "%", 20.0),))
     progress = {"target": "base", "distance": 4.0, "time_left": None}
-    state.take(JournalEntry(4, 1, 3.0, 3.0, PROGRESS, progress))
+    state.apply(JournalEntry(4, 1, 3.0, 3.0, PROGRESS, progress))
     assert texts(state) == ["Expect the robot at base: battery 19 %, below the limit of 20 %"]
 
 

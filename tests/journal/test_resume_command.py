@@ -13,9 +13,9 @@ def mission(words, *, ending="", is_gone=False):
     """Return the state of a mission that was started by a command line, and that has ended if an ending is given."""
     state = MissionState()
     about = {"node": "/patrol"} if words is None else {"node": "/patrol", "command": words}
-    state.take(JournalEntry(1, 1, 0.0, 0.0, RUN_BEGAN, {"run": about}))
+    state.apply(JournalEntry(1, 1, 0.0, 0.0, RUN_BEGAN, {"run": about}))
     if ending:
-        state.take(JournalEntry(2, 1, 1.0, 1.0, RUN_ENDED, {"ending": ending, "status": 1, "reason": ""}))
+        state.apply(JournalEntry(2, 1, 1.0, 1.0, RUN_ENDED, {"ending": ending, "status": 1, "reason": ""}))
     state.process = RunProcess(is_gone=is_gone)
     return state
 

@@ -123,7 +123,7 @@ class Robot:
     def come_home(self) -> None:
         """Reach the base station."""
         self.clock.advance(30.0)
-        self.journal.watch("pose", x=0.0, y=-4.0, yaw=0.0)
+        self.journal.record_observation("pose", x=0.0, y=-4.0, yaw=0.0)
         self.search.record.base_reached()
 
     def end(self, status: int, reason: str) -> None:
@@ -156,8 +156,8 @@ def run_low(robot: Robot) -> None:
     robot.search.record.record_alarm("the battery is at 15 %, below 20 %")
     for _ in range(2):
         robot.search.zones.abandon("the battery is low")
-    robot.journal.watch("plan", frame="map", points=[[1.0, 2.0], [-4.5, 1.5], [0.0, -4.0]])
-    robot.journal.watch("progress", target="base station", distance=12.1, time_left=30.0)
+    robot.journal.record_observation("plan", frame="map", points=[[1.0, 2.0], [-4.5, 1.5], [0.0, -4.0]])
+    robot.journal.record_observation("progress", target="base station", distance=12.1, time_left=30.0)
 
 
 def complete(robot: Robot) -> None:
@@ -188,8 +188,8 @@ def wait_for_start(robot: Robot) -> None:
 
 
 def stop(robot: Robot) -> None:
-    robot.journal.watch(GOAL_ENDED, goal="ab" * 16, status=5)
-    robot.journal.end(Ending.STOPPED, 130, "")
+    robot.journal.record_observation(GOAL_ENDED, goal="ab" * 16, status=5)
+    robot.journal.end_run(Ending.STOPPED, 130, "")
 
 
 def wait_for_nav2(robot: Robot) -> None:
@@ -266,7 +266,7 @@ def _recorded(path: Path) -> Iterator[PageServer]:
     robot.begin()
     CONDITIONS["replay"][0](robot)
     robot.clock.advance(20.0)
-    robot.journal.watch("pose", x=2.4, y=2.4, yaw=0.4)
+    robot.journal.record_observation("pose", x=2.4, y=2.4, yaw=0.4)
     journal.close()
     server = PageServer(ReplayFeed(Replay([path]), {"robots": ["search_and_rescue"]}), 0)
     server.start()

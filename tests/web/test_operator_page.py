@@ -324,7 +324,7 @@ MARKED = "return [...document.querySelectorAll('.looked-at')].map((each) => each
 
 
 def test_a_name_in_a_line_of_the_log_shows_its_place_everywhere(patrol, browser):
-    patrol.journal.note("point_reached", point="north")
+    patrol.journal.record_event("point_reached", point="north")
     browser.wait_for("#log .link", "north")
     browser.click("#log .link")
     assert browser.js(MARKED) == ["log", "map", "places"]
@@ -332,7 +332,7 @@ def test_a_name_in_a_line_of_the_log_shows_its_place_everywhere(patrol, browser)
 
 
 def test_a_mark_on_the_map_shows_its_row_and_its_lines(patrol, browser):
-    patrol.journal.note("point_reached", point="north")
+    patrol.journal.record_event("point_reached", point="north")
     browser.wait_for("#log .link", "north")
     browser.js(
         "document.querySelector('#map .mark.done').dispatchEvent(new MouseEvent('click', { bubbles: true }))"
@@ -341,9 +341,9 @@ def test_a_mark_on_the_map_shows_its_row_and_its_lines(patrol, browser):
 
 
 def test_each_name_in_a_task_and_in_an_alarm_leads_to_its_place(patrol, browser):
-    patrol.journal.note("point_reached", point="north", level="GIVEN_UP")
-    patrol.journal.note("point_reached", point="east", level="GIVEN_UP", state="visited")
-    patrol.journal.note("alarmed", text="no water at east")
+    patrol.journal.record_event("point_reached", point="north", level="GIVEN_UP")
+    patrol.journal.record_event("point_reached", point="east", level="GIVEN_UP", state="visited")
+    patrol.journal.record_event("alarmed", text="no water at east")
     names = "return [...document.querySelectorAll(`${arguments[0]} .link`)].map((each) => each.textContent)"
     browser.wait(lambda: browser.js(names, "#tasks") == ["north", "east"], "the names of the tasks")
     browser.wait(lambda: browser.js(names, "#alarms") == ["east"], "the name in the alarm")
@@ -351,9 +351,9 @@ def test_each_name_in_a_task_and_in_an_alarm_leads_to_its_place(patrol, browser)
 
 def test_the_mission_is_a_line_with_what_was_reached_and_what_came_last(patrol, browser):
     patrol.journal.clock.advance(30.0)
-    patrol.journal.note("point_reached", point="north")
+    patrol.journal.record_event("point_reached", point="north")
     patrol.journal.clock.advance(30.0)
-    patrol.journal.note("alarmed", text="no water")
+    patrol.journal.record_event("alarmed", text="no water")
     browser.wait_for("#line p", "last: 1:00 alarmed")
     label = browser.js("return document.querySelector('#line [role=img]').getAttribute('aria-label')")
     assert label == "The mission until 1:00: 0:30 north visited, 1:00 no water"
@@ -365,7 +365,7 @@ def test_the_mission_is_a_line_with_what_was_reached_and_what_came_last(patrol, 
 def test_a_detection_is_reviewed_by_the_buttons_of_its_row(live, crew, browser):
     kinds = [kind._replace(review="review") if kind.is_found else kind for kind in KINDS]
     run = live(orders=crew, verbs=[*VERBS, REVIEW], kinds=kinds).begin()
-    run.journal.note("found", name="find_1", x=-2.0, y=2.25)
+    run.journal.record_event("found", name="find_1", x=-2.0, y=2.25)
     browser.open(run.server.url)
     browser.wait_for("#places .verdicts button", "a find")
     browser.click("#places .verdicts button")
@@ -397,7 +397,7 @@ def test_after_an_interruption_the_page_has_the_command_that_resumes(live, brows
     run.journal.begin(ABOUT, {"node": "/patrol", "command": ["patrol", "--view", "web"]})
     browser.open(run.server.url)
     assert browser.js("return document.getElementById('ending').hidden")
-    run.journal.end(Ending.STOPPED, 130)
+    run.journal.end_run(Ending.STOPPED, 130)
     browser.wait_for("#ending code", "sar-run --resume --journal /robot/patrol.journal patrol --view web")
 
 
@@ -406,7 +406,7 @@ def test_a_mission_that_is_over_offers_its_report_and_no_resumption(live, browse
         tools={"report": PageQuery(lambda _: ""), "entries": PageQuery(lambda _: [])}, journal="/a.journal"
     )
     run.journal.begin(ABOUT, {"node": "/patrol", "command": ["patrol"]})
-    run.journal.end(Ending.OVER, 1, "No point is left.")
+    run.journal.end_run(Ending.OVER, 1, "No point is left.")
     browser.open(run.server.url)
     browser.wait_for("#ending", "A new run starts a new mission.")
     assert browser.js("return document.querySelector('#ending a').getAttribute('href')") == "report?robot=0"

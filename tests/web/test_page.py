@@ -119,7 +119,7 @@ def test_the_page_of_a_failed_run_opens_at_the_cause_which_stays(live, browser):
     assert "Mission FAILURE  mission.xml:3" in browser.text("#why")
     browser.click("#why li:nth-child(1) button")
     assert browser.text("#details").startswith("nodeMission")
-    run.journal.watch("log", node="patrol", level=20, text="later")
+    run.journal.record_observation("log", node="patrol", level=20, text="later")
     browser.wait_for("#log", "later")
     assert browser.text("#details").startswith("nodeMission")
 

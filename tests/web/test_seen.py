@@ -68,7 +68,7 @@ def test_a_label_lies_nearest_to_its_own_mark_or_is_connected_to_it(live, browse
     run = live().begin()
     for number in range(9):
         x, y = -1.0 + 0.7 * (number % 3), 1.0 + 0.7 * (number // 3)
-        run.journal.note("point_added", point=f"a point in a crowd {number}", x=x, y=y)
+        run.journal.record_event("point_added", point=f"a point in a crowd {number}", x=x, y=y)
     browser.size(width, 800)
     browser.open(run.server.url)
     browser.wait_for("#map", "a point in a crowd 8")
