@@ -201,7 +201,7 @@ CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {
     "detection": (Robot.find, "warning", "Review survivor_1: is it a survivor?"),
     "reports refused": (refuse_reports, "error", "Report survivor_1 yourself"),
     "paused": (lambda robot: robot.command("pause"), "warning", "Resume the mission"),
-    "waiting": (wait_for_nav2, "warning", "Have the cause of the wait removed"),
+    "waiting": (wait_for_nav2, "warning", "Ask an engineer to end the wait"),
     "position lost": (lose_position, "error", "Check where the robot is"),
     "low battery": (run_low, "error", "Send people to search zone_b"),
     "aborted": (abort, "warning", "Fetch the robot"),
@@ -220,7 +220,7 @@ CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {
         "Press the stop button",
     ),
     "not begun": (wait_for_start, "warning", "Start on the robot, or wait for: navigation"),
-    "stopped": (stop, "warning", "Have the mission resumed, or fetch the robot"),
+    "stopped": (stop, "warning", "Ask an engineer to resume the mission, or fetch the robot"),
     "replay": (Robot.find, "warning", "This is a recording"),
     "team": (
         lambda robot: robot.feed.set_process(RunProcess(is_gone=True), robot.number),
