@@ -90,7 +90,9 @@ def _robot_tasks(state: MissionState) -> Iterator[OpenTask]:
         )
     elif run.ending in (Ending.STOPPED, Ending.FAILED):
         how = "was stopped" if run.ending == Ending.STOPPED else "has failed"
-        yield OpenTask(WARNING, f"Ask an engineer to resume the mission, or fetch the robot: its program {how}")
+        yield OpenTask(
+            WARNING, f"Ask an engineer to resume the mission, or fetch the robot: its program {how}"
+        )
     elif run.ending and run.status and (end := _missed_end(state)):
         yield OpenTask(WARNING, f"Fetch the robot: it has not reached {end.name}", *_position_text(end))
     elif now.word == PAUSED:

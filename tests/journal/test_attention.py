@@ -83,7 +83,9 @@ def test_a_run_that_waits_for_its_start_asks_for_what_is_missing_and_is_not_gree
 def test_an_interrupted_mission_is_resumed_or_its_robot_fetched(ending, words):
     state = mission(AWAY)
     state.apply(JournalEntry(3, 1, 2.0, 2.0, RUN_ENDED, {"ending": ending, "status": 1, "reason": ""}))
-    assert texts(state)[0] == f"Ask an engineer to resume the mission, or fetch the robot: its program {words}"
+    assert (
+        texts(state)[0] == f"Ask an engineer to resume the mission, or fetch the robot: its program {words}"
+    )
 
 
 def test_a_detection_is_reviewed_by_the_command_of_its_kind():
