@@ -85,7 +85,7 @@ class RunPage(RunExtension):
             **({"report": PageQuery(self._report)} if journal.is_kept else {}),
         }
         hello: dict[str, object] = {"robots": robots, "verbs": forms, "tools": [*tools]}
-        self._feed = feed = LiveFeed(hello, heartbeat, journals=[journal.place] if journal.is_kept else [])
+        self._feed = feed = LiveFeed(hello, heartbeat, journals=[journal.path] if journal.is_kept else [])
         for entry in journal.earlier():
             feed.add_entry(entry)
         # Separately: the page continues without an explanation.

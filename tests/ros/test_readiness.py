@@ -664,7 +664,7 @@ class TestNav2:
         class First(Requirement):
             title, line = "the first", "it is not there"
 
-            def missing(self) -> str | None:
+            def poll(self) -> str | None:
                 return self.line or None
 
         told: list[list[tuple[str, str]]] = []
