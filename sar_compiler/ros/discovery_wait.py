@@ -42,7 +42,7 @@ class DiscoveryWait:
         """Wait from now on for at least a share of the time, because a new subscription receives nothing at once."""
         self._over_at = max(self._over_at, time.monotonic() + share * self._settling_sec)
 
-    def is_over(self) -> bool:
+    def has_settled(self) -> bool:
         """Look for new nodes, and return whether the wait is over; discovery is slow on a busy machine."""
         now, names = time.monotonic(), node_names(self._node)
         if names - self._seen:

@@ -131,7 +131,7 @@ class RobotLease(Requirement):
         rival = self._rival()
         if rival is not None:
             raise AnotherMissionError(rival)
-        looks = self._subscriptions and not self._discovery.is_over()
+        looks = self._subscriptions and not self._discovery.has_settled()
         return "looking for another mission on this robot" if looks else None
 
     def run(self) -> None:
