@@ -40,13 +40,13 @@ class WatchedEvent(NamedTuple):
         time_sec: Its time, seconds since the run's start.
         tick: Its tick, from 1.
         number: The leaf's number.
-        deed: The event of the leaf, in a word.
+        action: The event of the leaf, in a word.
     """
 
     time_sec: float
     tick: int
     number: int
-    deed: str
+    action: str
 
 
 class AlarmCause(Enum):
@@ -250,17 +250,19 @@ class RuntimeMonitor:
         self._process_outcome(number, numbers, label or status)
         self._spending.restore(left)
 
-    def _process_outcome(self, number: int, numbers: Sequence[tuple[int, Outcome | None]], deed: str) -> None:
+    def _process_outcome(
+        self, number: int, numbers: Sequence[tuple[int, Outcome | None]], action: str
+    ) -> None:
         """Process a declared outcome, which may be one of several."""
         (event, outcome), excluded = numbers[0], None
         if len(numbers) > 1 or (outcome is not None and outcome.when):
             (event, outcome), excluded = self._possible(number, numbers)
-        self._add_event(number, deed, is_heard=event in self._hears)
+        self._add_event(number, action, is_heard=event in self._hears)
         if excluded is not None:
             self._report_assumption(number, *excluded)
         self._trail.add_event(event)
         if self._trail.broken:
-            self._report_violation(number, deed)
+            self._report_violation(number, action)
         if outcome is not None and outcome.then:
             self._change(self._leaves[number], outcome)
 
@@ -336,19 +338,19 @@ class RuntimeMonitor:
         except StubLeafError as error:
             self._cannot_judge(str(error))
 
-    def _add_event(self, number: int, deed: str, *, is_heard: bool = False) -> None:
-        if deed == STARTED and not is_heard:
+    def _add_event(self, number: int, action: str, *, is_heard: bool = False) -> None:
+        if action == STARTED and not is_heard:
             return
-        last, self._last[number] = self._last.get(number), (deed, self._tick)
-        if last not in ((deed, self._tick), (deed, self._tick - 1)):
+        last, self._last[number] = self._last.get(number), (action, self._tick)
+        if last not in ((action, self._tick), (action, self._tick - 1)):
             self._count += 1
-            event = WatchedEvent(self._clock(), self._tick, number, deed)
+            event = WatchedEvent(self._clock(), self._tick, number, action)
             (self._heard if is_heard else self._others).append((self._count, event))
 
-    def _report_violation(self, number: int, deed: str) -> None:
+    def _report_violation(self, number: int, action: str) -> None:
         broken, self._trail.broken = self._trail.broken, 0
         leaf = self._leaves[number]
-        word = "starts" if deed == STARTED else deed
+        word = "starts" if action == STARTED else action
         self._add_alarm(broken, f"{leaf.name} {word}", number, 0)
 
     def _add_alarm(self, broken: int, event: str, number: int | None, owed: int) -> None:

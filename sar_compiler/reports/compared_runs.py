@@ -170,7 +170,7 @@ def _run_data(compared: ComparedRun) -> dict[str, object]:
 
 
 def _with_run(data: dict[str, object]) -> dict[str, object]:
-    """Return data with the events of a run as in journals: time, tick, node, deed."""
+    """Return data with the events of a run as in journals: time, tick, node, action."""
     run = data["run"]
     assert isinstance(run, tuple)  # noqa: S101 - of events
     return {**data, "run": [[each.time_sec, each.tick, each.number, each.action] for each in run]}

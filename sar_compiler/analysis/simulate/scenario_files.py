@@ -194,16 +194,16 @@ def _facts(document: Document, value: Value, known: Mapping[str, Fact]) -> dict[
 
 
 def _event_patterns(value: Value | None, words: LeafVocabulary) -> tuple[EventPattern, ...]:
-    deeds = [] if value is None else [words.parse_event(item) for item in value.as_list]
-    return tuple(deed for deed in deeds if deed is not None)
+    patterns = [] if value is None else [words.parse_event(item) for item in value.as_list]
+    return tuple(pattern for pattern in patterns if pattern is not None)
 
 
 def _counts(value: Value, words: LeafVocabulary) -> tuple[tuple[EventPattern, Bounds], ...]:
     counts = []
     for key, inner in value.entries or ():
-        deed = words.parse_event(key)
-        if deed is not None:
-            counts.append((deed, _parse_bounds(inner.data)))
+        pattern = words.parse_event(key)
+        if pattern is not None:
+            counts.append((pattern, _parse_bounds(inner.data)))
     return tuple(counts)
 
 

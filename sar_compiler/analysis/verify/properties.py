@@ -617,9 +617,9 @@ class _PropertyParser:
             if absent is not None:
                 events.missing.append(absent)
                 continue
-            deed = self._words.parse_event(value)
-            if deed is not None:
-                events.numbers |= self._alphabet.matching_events(deed)
+            pattern = self._words.parse_event(value)
+            if pattern is not None:
+                events.numbers |= self._alphabet.matching_events(pattern)
         return events
 
     def _missing_leaf(self, text: str) -> str | None:
