@@ -107,7 +107,7 @@ def _changes_in(comparison: VerificationComparison, names: tuple[str, str], seco
     listed = ", ".join(
         f"{counts[change]} {change}" for change in (WORSE, BETTER, OTHER, SAME) if counts[change]
     )
-    yield f"{count_with_noun(len(answers), 'answer')}: {listed}; {seconds:.1f} s"
+    yield f"{count_with_noun(len(answers), 'outcome')}: {listed}; {seconds:.1f} s"
     width = max(len(answer.question) for answer in answers) + 2
     for answer in answers:
         line = f"  {answer.question + ':':{width}}{_answer_or_none(answer.now)}"
@@ -172,7 +172,7 @@ def _tally(verification: Verification) -> str:
         (len(verification.left_out), "left out"),
     ]
     listed = ", ".join(f"{count} {kind}" for count, kind in kinds if count)
-    return f"{count_with_noun(sum(count for count, _ in kinds), 'answer')}: {listed}"
+    return f"{count_with_noun(sum(count for count, _ in kinds), 'outcome')}: {listed}"
 
 
 def _verdict_text(verdict: Verdict) -> str:
