@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
+from sar_compiler.nodes.nav2.log_lines import NAV2_NODES
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import AWAKE, deadline_clock, deadline_timer
 from sar_compiler.ros.frame_sources import frame_sources
@@ -24,7 +25,6 @@ from sar_compiler.ros.leaves.goals import (
     goal_statuses_of,
 )
 from sar_compiler.ros.leaves.leaf import is_node_valid
-from sar_compiler.ros.lifecycle import NAV2_NODES
 from sar_compiler.ros.poses import estimated_pose
 from sar_compiler.ros.readiness import MOVED_M, SHADOW_SEC
 from sar_compiler.ros.robot_estimate import robot_estimate

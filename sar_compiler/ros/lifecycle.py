@@ -12,15 +12,6 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.task import Future
 
-NAV2_NODES = ("amcl", "bt_navigator")
-"""The lifecycle nodes of Nav2 that localise and navigate, by their relative names."""
-
-NAVIGATOR = NAV2_NODES[-1]
-"""The one of these whose actions drive the robot."""
-
-DRIVING_NODES = (*NAV2_NODES, "planner_server", "controller_server", "behavior_server")
-"""The nodes that a drive needs: while one is inactive or silent, a goal's end does not show if its position is reachable."""
-
 _ASK_PERIOD_SEC = 0.5
 # How long a new client may take to discover its server.
 _MEETING_SEC = 1.0
@@ -210,17 +201,3 @@ class LifecycleNodes:
         for state, nodes in by_state.items():
             names = ", ".join(name for name, _ in nodes)
             yield nodes[0][1] if len(nodes) == 1 else f"nodes {names}: state '{state}', must be 'active'"
-
-
-MANAGER = "lifecycle_manager_navigation"
-"""The lifecycle manager that brings Nav2 up."""
-BEFORE_NAVIGATOR = (
-    "controller_server",
-    "smoother_server",
-    "planner_server",
-    "route_server",
-    "behavior_server",
-    "velocity_smoother",
-    "collision_monitor",
-)
-"""The nodes that it activates before the navigator, in this order."""

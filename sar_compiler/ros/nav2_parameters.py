@@ -5,9 +5,9 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from sar_compiler.nodes.nav2.log_lines import NAVIGATOR
 from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.leaves.leaf import of_node
-from sar_compiler.ros.lifecycle import NAVIGATOR
 
 if TYPE_CHECKING:
     from rclpy.node import Node

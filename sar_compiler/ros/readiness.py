@@ -16,16 +16,12 @@ from std_srvs.srv import Trigger
 
 from sar_compiler.errors import SarError
 from sar_compiler.journal.display import AwaitedItem
+from sar_compiler.nodes.nav2.log_lines import BEFORE_NAVIGATOR, MANAGER, NAV2_NODES
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.frame_sources import frame_sources
 from sar_compiler.ros.graph_queries import Endpoint, ros_graph, with_full_name
-from sar_compiler.ros.lifecycle import (
-    BEFORE_NAVIGATOR,
-    MANAGER,
-    NAV2_NODES,
-    PolledService,
-)
+from sar_compiler.ros.lifecycle import PolledService
 from sar_compiler.ros.nav2_log import nav2_log
 from sar_compiler.ros.nav2_parameters import nav2_parameters
 from sar_compiler.ros.poses import estimated_pose

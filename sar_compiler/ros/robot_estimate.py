@@ -10,12 +10,13 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.missions.parameter_reader import SETTLE_SEC
+from sar_compiler.nodes.nav2.log_lines import DRIVING_NODES
 from sar_compiler.ros.clock import AWAKE, ClockedTime, Deadline, NodeTime, deadline_clock
 from sar_compiler.ros.frame_sources import child_frames, frame_sources
 from sar_compiler.ros.graph_queries import join_names, ros_graph
 from sar_compiler.ros.leaves.goals import active_goals_of
 from sar_compiler.ros.leaves.leaf import RosLeaf, of_node, qos_profile
-from sar_compiler.ros.lifecycle import DRIVING_NODES, LifecycleNodes, LifecycleState
+from sar_compiler.ros.lifecycle import LifecycleNodes, LifecycleState
 from sar_compiler.ros.message_values import (
     MAP_FRAME,
     PlanarPose,

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, cast
 
 from py_trees.common import Status
 
+from sar_compiler.nodes.nav2.log_lines import NAVIGATOR
 from sar_compiler.nodes.spec import MARK, Use
 from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.arrivals import Arrival, drives_to_pose, goal_destination
@@ -21,7 +22,7 @@ from sar_compiler.ros.leaves.goals import (
     describe_status,
     goal_statuses_of,
 )
-from sar_compiler.ros.lifecycle import NAVIGATOR, LifecycleNodes
+from sar_compiler.ros.lifecycle import LifecycleNodes
 from sar_compiler.ros.nav2_log import nav2_log
 from sar_compiler.ros.robot_estimate import RobotEstimate, Standstill, robot_estimate
 from sar_compiler.runtime.clock import clock_text

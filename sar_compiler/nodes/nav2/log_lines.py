@@ -1,0 +1,94 @@
+"""Nodes of Nav2, and which of the lines that they log explain a failure."""
+
+import re
+from collections.abc import Iterable
+from typing import NamedTuple
+
+NAV2_NODES = ("amcl", "bt_navigator")
+"""The lifecycle nodes of Nav2 that localise and navigate, by their relative names."""
+
+NAVIGATOR = NAV2_NODES[-1]
+"""The one of these whose actions drive the robot."""
+
+DRIVING_NODES = (*NAV2_NODES, "planner_server", "controller_server", "behavior_server")
+"""The nodes that a drive needs: while one is inactive or silent, a goal's end does not show if its position is reachable."""
+
+MANAGER = "lifecycle_manager_navigation"
+"""The lifecycle manager that brings Nav2 up."""
+BEFORE_NAVIGATOR = (
+    "controller_server",
+    "smoother_server",
+    "planner_server",
+    "route_server",
+    "behavior_server",
+    "velocity_smoother",
+    "collision_monitor",
+)
+"""The nodes that it activates before the navigator, in this order."""
+
+# Maximum number of quoted lines, and their maximum length.
+_QUOTED, _LONGEST = 2, 120
+
+# Phrases of Nav2 (1.1 to 1.5) that name a cause. Lines with one rank before all others, whichever node logs them: the
+# client of an action logs as `bt_navigator_navigate_to_pose_rclcpp_node`, a library as `tf_help`.
+_CAUSES = re.compile(
+    r"timed out while waiting for action server|server not available|is inactive|while inactive"
+    r"|transform data too old|transform timeout|timed out waiting for transform|(extrapolation|connectivity) error"
+    r"|no transform|to transform|pose is not available|no pose"
+    r"|failed to make progress|patience exceeded|collision|no valid"
+    r"|failed to (generate|plan)|is outside|lethal|is not a valid|which does not exist"
+    r"|open input xml|bt file not found|exception when loading bt|behavior tree threw",
+    re.IGNORECASE,
+)
+# Lines that occur without a failure: on a busy computer, and when a default is used.
+_SECONDARY = re.compile(
+    r"missed its desired rate|tick rate .* exceeded|No (goal|progress) checker was specified|No (planner|controller)s? (was )?specified"
+    r"|Received a preemption|will use only plugin"
+)
+# Lines that only report a failure without its cause, and one of each start.
+_EMPTY = re.compile(
+    r"Goal failed|Aborting handle|Error_code parameters were not set|\[ActionServer\]|Failed to change state|Aborting bringup|has been idle"
+)
+_LOGGERS = {*DRIVING_NODES, *BEFORE_NAVIGATOR, MANAGER, "local_costmap", "global_costmap", "tf_help"}
+
+
+class LoggedLine(NamedTuple):
+    """A line of the log.
+
+    Attributes:
+        at: The time of arrival, seconds.
+        who: The name of its logger, below the namespace.
+        text: Its text.
+        is_error: Whether it is an error, not a warning.
+    """
+
+    at: float
+    who: str
+    text: str
+    is_error: bool
+
+    @property
+    def rank(self) -> int | None:
+        """Its rank as an explanation of a failure, 0 for the best; None for other lines."""
+        if _EMPTY.search(self.text):
+            return None
+        if _SECONDARY.search(self.text):
+            return 3
+        if _CAUSES.search(self.text):
+            return 0
+        is_nav2 = any(self.who == name or self.who.startswith((f"{name}.", f"{name}_")) for name in _LOGGERS)
+        return 1 if is_nav2 else 2 if self.is_error else None
+
+
+def quote_lines(lines: Iterable[LoggedLine]) -> str:
+    """Return the lines that best explain a failure: `controller_server: "Failed to make progress"`; may be empty."""
+    ranked = [(rank, each) for each in lines if (rank := each.rank) is not None]
+    best = min((rank for rank, _ in ranked), default=None)
+    said = [f'{each.who}: "{_first_line(each.text)}"' for rank, each in ranked if rank == best]
+    return "; ".join(list(dict.fromkeys(said))[-_QUOTED:])
+
+
+def _first_line(text: str) -> str:
+    """Return the first line of a text, shortened."""
+    first = text.strip().partition("\n")[0]
+    return first if len(first) <= _LONGEST else f"{first[: _LONGEST - 1]}…"
