@@ -11,11 +11,15 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from sar_compiler.importing.recording import WORDS, Recording, UnusableRecordingError
+from sar_compiler.nodes.nav2.log_lines import LoggedLine
 from sar_compiler.opener import regular_file
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 _TYPE = "nav2_msgs/msg/BehaviorTreeLog"
-_MESSAGES = "SELECT data FROM messages JOIN topics ON messages.topic_id = topics.id WHERE topics.type = ? ORDER BY messages.timestamp"
+_LOG = "rcl_interfaces/msg/Log"
+_WARNING, _ERROR = 30, 40
+_MOST_LINES = 100_000
+_MESSAGES = "SELECT topics.type, data FROM messages JOIN topics ON messages.topic_id = topics.id WHERE topics.type IN (?, ?) ORDER BY messages.timestamp"
 _MOST_BYTES = 16 * 2**20
 
 
@@ -28,13 +32,13 @@ def read_mcap(path: Path) -> Recording:
     from mcap.exceptions import McapError
     from mcap.reader import NonSeekingReader
 
-    def messages(descriptor: int) -> Iterator[bytes]:
+    def messages(descriptor: int) -> Iterator[tuple[str, bytes]]:
         with os.fdopen(os.dup(descriptor), "rb") as stream:
             # In the order of the file, which a recorder that has crashed has left without an index.
             reader = NonSeekingReader(stream, record_size_limit=_MOST_BYTES)
             for schema, _, message in reader.iter_messages(log_time_order=False):
-                if schema is not None and schema.name == _TYPE:
-                    yield message.data
+                if schema is not None and schema.name in (_TYPE, _LOG):
+                    yield schema.name, message.data
 
     with regular_file(path) as descriptor:
         try:
@@ -50,14 +54,19 @@ def read_db3(connection: sqlite3.Connection) -> Recording:
         UnusableRecordingError: If it cannot be used.
         sqlite3.Error: If it is damaged.
     """
-    rows = connection.execute(_MESSAGES, (_TYPE,))
-    return _read((data for (data,) in rows if isinstance(data, bytes)), "rosbag2")
+    rows = connection.execute(_MESSAGES, (_TYPE, _LOG))
+    return _read(((kind, data) for kind, data in rows if isinstance(data, bytes)), "rosbag2")
 
 
-def _read(messages: Iterable[bytes], form: str) -> Recording:
-    reader = TreeLogReader(form)
-    for data in messages:
-        reader.add(data)
+def _read(messages: Iterable[tuple[str, bytes]], form: str) -> Recording:
+    reader, lines = TreeLogReader(form), list[LoggedLine]()
+    for kind, data in messages:
+        if kind == _TYPE:
+            reader.add(data)
+        elif len(lines) < _MOST_LINES and (line := _logged_line(data)) is not None:
+            lines.append(line)
+    began = reader.recording.began
+    reader.recording.lines = sorted(line._replace(at=line.at - began) for line in lines)
     if not reader.recording.times:
         raise UnusableRecordingError(f"it has no message of {_TYPE}. Record the topic behavior_tree_log")
     return reader.recording
@@ -94,30 +103,47 @@ class TreeLogReader:
             found.names.setdefault(uid, name)
 
 
-def _changes(data: bytes) -> Iterator[tuple[int, str, int, int]]:
-    """Yield the status changes in a message: time in microseconds since 1970, name, number and status."""
-    order = "<" if data[1] & 1 else ">"
-    at = 4
+class _Decoder:
+    """Reads the values of a message in CDR, one after the other."""
 
-    def number(form: str, size: int) -> int:
-        nonlocal at
-        at += -(at - 4) % size
-        (value,) = struct.unpack_from(order + form, data, at)
-        at += size
+    def __init__(self, data: bytes) -> None:
+        self._data, self._order, self._at = data, "<" if data[1] & 1 else ">", 4
+
+    def next_integer(self, form: str) -> int:
+        """Return an integer of a format of `struct`."""
+        size = struct.calcsize(form)
+        self._at += -(self._at - 4) % size
+        (value,) = struct.unpack_from(self._order + form, self._data, self._at)
+        self._at += size
         return int(value)
 
-    def cell_text() -> str:
-        nonlocal at
-        length = number("I", 4)
-        at += length
-        if at > len(data):
+    def next_string(self) -> str:
+        """Return a string."""
+        length = self.next_integer("I")
+        self._at += length
+        if self._at > len(self._data):
             raise ValueError("a string is longer than the message")
-        return data[at - length : at - 1].decode()
+        return self._data[self._at - length : self._at - 1].decode()
 
-    number("i", 4)
-    number("I", 4)
-    for _ in range(number("I", 4)):
-        time = number("i", 4) * 1_000_000 + number("I", 4) // 1000
-        name, uid = cell_text(), number("H", 2)
-        cell_text()
-        yield time, name, uid, WORDS.index(cell_text())
+
+def _changes(data: bytes) -> Iterator[tuple[int, str, int, int]]:
+    """Yield the status changes in a message: time in microseconds since 1970, name, number and status."""
+    values = _Decoder(data)
+    values.next_integer("i")
+    values.next_integer("I")
+    for _ in range(values.next_integer("I")):
+        time = values.next_integer("i") * 1_000_000 + values.next_integer("I") // 1000
+        name, uid = values.next_string(), values.next_integer("H")
+        values.next_string()
+        yield time, name, uid, WORDS.index(values.next_string())
+
+
+def _logged_line(data: bytes) -> LoggedLine | None:
+    """Return a warning or an error in a message of `/rosout`, with its time in seconds since 1970; None for other messages."""
+    try:
+        values = _Decoder(data)
+        time = values.next_integer("i") + values.next_integer("I") / 1e9
+        level, name, text = values.next_integer("B"), values.next_string(), values.next_string()
+    except (ValueError, struct.error, IndexError):
+        return None
+    return LoggedLine(time, name, text, level >= _ERROR) if level >= _WARNING else None

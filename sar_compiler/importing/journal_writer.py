@@ -1,5 +1,7 @@
 """Write the ticks of a recorded run to a journal."""
 
+import json
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
@@ -8,8 +10,12 @@ from sar_compiler.importing.recording import FAILURE, IDLE, RUNNING, SKIPPED, SU
 from sar_compiler.importing.ticks import RecordedTick, TickFinder, TickKind
 from sar_compiler.journal.journal_entries import STATUS, Ending, Row
 from sar_compiler.journal.spill_file import RunEnd
+from sar_compiler.nodes.nav2.log_lines import quote_lines
+from sar_compiler.nodes.spec import Kind
 
 _BATCH = 20_000
+# A line about a failure is logged so long before the start, and after the end, of its leaf at most.
+_LOGGED_BEFORE_SEC, _LOGGED_AFTER_SEC = 0.1, 0.5
 _CONDITIONS = {SUCCESS: "_successIf", FAILURE: "_failureIf"}
 """The conditions that end a node, by its status."""
 
@@ -39,6 +45,7 @@ class JournalWriter:
         self._about, self._of_run = about, of_run
         self._finder = TickFinder(nodes, recording)
         self.ticks = self.runs = 0
+        self._line_times = [line.at for line in recording.lines]
         self._number = self._run = self._tick = self._last = 0
         self._is_open = False
         self._rows: list[Row] = []
@@ -56,6 +63,8 @@ class JournalWriter:
         self._shown = [IDLE] * (len(self._nodes) + 1)
         self._ticked = [0] * (len(self._nodes) + 1)
         self._standing: set[int] = set()
+        # The start of the last run of each node, in microseconds.
+        self._begun = [0] * (len(self._nodes) + 1)
         self._tick = self._root = 0
 
     def write(self) -> None:
@@ -118,9 +127,12 @@ class JournalWriter:
         resting: list[int] = []
         now = {recording.uids[index]: index for index in range(tick.first, tick.behind)}
         for index, uid, status in self._shown_in(tick):
-            if self._shown[uid] in (IDLE, SUCCESS, FAILURE) and self._nodes[uid - 1].children:
+            was = self._shown[uid]
+            if was in (IDLE, SUCCESS, FAILURE) and self._nodes[uid - 1].children:
                 resting.append(uid)
             self._show(uid, status)
+            if status == RUNNING or was in (IDLE, SUCCESS, FAILURE):
+                self._begun[uid] = self._recording.times[index]
             if uid == 1:
                 self._root = status
             is_reset = status in (SUCCESS, FAILURE) and recording.statuses[now[uid]] == IDLE
@@ -206,9 +218,18 @@ class JournalWriter:
     def _row(self, index: int, uid: int, word: str, more: str, *, is_unsure: bool = False) -> None:
         time = self._recording.times[index] / 1e6
         rows = self._nodes[uid - 1].rows
+        message = '""' if word != WORDS[FAILURE] or not self._line_times else self._reason(uid, time)
         for node in rows:
             self._number += 1
             if is_unsure and node == rows[-1]:
                 more = ', "is_unsure": true'
-            data = f'{{"node": {node}, "tick": {self._tick}, "status": "{word}", "message": ""{more}}}'
+            data = f'{{"node": {node}, "tick": {self._tick}, "status": "{word}", "message": {message}{more}}}'
             self._rows.append(Row(self._number, self._run, self._recording.began + time, time, STATUS, data))
+
+    def _reason(self, uid: int, time: float) -> str:
+        """Return what the servers have logged about the failure of an action, as a string in JSON."""
+        if self._nodes[uid - 1].bound.spec.kind is not Kind.ACTION:
+            return '""'
+        first = bisect_left(self._line_times, self._begun[uid] / 1e6 - _LOGGED_BEFORE_SEC)
+        behind = bisect_right(self._line_times, time + _LOGGED_AFTER_SEC)
+        return json.dumps(quote_lines(self._recording.lines[first:behind]))

@@ -4,6 +4,7 @@ from array import array
 from dataclasses import dataclass, field
 
 from sar_compiler.errors import SarError
+from sar_compiler.nodes.nav2.log_lines import LoggedLine
 
 IDLE, RUNNING, SUCCESS, FAILURE, SKIPPED = range(5)
 """The statuses, by BehaviorTree.CPP's numbers."""
@@ -28,6 +29,7 @@ class Recording:
         statuses: The status of each changed node after the change.
         ticks: The number of the tick of each change; empty if the recording has no ticks.
         names: The names of nodes by their numbers, if the recording has no tree.
+        lines: The warnings and errors that were logged during the run, by time; their times are those of the changes, in seconds.
         flaws: Problems of the recording, with their locations in the file.
     """
 
@@ -39,6 +41,7 @@ class Recording:
     statuses: bytearray = field(default_factory=bytearray)
     ticks: "array[int]" = field(default_factory=lambda: array("q"))
     names: dict[int, str] = field(default_factory=dict)
+    lines: list[LoggedLine] = field(default_factory=list)
     flaws: list[str] = field(default_factory=list)
 
     def add(self, time: int, uid: int, status: int) -> None:

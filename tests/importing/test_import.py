@@ -324,9 +324,20 @@ def bag_messages(log):
         yield bytes(data)
 
 
-def write_bag(path, messages):
-    """Write messages of `behavior_tree_log` to a bag."""
-    kind = "nav2_msgs/msg/BehaviorTreeLog"
+def log_message(time, level, name, text):
+    """Return a message of `/rosout`; the time is in seconds since 1970."""
+    data = bytearray(b"\0\1\0\0" + struct.pack("<iIB", int(time), int(time % 1 * 1e9), level))
+    for word in (name, text, "file.cpp", "function"):
+        data.extend(bytes(-len(data) % 4) + struct.pack("<I", len(word) + 1) + word.encode() + b"\0")
+    return bytes(data + bytes(-len(data) % 4) + struct.pack("<I", 1))
+
+
+def write_bag(path, messages, lines=()):
+    """Write messages of `behavior_tree_log`, and of `/rosout`, to a bag."""
+    topics = [
+        ("/behavior_tree_log", "nav2_msgs/msg/BehaviorTreeLog", messages),
+        ("/rosout", "rcl_interfaces/msg/Log", lines),
+    ]
     if path.suffix == ".db3":
         with closing(sqlite3.connect(path)) as file, file:
             file.execute(
@@ -335,19 +346,42 @@ def write_bag(path, messages):
             file.execute(
                 "CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT NULL)"
             )
-            file.execute("INSERT INTO topics VALUES (1, '/behavior_tree_log', ?)", (kind,))
-            rows = [(number, data) for number, data in enumerate(messages)]
-            file.executemany("INSERT INTO messages (topic_id, timestamp, data) VALUES (1, ?, ?)", rows)
+            for place, (topic, kind, found) in enumerate(topics, 1):
+                file.execute("INSERT INTO topics VALUES (?, ?, ?)", (place, topic, kind))
+                rows = [(place, number, data) for number, data in enumerate(found)]
+                file.executemany("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", rows)
         return
     writer_module = pytest.importorskip("mcap.writer")
     with path.open("wb") as stream:
         writer = writer_module.Writer(stream)
         writer.start("ros2", "test")
-        schema = writer.register_schema(kind, "ros2msg", b"")
-        channel = writer.register_channel("/behavior_tree_log", "cdr", schema)
-        for number, data in enumerate(messages):
-            writer.add_message(channel, number, data, number)
+        for topic, kind, found in topics:
+            schema = writer.register_schema(kind, "ros2msg", b"")
+            channel = writer.register_channel(topic, "cdr", schema)
+            for number, data in enumerate(found):
+                writer.add_message(channel, number, data, number)
         writer.finish()
+
+
+@pytest.mark.parametrize("form", [".mcap", ".db3"])
+def test_why_quotes_the_line_of_rosout_that_explains_the_failure_of_an_action(form, tmp_path, capsys):
+    (start,) = struct.unpack("<q", parts_of(FAILED)[0][-8:])
+    failed = next(time for time, uid, status in reversed(parts_of(FAILED)[1]) if (uid, status) == (10, 3))
+    end = (start + failed) / 1e6
+    lines = [
+        (end - 60.0, 40, "planner_server", "Failed to create a plan: no valid path found"),
+        (end - 0.01, 30, "controller_server", "Control loop missed its desired rate of 20 Hz"),
+        (end - 0.01, 40, "gripper", "the object has slipped"),
+        (end + 0.01, 20, "controller_server", "Failed to make progress"),
+        (end + 60.0, 40, "controller_server", "Failed to make progress"),
+    ]
+    bag = tmp_path / f"bag{form}"
+    messages = [log_message(*line) for line in lines]
+    write_bag(bag, bag_messages(FAILED), [messages[0][:20], *messages])
+    journal = import_log(bag, tmp_path, "--tree", f"{import_log(FAILED, tmp_path)}.xml")
+    _, said = answer(journal_command, ["why", journal], capsys)
+    assert 'grasp the box FAILURE, gripper: "the object has slipped"  (' in said
+    assert "Failed to" not in said
 
 
 @pytest.mark.parametrize("form", [".mcap", ".db3"])
