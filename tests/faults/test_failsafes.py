@@ -259,7 +259,7 @@ class Listening:
         self._patch = monkeypatch
 
     def to(self, leaf: Any, now: Callable[[], float] = lambda: 0.0) -> Any:
-        self._patch.setattr(leaf, "complain", self.warnings.append)
+        self._patch.setattr(leaf, "warn", self.warnings.append)
         if hasattr(leaf, "_now_sec"):
             self._patch.setattr(leaf, "_now_sec", now)
         return leaf

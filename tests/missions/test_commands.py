@@ -84,7 +84,7 @@ class CommandedMission:
         }
         self.lines: list[str] = []
         for leaf in self.leaves.values():
-            leaf.log = leaf.complain = self.lines.append
+            leaf.log = leaf.warn = self.lines.append
         simulated = stage_of(load(TREE)).play().simulated
         self.numbers = {
             type_: leaf.number
