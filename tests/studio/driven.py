@@ -56,7 +56,11 @@ class DrivenPage:
         before = self.text
         tree_file = parse_tree(before, self.path)
         pairs = in_order(listed(tree_file.root))
-        shown = [each for each in self.browser.js(_SHOWN) if each is not None and each > 1]
+        shown = [
+            each
+            for each in self.browser.js(_SHOWN)
+            if each is not None and pairs[each][0][0] != "BehaviorTree"
+        ]
         if not shown:
             return ""
         element = self.rng.choice(shown)
