@@ -3,11 +3,9 @@
 import importlib.metadata
 import os
 import re
-import shutil
 import subprocess
 import sys
 import sysconfig
-from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
@@ -18,8 +16,6 @@ from tests.packaging.workspace import clone
 
 # To build the wheel takes 20 seconds, and the files that it has change seldom.
 pytestmark = pytest.mark.costly
-
-EDITOR = Path("sar_compiler/studio/static/codemirror.js")
 
 
 def done(*command, **options):
@@ -34,9 +30,6 @@ def done(*command, **options):
 def install(folder):
     """Install the package, without what it depends on, into a new environment beside a clone."""
     clone(folder / "repository")
-    # What `make wheels` has built before.
-    if EDITOR.exists():
-        shutil.copy(EDITOR, folder / "repository" / EDITOR)
     # Another pip than that of the tests would take longer to unpack than the package.
     done(sys.executable, "-m", "venv", "--without-pip", folder / "environment")
     pip = (sys.executable, "-m", "pip", "--python", folder / "environment" / "bin" / "python")

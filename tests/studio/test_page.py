@@ -14,7 +14,6 @@ from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.web.edit_page import edit_app
 from sar_compiler.web.page_server import AppServer
 from tests.chance import rounds
-from tests.studio.driven import DrivenPage
 from tests.trees import document
 from tests.web.browsers import open_browser
 from tests.web.test_accessibility import axe, require_none
@@ -261,15 +260,6 @@ def test_axe_finds_nothing_wrong_with_the_page(page, axe):
     page.browser.js("window.studio.replace('AdvanceZone', 'AdvnceZone')")
     page.browser.wait_for("#findings", "AdvnceZone")
     require_none(page.browser, axe, "the editor")
-
-
-def test_random_operations_are_right_and_undone_to_the_first_byte(page):
-    first = page.text
-    driven = DrivenPage(page.browser, page.path, random.Random(7))  # noqa: S311 - a test
-    for _ in range(rounds(24)):
-        driven.operate()
-    assert driven.done.total() > rounds(24) / 4
-    driven.undo_all(first)
 
 
 HOSTILE = [
