@@ -52,7 +52,7 @@ function openAtCause({ why: cause, run }) {
   if (!key || key === openAtCause.key) return;
   openAtCause.key = key;
   at("why").open = true;
-  const [first] = cause.answers;
+  const [first] = cause.causes;
   if (!tree.isAsked && first?.node != null) tree.select(first.node);
 }
 
