@@ -112,7 +112,7 @@ def test_findings_come_in_the_order_of_the_file_and_once_each():
     document = read("b: 1\na: 2")
     for key, _ in reversed(document.root.entries or ()):
         for _ in range(2):
-            document.report_error("wrong-value", "no", key)
+            document.report("wrong-value", "no", key)
     with pytest.raises(TreeError) as caught:
         document.raise_findings()
     assert [each.span.line for each in caught.value.findings] == [1, 2]
