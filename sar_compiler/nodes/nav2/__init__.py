@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from sar_compiler.nodes.declaring import CLOCK, signature
-from sar_compiler.nodes.nav2 import outcomes
+from sar_compiler.nodes.nav2 import control_outcomes
 from sar_compiler.nodes.numbers import PlausibleRange, convert_with_unit, number_hint, unit_name
 from sar_compiler.nodes.outcome_sets import F, S, passing_results, with_own_results
 from sar_compiler.nodes.outcomes import outcomes_of
@@ -288,31 +288,35 @@ class _FreeNode(NamedTuple):
     fixed: Mapping[str, object] = {}
 
 
-_RECOVERY = Semantics(outcomes.recovery, gates=outcomes.recovery_gates, resumes=True)
-_TIMED = Semantics(partial(outcomes.periodic, 0), steady=True)
+_RECOVERY = Semantics(control_outcomes.recovery, gates=control_outcomes.recovery_gates, resumes=True)
+_TIMED = Semantics(partial(control_outcomes.periodic, 0), steady=True)
 _TURNS = "nav2_controls:RoundRobinNode"
 _FREE: Mapping[str, _FreeNode] = {
     "RecoveryNode": _FreeNode("nav2_controls:RecoveringNode", _RECOVERY, child_count=(2, 2)),
     "PipelineSequence": _FreeNode(
-        "nav2_controls:PipelineNode", Semantics(outcomes.pipeline, Order.IN_ORDER, S)
+        "nav2_controls:PipelineNode", Semantics(control_outcomes.pipeline, Order.IN_ORDER, S)
     ),
     "RateController": _FreeNode("nav2_decorators:RateNode", _TIMED, handed_over=[CLOCK]),
     "SingleTrigger": _FreeNode(
-        "nav2_decorators:SingleTriggerNode", Semantics(outcomes.once_until_reset, steady=True)
+        "nav2_decorators:SingleTriggerNode", Semantics(control_outcomes.once_until_reset, steady=True)
     ),
     "RoundRobin": _FreeNode(
         _TURNS,
-        Semantics(partial(outcomes.round_robin, wraps=True), resumes=True),
+        Semantics(partial(control_outcomes.round_robin, wraps=True), resumes=True),
         fixed={"wrap_around": Input(source=True)},
     ),
-    "RoundRobin main": _FreeNode(_TURNS, Semantics(partial(outcomes.round_robin, wraps=None), resumes=True)),
+    "RoundRobin main": _FreeNode(
+        _TURNS, Semantics(partial(control_outcomes.round_robin, wraps=None), resumes=True)
+    ),
     "NonblockingSequence": _FreeNode(
         "nav2_controls:NonblockingNode",
-        Semantics(outcomes.nonblocking_results, Order.TOGETHER),
+        Semantics(control_outcomes.nonblocking_results, Order.TOGETHER),
         SkipPossibility.NEVER,
     ),
     "PersistentSequence": _FreeNode(
-        "nav2_controls:PersistentNode", Semantics(outcomes.persistent, resumes=True), SkipPossibility.NEVER
+        "nav2_controls:PersistentNode",
+        Semantics(control_outcomes.persistent, resumes=True),
+        SkipPossibility.NEVER,
     ),
 }
 
@@ -332,7 +336,7 @@ _STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Outcome, ...]]] = {
     "GoalUpdatedController": ("nav2_decorators:WhenDueNode", _TIMED, _GOAL),
     "DistanceController": (
         "nav2_decorators:DistanceNode",
-        Semantics(partial(outcomes.periodic, F)),
+        Semantics(partial(control_outcomes.periodic, F)),
         _DRIVEN,
     ),
     "PathLongerOnApproach": (
@@ -343,7 +347,7 @@ _STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Outcome, ...]]] = {
     "GoalUpdater": ("turning:SubTreeNode", Semantics(passing_results, steady=True), ()),
     "PauseResumeController": (
         "nav2_controls:PauseResumeNode",
-        Semantics(outcomes.pausing_results),
+        Semantics(control_outcomes.pausing_results),
         _REQUESTS,
     ),
 }
