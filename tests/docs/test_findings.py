@@ -30,6 +30,7 @@ _MAKERS = {
     "add",
     "finding",
     "report",
+    "report_finding",
     "text_of_output",
     "_refuse",
     "_report",

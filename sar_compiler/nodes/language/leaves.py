@@ -280,7 +280,7 @@ PY_TREES = [
         "CheckBlackboardVariableValue",
         "Succeeds if the comparison of a key with a value is true. Fails if it is false or the key was not written.",
         *_COMPARISON,
-        made_by="comparing",
+        made_by="create_comparison",
         asks=("variable",),
     ),
     _stock(
@@ -290,7 +290,7 @@ PY_TREES = [
         SCOPE,
         statuses=_SUCCESS | _RUNNING,
         semantics=_peeking_semantics("variable", resumes=True),
-        made_by="comparing",
+        made_by="create_comparison",
     ),
     _question(
         "CheckBlackboardVariableValues",
