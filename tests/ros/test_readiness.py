@@ -486,7 +486,7 @@ class TestTheBringUpOfNav2:
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: state 'unconfigured', must be 'active'; lifecycle_manager_navigation has not started Nav2 "
-            "up (autostart is off): ros2 service call "
+            "(autostart is off): ros2 service call "
             '/lifecycle_manager_navigation/manage_nodes nav2_msgs/srv/ManageLifecycleNodes "{command: 0}"',
         )
 
