@@ -35,10 +35,10 @@ def test_chances_and_times_are_told_line_by_line(predict):
     assert (status, err) == (0, "")
     lines = out.splitlines()
     assert re.fullmatch(r"\d+ states, \d+ steps between them, \d+\.\d s", lines[0])
-    assert "  success:          38.7 %" in lines
+    assert "  success:           38.7 %" in lines
     assert "  always an outcome: 38.7 %" in lines
     # Repeat goes on in the next tick, half a second later.
-    assert "  time to success:  13.0 s" in lines
+    assert "  time to success:   13.0 s" in lines
 
 
 def test_as_json_there_is_the_same_with_both_bounds(predict):
@@ -46,7 +46,7 @@ def test_as_json_there_is_the_same_with_both_bounds(predict):
     told = json.loads(out)
     assert status == 0
     assert told["success"] == pytest.approx({"low": 0.8**9, "high": 0.9**9})
-    assert told["properties"]["always an answer"] == pytest.approx(told["success"])
+    assert told["properties"]["always an outcome"] == pytest.approx(told["success"])
     assert (told["complete"], told["unknown"]) == (True, [])
 
 

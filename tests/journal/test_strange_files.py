@@ -59,7 +59,7 @@ def test_what_no_journal_has_is_refused_by_its_name(place, statements, named):
     change(place, *statements)
     for opened in (JournalFile.read, JournalFile.open):
         with pytest.raises(
-            JournalError, match=f"contains a part that no journal has, {named}. It is not read"
+            JournalError, match=f"contains {named}, which does not belong to a journal. It is not read"
         ):
             opened(place)
 
