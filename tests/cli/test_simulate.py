@@ -326,7 +326,7 @@ def test_what_a_leaf_answers_is_shown_with_its_facts(capsys):
     assert main(["nodes", "NavigateToZone"]) == 0
     out = capsys.readouterr().out
     assert (
-        "outcomes: SUCCESS 'arrived' when zones_left > 0, then at = 'zone'; navigation_lost = false\n         FAILURE 'aborted'"
+        "outcomes: SUCCESS 'arrived' when zones_left > 0, then at = 'zone'; navigation_lost = false\n          FAILURE 'aborted'"
         in out
     )
     assert "facts:   zones_left = 3, at = '', navigation_lost = false\n" in out

@@ -92,7 +92,7 @@ def test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its
     run = fly(RESILIENT, env=env)
     wait_until_heard(navigation, "asked")
     navigation.kill()
-    run.wait_for("'NavigateToZone' waits to send its goal again: node amcl: not there")
+    run.wait_for("'NavigateToZone' waits to send its goal again: node amcl: missing")
     assert "answered nothing" not in run.output
 
 
@@ -137,7 +137,7 @@ def test_a_rehearsed_server_that_stays_dead_ends_the_mission_as_the_tree_says(st
     ros = ("--ros-args", "-p", "zone_order:=[zone_b]")
     run = start("sar-run", RESILIENT, "--sim", "--speed", 20, "--fault", "navigate_to_pose:die@zone_b", *ros)
     assert run.end() == 1, run.output
-    assert "zone_b was abandoned: navigation is unavailable (node bt_navigator: not there" in run.output
+    assert "zone_b was abandoned: navigation is unavailable (node bt_navigator: missing" in run.output
     assert "after attempt" not in run.output
     assert "time limit" not in run.output
 

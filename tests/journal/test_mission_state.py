@@ -151,8 +151,8 @@ def test_a_drive_has_what_is_left_until_its_goal_ends():
 
 
 def test_what_the_robot_lacks_is_known_until_it_can_drive_again():
-    lost = ("lacks", {"text": "Nav2 is not active: node amcl: not there"})
-    assert after(lost).lacks == "Nav2 is not active: node amcl: not there"
+    lost = ("lacks", {"text": "Nav2 is not active: node amcl: missing"})
+    assert after(lost).lacks == "Nav2 is not active: node amcl: missing"
     assert after(lost, ("lacks", {"text": ""})).lacks == ""
 
 

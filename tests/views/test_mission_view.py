@@ -93,9 +93,9 @@ def test_the_first_lines_have_the_place_what_is_left_of_the_drive_and_the_figure
 
 def test_of_a_robot_that_cannot_drive_the_headline_says_why_and_not_what_is_left_of_the_drive():
     drive = ("progress", {"target": "zone_b", "distance": 5.6, "time_left": 8.0})
-    lost = ("lacks", {"text": "Nav2 is not active: node amcl: not there"})
+    lost = ("lacks", {"text": "Nav2 is not active: node amcl: missing"})
     head = lines(mission(node("Main"), more=[drive, lost]))[0]
-    assert head == "patrol  0:10  WAITING (0:08): Nav2 is not active: node amcl: not there"
+    assert head == "patrol  0:10  WAITING (0:08): Nav2 is not active: node amcl: missing"
 
 
 @pytest.mark.parametrize(
