@@ -37,7 +37,7 @@ def test_a_tree_is_put_into_a_node_in_eight_lines():
     (robot,) = [block.text for block in PYTHON if block.file == "robot.py"]
     _, tree, _ = robot.split("\n\n")[-3:]
     assert "load(" in tree
-    assert "running(" in tree
+    assert "running_tree(" in tree
     assert len(tree.splitlines()) <= 8
 
 
