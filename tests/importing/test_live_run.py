@@ -116,5 +116,5 @@ def test_a_missing_program_is_reported_with_the_class_that_serves_the_protocol()
 
 
 def test_an_address_without_a_port_is_refused():
-    with pytest.raises(UnusableRecordingError, match="robot is no HOST:PORT"):
+    with pytest.raises(UnusableRecordingError, match="robot is not HOST:PORT"):
         Groot2Source("robot")
