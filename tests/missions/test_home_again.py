@@ -449,7 +449,7 @@ def test_a_zone_for_which_no_battery_suffices_is_come_back_to_and_abandoned_with
 def test_the_shipped_tree_is_proved_to_begin_no_leg_that_would_hurt_the_reserve() -> None:
     status, output = verify(TREE, "--set", "zones_left=2")
     assert (status, broken(output)) == (0, set())
-    assert output.count("no leg begins") == 3
+    assert output.count("no leg starts") == 3
 
 
 def test_its_properties_are_those_of_the_mission_but_for_coming_home() -> None:
