@@ -7,6 +7,7 @@ import gc
 import json
 import os
 import sys
+import threading
 from collections import Counter
 from pathlib import Path
 
@@ -34,6 +35,10 @@ if __name__ == "__main__":
     before = types()
     for number in range(1, int(sys.argv[1]) + 1):
         status = main(sys.argv[2:])
+        # A guardian that is still starting, as on a busy machine, ends later than so short a mission, which waits for it 1 s.
+        for thread in threading.enumerate():
+            if thread.name == "guardian":
+                thread.join()
         gc.collect()
         now = types()
         told = {
