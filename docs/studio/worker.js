@@ -1,4 +1,4 @@
-// A thread of its own, so that the page goes on while Python computes.
+// A separate thread, so that the page stays responsive while Python computes.
 import { start } from "./engine.mjs";
 import { loadPyodide } from "./pyodide/pyodide.mjs";
 

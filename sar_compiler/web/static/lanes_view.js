@@ -124,7 +124,7 @@ export class LanesView {
   }
 
   click(time, row) {
-    // A replay of several runs has a time of its own.
+    // In a replay of several runs, the time of one run is not that of the replay.
     if (this.stream.isReplay && this.stream.run.run.number === 1) this.stream.go(time);
     if (this.leaves[row] !== undefined) this.choose(this.leaves[row]);
     this.draw();
