@@ -153,12 +153,15 @@ class Budget:
         self._published = None
         outcome = _Work()
         thread = threading.Thread(target=outcome.work_out, args=(work,), name="analysis", daemon=True)
+        # Set before the start: Ctrl-C can interrupt `start` after the thread began but before its `ident` is set.
+        is_started = False
         while True:
             try:
                 if self.is_spent() and self._is_left_behind():
                     _end(thread)
                     return cast("T", self._last_published())
-                if thread.ident is None:
+                if not is_started:
+                    is_started = True
                     thread.start()
                 if outcome.is_there.wait(_POLL_SEC):
                     break

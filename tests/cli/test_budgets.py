@@ -212,3 +212,23 @@ class TestBudget:
             budget.run(work)
         is_over.set()
         assert (budget.exit_status, budget.reason) == (130, "stopped by Ctrl-C")
+
+    def test_work_is_done_once_even_if_ctrl_c_interrupts_its_start(self, monkeypatch):
+        starts = []
+        start = threading.Thread.start
+
+        def interrupted(thread):
+            starts.append(thread)
+            if len(starts) == 1:
+                start(thread)
+                # As if it had come before the new thread could set its own number.
+                thread._ident = None
+                raise KeyboardInterrupt
+            raise AssertionError("the thread is started again")
+
+        monkeypatch.setattr(threading.Thread, "start", interrupted)
+        budget, is_over = Budget(patience_sec=0.1), threading.Event()
+        with pytest.raises(BudgetSpentError, match="stopped by Ctrl-C"):
+            budget.run(is_over.wait)
+        is_over.set()
+        assert len(starts) == 1
