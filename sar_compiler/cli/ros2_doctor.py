@@ -35,9 +35,12 @@ class MissionCheck(DoctorCheck):
             if trouble := _trouble_with(load):
                 doctor_error(f"sar_compiler: {trouble}")
                 result.add_error()
-        for line in _conflicts() if not result.error else ():
-            doctor_error(f"sar_compiler: {line}")
-            result.add_error()
+        if not result.error:
+            from sar_compiler.ros.graph_check import find_conflicts
+
+            for line in find_conflicts():
+                doctor_error(f"sar_compiler: {line}")
+                result.add_error()
         if not kernel.IS_COMPILED:
             doctor_warn(f"sar_compiler: trees are ticked by {kernel.describe()}, several times slower")
             result.add_warning()
@@ -63,12 +66,6 @@ class MissionReport(DoctorReport):
             missions = str(error)
         report.add_to_report("missions", missions or "none")
         return report
-
-
-def _conflicts() -> list[str]:
-    from sar_compiler.ros.graph_check import find_conflicts
-
-    return find_conflicts()
 
 
 def _trouble_with(load: Callable[[], object]) -> str:

@@ -14,6 +14,7 @@ from sar_compiler.analysis.runtime_monitor import AlarmCause, WatchAlarm
 from sar_compiler.analysis.tree_analysis import watch_tree
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
+from sar_compiler.execution.leaf_listener import listen_to_leaf
 from sar_compiler.execution.run_setup import RunSetup
 from sar_compiler.journal.journal_entries import (
     ASSUMPTION_FAILED,
@@ -26,7 +27,6 @@ from sar_compiler.missions.mission import CommandError, OperatorCommand
 from sar_compiler.ros.clock import mission_clock
 from sar_compiler.ros.engine import Engine, error_text, log_error
 from sar_compiler.ros.run_extension import RunExtension, UnfitLeavesError
-from sar_compiler.runtime.leaf_listener import listen_to_leaf
 from sar_compiler.runtime.outcomes import DeclaredOutcomes
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order

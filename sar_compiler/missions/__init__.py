@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from sar_compiler.missions.faults import FaultPlan as FaultPlan
     from sar_compiler.missions.faults import ServiceFaults as ServiceFaults
     from sar_compiler.missions.faults import create_service as create_service
+    from sar_compiler.missions.json_files import JsonFile as JsonFile
     from sar_compiler.missions.mission import CommandField as CommandField
     from sar_compiler.missions.mission import Mission as Mission
     from sar_compiler.missions.mission import MissionRun as MissionRun
@@ -50,7 +51,6 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.clock import clock_text as clock_text
     from sar_compiler.runtime.context import mission_context as mission_context
     from sar_compiler.tree.display_text import shorten_to_line as shorten_to_line
-    from sar_compiler.tree.json_files import JsonFile as JsonFile
 
 ENTRY_POINTS = "sar_compiler.missions"
 """The group of entry points that name missions."""

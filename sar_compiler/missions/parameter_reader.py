@@ -14,6 +14,7 @@ from typing import Any
 from sar_compiler.checks.configuration import enclosing_folder
 from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
+from sar_compiler.missions.json_files import JsonFile, MalformedJsonError
 from sar_compiler.missions.parameter_file import ParameterLocations, sections_elsewhere
 from sar_compiler.nodes.numbers import convert_with_unit, find_implausible_number, number_hint, unit_of_key
 from sar_compiler.opener import (
@@ -25,7 +26,6 @@ from sar_compiler.opener import (
     read_file,
 )
 from sar_compiler.tree.guessing import did_you_mean, nearest
-from sar_compiler.tree.json_files import JsonFile, MalformedJsonError
 
 _POSE = ("x", "y", "yaw")
 

@@ -11,10 +11,10 @@ from sar_compiler.analysis.runtime_monitor import AlarmCause, RuntimeMonitor
 from sar_compiler.analysis.tree_analysis import stage_of, watch_tree
 from sar_compiler.analysis.verify import verify
 from sar_compiler.analysis.verify.properties import parse_property_file
+from sar_compiler.execution.leaf_listener import listen_to_leaf
 from sar_compiler.runtime.events import RETURNED
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
-from sar_compiler.runtime.leaf_listener import listen_to_leaf
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.verify.random_branches import random_branches, random_properties
 from tests.analysis.verify.random_trees import random_tree

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from sar_compiler.missions import ParameterError, ParameterReader
+from sar_compiler.missions.json_files import JsonFile
 from sar_compiler.missions.parameter_file import read_parameter_file
 from sar_compiler.missions.parameter_reader import read_run
 from sar_compiler.nodes.numbers import unit_of_key
-from sar_compiler.tree.json_files import JsonFile
 from search_and_rescue.plugin import MISSION
 from tests.documents.test_advice import MEANT, NUMBER, ROUNDED, follows
 from tests.missions.test_areas_file import begun, feature
