@@ -87,14 +87,14 @@ class Fingerprint(NamedTuple):
             _id_of(tree, tree_id),
             _files_of(tree),
             _mission_parameters(reader.parameters),
-            _sums(reader.files),
-            "" if properties is None else _sum(read_file(properties, PROPERTIES).all_bytes()),
+            _digests(reader.files),
+            "" if properties is None else _digest(read_file(properties, PROPERTIES).all_bytes()),
         )
 
     @property
     def digest(self) -> str:
         """The SHA-256 of all parts, which does not depend on their absolute paths."""
-        return _sum(json.dumps(self[1:], sort_keys=True).encode())
+        return _digest(json.dumps(self[1:], sort_keys=True).encode())
 
 
 class Approval(NamedTuple):
@@ -216,7 +216,7 @@ class ApprovalCheck:
         Raises:
             ApprovalError: If it is another file.
         """
-        if _sum(encode_text(source, source.text)) != self._approval.properties:
+        if _digest(encode_text(source, source.text)) != self._approval.properties:
             self._refuse([f"{source.path} is not the file of properties that was approved"])
 
     def require_parameters(self, parameters: Mapping[str, object], files: Mapping[str, FileContent]) -> None:
@@ -237,9 +237,11 @@ class ApprovalCheck:
         ]
         if len(changed) > _SHOWN:
             changed = [*changed[:_SHOWN], f"and {len(changed) - _SHOWN} more parameters"]
-        sums = _sums(files)
+        digests = _digests(files)
         changed += [
-            f"{files[name].path} has changed" for name in sums if sums[name] != self._approval.named.get(name)
+            f"{files[name].path} has changed"
+            for name in digests
+            if digests[name] != self._approval.named.get(name)
         ]
         self._refuse(changed)
 
@@ -269,7 +271,7 @@ def _files_of(tree: ProjectTree) -> dict[str, str]:
     forest, files = tree.forest, dict[str, str]()
     for source in (each.source for each in (*forest.files, *forest.others)):
         name = os.path.relpath(real_path(Path(source.path)), forest.path.parent)
-        sum_now = _sum(encode_text(source, source.text))
+        sum_now = _digest(encode_text(source, source.text))
         if files.setdefault(name, sum_now) != sum_now:
             raise ApprovalError(f"{source.path} has changed while it was read. Start over")
     return files
@@ -296,11 +298,11 @@ def _value_text(parameters: Mapping[str, object], name: str) -> str:
     return json.dumps(parameters[name]) if name in parameters else "not given"
 
 
-def _sums(files: Mapping[str, FileContent]) -> dict[str, str]:
-    return {name: _sum(content.data) for name, content in files.items()}
+def _digests(files: Mapping[str, FileContent]) -> dict[str, str]:
+    return {name: _digest(content.data) for name, content in files.items()}
 
 
-def _sum(data: bytes) -> str:
+def _digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
@@ -310,11 +312,11 @@ def approval_folder() -> Path:
 
 
 def _name_of(file: Path) -> str:
-    return _sum(os.fsencode(file))
+    return _digest(os.fsencode(file))
 
 
 def _record(file: Path, tree: str) -> Path:
-    return approval_folder() / f"{_name_of(file)}-{_sum(tree.encode())[:16]}.json"
+    return approval_folder() / f"{_name_of(file)}-{_digest(tree.encode())[:16]}.json"
 
 
 def _records(beginning: str) -> list[Path]:

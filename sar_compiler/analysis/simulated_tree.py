@@ -63,7 +63,7 @@ Substitute = Callable[..., Behaviour]
 """Creates a replacement, given its `name`, and its `children` or its `child`."""
 
 
-class OnlyDescribedError(UndecidableError):
+class UnknownBehaviourError(UndecidableError):
     """A tree has controls or decorators of unknown behaviour, without replacements.
 
     Attributes:
@@ -279,7 +279,7 @@ def compile_simulated(
 
     Raises:
         TreeError: If the tree cannot be compiled; carries the findings.
-        OnlyDescribedError: If the behaviour of a control or decorator is unknown: only a model describes it, or for
+        UnknownBehaviourError: If the behaviour of a control or decorator is unknown: only a model describes it, or for
         *all_runs* it has its own methods and incomplete semantics.
     """
     clock = UnreadableClock() if all_runs else ManualClock()
@@ -293,7 +293,7 @@ def compile_simulated(
         else:
             stand_ins[node] = made
     if unknown:
-        raise OnlyDescribedError(unknown)
+        raise UnknownBehaviourError(unknown)
     collector = FindingCollector()
     arguments = SimulationArguments({Clock: clock}, parameters, collector, binding.enums)
     arguments.stand_ins = stand_ins

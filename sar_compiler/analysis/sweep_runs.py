@@ -62,7 +62,7 @@ class ScenarioRuns:
     def __call__(self, seeds: Sequence[int]) -> list[RunResultSample]:
         """Return the result of a run for each seed."""
         with _ALONE:
-            replays = _replays(self)
+            replays = _cached_runs(self)
             return [replays.outcome(seed) for seed in seeds]
 
     def understood(self) -> ScenarioSimulation:
@@ -105,7 +105,7 @@ class ScenarioRuns:
         return player
 
 
-class _Replays:
+class _CachedRuns:
     """A worker's cache of a compiled tree for some runs.
 
     Args:
@@ -148,7 +148,7 @@ class _Replays:
 
 
 # A row returns after all others. With very many rows some trees are compiled again.
-_replays = functools.lru_cache(maxsize=16)(_Replays)
+_cached_runs = functools.lru_cache(maxsize=16)(_CachedRuns)
 
 
 def content_of(tree: ProjectTree) -> str:

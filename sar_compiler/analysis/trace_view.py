@@ -207,9 +207,9 @@ def runs_as_json(
     result: dict[str, object] = {"file": tree, "scenarios": [_scenario(each) for each in scenarios]}
     if coverage is not None:
         result["coverage"] = {
-            "never_ticked": [_node(each) for each in coverage.never_ticked],
+            "never_ticked": [_node_as_json(each) for each in coverage.never_ticked],
             "unseen": [
-                {**_node(each), "outcomes": each.unseen_outcomes}
+                {**_node_as_json(each), "outcomes": each.unseen_outcomes}
                 for each in coverage.nodes_with_unseen_outcomes
             ],
         }
@@ -232,11 +232,11 @@ def _scenario(played: PlayedScenario) -> dict[str, object]:
         "root": run.root,
         "time": run.time_sec,
         "facts": run.simulated.fact_values(),
-        "ticks": [_tick(run, tick) for tick in run.ticks],
+        "ticks": [_tick_as_json(run, tick) for tick in run.ticks],
     }
 
 
-def _tick(run: ScenarioRun, tick: TickRecord) -> dict[str, object]:
+def _tick_as_json(run: ScenarioRun, tick: TickRecord) -> dict[str, object]:
     names = {behaviour.id: behaviour.name for behaviour in run.simulated.root.iterate()}
     return {
         "tick": tick.number,
@@ -258,6 +258,6 @@ def _tick(run: ScenarioRun, tick: TickRecord) -> dict[str, object]:
     }
 
 
-def _node(covered: NodeCoverage) -> dict[str, object]:
+def _node_as_json(covered: NodeCoverage) -> dict[str, object]:
     element = covered.bound.element
     return {"name": covered.bound.name, "file": element.source.path, "line": element.line}

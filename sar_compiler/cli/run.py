@@ -196,8 +196,8 @@ def _passed_on(argv: Sequence[str], options: Namespace) -> list[str]:
         elif not word.startswith(f"{_SERVE}=") and word != _MANAGED:
             left.append(word)
     shown = [] if options.view == "web" else ["--view", "text"]
-    anew = [] if options.no_journal else ["--new"]
-    return [*left, *shown, "--format", "json", *anew]
+    new_option = [] if options.no_journal else ["--new"]
+    return [*left, *shown, "--format", "json", *new_option]
 
 
 def _options(argv: Sequence[str]) -> Namespace:

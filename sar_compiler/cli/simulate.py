@@ -115,7 +115,7 @@ def _play(
     """Run a scenario, and print the error if this is impossible."""
     from sar_compiler.analysis.simulate.scenario_files import read_scenario
     from sar_compiler.analysis.simulate.scenario_run import ScenarioPlayer, failures
-    from sar_compiler.analysis.simulated_tree import OnlyDescribedError
+    from sar_compiler.analysis.simulated_tree import UnknownBehaviourError
     from sar_compiler.analysis.trace_view import PlayedScenario
     from sar_compiler.runtime.evaluation import Program
     from sar_compiler.tree.diagnostic import TreeError
@@ -123,7 +123,7 @@ def _play(
     try:
         play = stage.play() if path is None else read_scenario(path, stage)
     except SarError as error:
-        is_finding = isinstance(error, (OnlyDescribedError, TreeError))
+        is_finding = isinstance(error, (UnknownBehaviourError, TreeError))
         print_error(str(error) if is_finding else f"sar-compile: {error}")
         return PlayedScenario(str(path or arguments.file), problem=str(error), is_finding=is_finding)
     for finding in play.scenario.warnings:

@@ -79,7 +79,7 @@ def verify_file(arguments: argparse.Namespace) -> int:
     Raises:
         TreeError: If a file has errors.
     """
-    from sar_compiler.analysis.simulated_tree import OnlyDescribedError
+    from sar_compiler.analysis.simulated_tree import UnknownBehaviourError
     from sar_compiler.tree.diagnostic import TreeError
 
     started = time.monotonic()
@@ -94,7 +94,7 @@ def verify_file(arguments: argparse.Namespace) -> int:
         if done:
             print_error(f"sar-compile: {files[1]} cannot be verified with these options")
         raise
-    except OnlyDescribedError as error:
+    except UnknownBehaviourError as error:
         print_error(str(error))
         return FINDINGS
     except UndecidableError as error:

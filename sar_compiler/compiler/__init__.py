@@ -78,12 +78,12 @@ class Origins(Mapping[UUID, Origin]):
     """The origins of all behaviours, by their ids; each is computed on request."""
 
     def __init__(self, constructions: Sequence[Construction]) -> None:
-        self._in_order = constructions
+        self._constructions = constructions
 
     @functools.cached_property
     def _by_id(self) -> dict[UUID, Construction]:
         # Not during compilation: hashing an id takes as long as all other bookkeeping for a node.
-        return {each.behaviour: each for each in self._in_order}
+        return {each.behaviour: each for each in self._constructions}
 
     def __getitem__(self, behaviour: UUID) -> Origin:
         _, instance, bound, wrapper, known = self._by_id[behaviour]
@@ -100,7 +100,7 @@ class Origins(Mapping[UUID, Origin]):
         """Return the declared outcomes of leaves, by their behaviours' ids."""
         return {
             each.behaviour: each.bound.spec.outcomes
-            for each in self._in_order
+            for each in self._constructions
             if each.wrapper is None
             and each.bound.spec.kind.is_leaf
             and any(outcome.label for outcome in each.bound.spec.outcomes)
@@ -112,10 +112,10 @@ class Origins(Mapping[UUID, Origin]):
         return None if made is None else made.bound.element.file_and_line
 
     def __iter__(self) -> Iterator[UUID]:
-        return (each.behaviour for each in self._in_order)
+        return (each.behaviour for each in self._constructions)
 
     def __len__(self) -> int:
-        return len(self._in_order)
+        return len(self._constructions)
 
 
 # By the root of each compiled tree, for callers that have only a failed behaviour. Neither object is kept alive.
@@ -650,7 +650,7 @@ def compile_with(
     # All findings about arguments are reported together, before anything is built.
     builder.prepare(top)
     if _has_error(collector.findings):
-        raise TreeError(_in_order(collector.findings))
+        raise TreeError(_sorted_findings(collector.findings))
     root, origins = builder.build(top, binding.main.root), Origins(builder.constructions)
     register_origins(root, origins)
     return CompiledTree(root, origins, top)
@@ -660,7 +660,7 @@ def _has_error(findings: Iterable[Diagnostic]) -> bool:
     return any(finding.severity is Severity.ERROR for finding in findings)
 
 
-def _in_order(findings: list[Diagnostic]) -> list[Diagnostic]:
+def _sorted_findings(findings: list[Diagnostic]) -> list[Diagnostic]:
     """Sort findings by file, line and column, without duplicates from repeated uses of a tree."""
     files = list(dict.fromkeys(finding.source.path for finding in findings))
     return sorted(

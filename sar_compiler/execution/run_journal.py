@@ -170,7 +170,7 @@ def _open(options: RunOptions, mission: Mission | None, node: "Node") -> Journal
     place = options.journal or usual_path(options, node.get_fully_qualified_name())
     is_named = options.journal is not None
     try:
-        return open_journal(place, resume=options.resume, anew=options.new, is_named=is_named)
+        return open_journal(place, resume=options.resume, start_over=options.new, is_named=is_named)
     except JournalPlaceError as error:
         if asked:
             raise

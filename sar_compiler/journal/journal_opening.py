@@ -67,13 +67,15 @@ def _by_age(folder: Path) -> list[Path]:
     return [path for _, path in sorted(found)]
 
 
-def open_journal(place: Path, *, resume: bool = False, anew: bool = False, is_named: bool = True) -> Journal:
+def open_journal(
+    place: Path, *, resume: bool = False, start_over: bool = False, is_named: bool = True
+) -> Journal:
     """Open the journal of a run; an earlier mission in the file is rotated only when the run starts.
 
     Args:
         place: The path of the file.
         resume: Whether to resume the mission in it.
-        anew: Whether to start a mission regardless of the file's content.
+        start_over: Whether to start a mission regardless of the file's content.
         is_named: Whether the user has named the file: its content is then not rotated without a request, even if the
             mission was stopped by its operator.
 
@@ -84,13 +86,13 @@ def open_journal(place: Path, *, resume: bool = False, anew: bool = False, is_na
         raise JournalError(f"there is no journal {place} to resume. Omit --resume")
     file = JournalFile.open(place)
     try:
-        return _journal_to_use(file, resume=resume, anew=anew, is_named=is_named)
+        return _journal_to_use(file, resume=resume, start_over=start_over, is_named=is_named)
     except BaseException:
         file.close()
         raise
 
 
-def _journal_to_use(file: JournalFile, *, resume: bool, anew: bool, is_named: bool) -> Journal:
+def _journal_to_use(file: JournalFile, *, resume: bool, start_over: bool, is_named: bool) -> Journal:
     runs = file.runs()
     last = runs[-1] if runs else None
     if last is None:
@@ -103,7 +105,7 @@ def _journal_to_use(file: JournalFile, *, resume: bool, anew: bool, is_named: bo
                 f"the mission in the journal {file.path} is over ({last.reason}). Omit --resume to start over"
             )
         return Journal(file)
-    if not (anew or last.is_over or (last.ending is Ending.STOPPED and not is_named)):
+    if not (start_over or last.is_over or (last.ending is Ending.STOPPED and not is_named)):
         raise JournalError(
             f"the mission in the journal {file.path} is not over: it {_run_description(last)}. Resume it with --resume, or "
             "start over with --new, which keeps that journal under another name"

@@ -310,7 +310,7 @@ class MissionState:
                 pass  # an entry of that kind from another program
             else:
                 if kind in _OF_PHASE:
-                    self._update_phase(anew=kind == events.RUN_BEGAN)
+                    self._update_phase(is_new_run=kind == events.RUN_BEGAN)
                 return
         # Kinds without a handler belong to the mission, or to a newer version. They are shown by their words.
         self._add_event(kind, entry.data)
@@ -346,9 +346,9 @@ class MissionState:
     def _add_event(self, kind: str, data: Mapping[str, Any]) -> None:
         self.facts.append(KnownEvent(self.now, kind, data, default_sentence(kind, data)))
 
-    def _update_phase(self, *, anew: bool) -> None:
+    def _update_phase(self, *, is_new_run: bool) -> None:
         name = self.phase.name
-        if anew or name != self._phase:
+        if is_new_run or name != self._phase:
             self._phase, self.since_phase = name, self.now
 
     def update_process(self, *, is_gone: bool) -> None:

@@ -134,7 +134,7 @@ class TickLog(TickSource):
             content = tuple(self._statuses), "" if self._facts else self._root
             known = self._known.get(content)
             if known is None:
-                known = self._number(
+                known = self._content_number(
                     (tuple(self._pairs.setdefault(each, each) for each in content[0]), content[1])
                 )
             self._numbers.append(self._tick)
@@ -144,7 +144,7 @@ class TickLog(TickSource):
         self._facts.clear()
         self._tick = 0
 
-    def _number(self, content: _TickContent) -> int:
+    def _content_number(self, content: _TickContent) -> int:
         """Return the number of a content."""
         number = self._known.setdefault(content, len(self._known))
         if number == len(self._by_number):
@@ -159,7 +159,7 @@ class TickLog(TickSource):
             if self.last is not None and number > self.last:
                 return
             for missing in range(before + 1, number) if before else ():
-                yield self._recorded_tick(missing, time_before, self._number(((), root)))
+                yield self._recorded_tick(missing, time_before, self._content_number(((), root)))
             yield self._recorded_tick(number, time_sec, content)
             before, time_before, root = number, time_sec, self._by_number[content][1]
 

@@ -80,10 +80,10 @@ def in_order(goes_on: int, *, pauses: bool = False, keeps_place: bool = False) -
         pauses: Whether it returns RUNNING between two children.
         keeps_place: Whether, after a restart, it begins with the child that ended it or was running.
     """
-    return partial(_in_order, goes_on, pauses, keeps_place)
+    return partial(_sequential_outcomes, goes_on, pauses, keeps_place)
 
 
-def _in_order(
+def _sequential_outcomes(
     goes_on: int, pauses: bool, keeps_place: bool, bound: "NodeView", children: Sequence[int], sure: bool
 ) -> int:
     turn = swap if goes_on == F else int

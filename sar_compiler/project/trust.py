@@ -42,13 +42,13 @@ class ConfigurationCode:
     Attributes:
         configuration: The configuration file.
         packages: The names of the packages and modules beside it.
-        sums: The SHA-256 of the configuration and of each of their files, as they were read once. A module is run
+        digests: The SHA-256 of the configuration and of each of their files, as they were read once. A module is run
             only if it is unchanged when it is imported.
     """
 
     configuration: Path
     packages: frozenset[str]
-    sums: Mapping[Path, bytes]
+    digests: Mapping[Path, bytes]
 
     @classmethod
     def from_configuration(cls, configuration: Path, modules: Iterable[str]) -> "ConfigurationCode":
@@ -61,11 +61,11 @@ class ConfigurationCode:
         folder = configuration.parent
         files = (path for name in packages if name.isidentifier() for path in _files(folder, name))
         inside = [configuration, *(NamedPath.confined_to(path, [folder.resolve()]) for path in files)]
-        sums = {}
+        digests = {}
         for path in inside:
             with suppress(UnreadableFileError):
-                sums[Path(path)] = hashlib.sha256(read_file(path, MODULE).all_bytes()).digest()
-        return cls(configuration, packages, sums)
+                digests[Path(path)] = hashlib.sha256(read_file(path, MODULE).all_bytes()).digest()
+        return cls(configuration, packages, digests)
 
     @property
     def is_trusted(self) -> bool:
@@ -87,9 +87,9 @@ class ConfigurationCode:
     @property
     def _record(self) -> Path:
         digest = hashlib.sha256()
-        for path in sorted(self.sums):
+        for path in sorted(self.digests):
             digest.update(hashlib.sha256(os.fsencode(path)).digest())
-            digest.update(self.sums[path])
+            digest.update(self.digests[path])
         return trust_folder() / digest.hexdigest()
 
     def make_importable(self) -> None:
@@ -133,18 +133,18 @@ class _Finder(MetaPathFinder):
             )
             spec = finder.find_spec(fullname)
             # A folder without an `__init__` module has no origin.
-            if spec is not None and (spec.origin is None or Path(spec.origin) in self.content.sums):
+            if spec is not None and (spec.origin is None or Path(spec.origin) in self.content.digests):
                 return spec
         raise ModuleNotFoundError(f"{fullname} is not part of the trusted code", name=fullname)
 
     def _loader(self, fullname: str, path: str) -> "_SourceLoader":
-        return _SourceLoader(fullname, path, self.content.sums)
+        return _SourceLoader(fullname, path, self.content.digests)
 
 
 class _SourceLoader(SourceFileLoader):
-    def __init__(self, fullname: str, path: str, sums: Mapping[Path, bytes]) -> None:
+    def __init__(self, fullname: str, path: str, digests: Mapping[Path, bytes]) -> None:
         super().__init__(fullname, path)
-        self._sums = sums
+        self._digests = digests
 
     def get_code(self, fullname: str) -> CodeType:
         """Compile the source; compiled files are ignored.
@@ -154,6 +154,6 @@ class _SourceLoader(SourceFileLoader):
         """
         source = self.get_filename(fullname)
         code = read_file(source, MODULE).all_bytes()
-        if hashlib.sha256(code).digest() != self._sums[Path(source)]:
+        if hashlib.sha256(code).digest() != self._digests[Path(source)]:
             raise ImportError(f"{source} has changed since it was trusted", name=fullname)
         return self.source_to_code(code, source)

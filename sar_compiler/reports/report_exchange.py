@@ -102,7 +102,7 @@ def kml_report(state: MissionState) -> str:
             for kind in situation.kinds.values()
             for each in situation.of_kind(kind.name)
         ),
-        *_ways(state, reference),
+        *_path_placemarks(state, reference),
     )
     written: str = etree.tostring(_E.kml(document), encoding="unicode", pretty_print=True)
     return written
@@ -124,7 +124,7 @@ def _placemark(state: MissionState, landmark: Landmark, reference: Georeference)
     )
 
 
-def _ways(state: MissionState, reference: Georeference) -> Iterator[Any]:
+def _path_placemarks(state: MissionState, reference: Georeference) -> Iterator[Any]:
     for run in state.runs:
         way = [(pose.x, pose.y) for pose in state.trail if pose.at.run == run.number]
         if len(way) > 1:

@@ -380,7 +380,7 @@ def _drawing(state: MissionState) -> Mapping[str, object] | None:
         "north": _north(state, extent, size),
         "scale": {"x": f"{left + size:.3f}", "y": f"{-low - size:.3f}", "step": f"{step:g}"},
         "areas": [(_level(state, each), _points(each.corners)) for each in landmarks if each.corners],
-        "ways": [_points((pose.x, pose.y) for pose in way) for way in _ways(state.trail)],
+        "ways": [_points((pose.x, pose.y) for pose in way) for way in _split_trail(state.trail)],
         "marks": [(f"{each.x:.3f}", f"{-each.y:.3f}", _symbol(state, each)) for each in places],
         "mark_scale": f"{size * _MARK:.5f}",
         "labels": [*_labels(state, places, extent, size)],
@@ -456,7 +456,7 @@ def _multiples(first: float, last: float, step: float) -> Iterable[float]:
     return (number * step for number in range(math.ceil(first / step), math.floor(last / step) + 1))
 
 
-def _ways(trail: list[RobotPose]) -> Iterator[list[RobotPose]]:
+def _split_trail(trail: list[RobotPose]) -> Iterator[list[RobotPose]]:
     """Yield the parts of a trail between jumps and runs."""
     way: list[RobotPose] = []
     for pose in trail:

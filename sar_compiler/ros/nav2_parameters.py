@@ -121,9 +121,13 @@ class Nav2Parameters:
     def advice(self) -> list[str]:
         """Describe the parameters that are likely to make drives fail, with corrections."""
         values = {name: each.values for name, each in self._questions.items()}
-        return [*_on_timeouts(values[NAVIGATOR]), *self._on_odometry(values), *self._on_stamps(values)]
+        return [
+            *_timeout_advice(values[NAVIGATOR]),
+            *self._odometry_advice(values),
+            *self._stamp_advice(values),
+        ]
 
-    def _on_odometry(self, values: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    def _odometry_advice(self, values: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
         """Yield sentences about nodes whose odometry topic has no publisher."""
         node = self._node
         ours = node.resolve_topic_name(_ODOMETRY)
@@ -143,7 +147,7 @@ class Nav2Parameters:
                 )
                 return
 
-    def _on_stamps(self, values: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    def _stamp_advice(self, values: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
         """Yield sentences about nodes whose velocity commands have a type that the robot does not accept."""
         heard = {
             each.topic_type.rpartition("/")[2]
@@ -160,7 +164,7 @@ class Nav2Parameters:
                 return
 
 
-def _on_timeouts(values: Mapping[str, Any]) -> Iterator[str]:
+def _timeout_advice(values: Mapping[str, Any]) -> Iterator[str]:
     for key in _TIMEOUTS:
         if (value := values.get(key, _ADVISED_TIMEOUT_MS)) < _LEAST_TIMEOUT_MS:
             line = _line(NAVIGATOR, f"{key}: {_ADVISED_TIMEOUT_MS}")

@@ -38,7 +38,7 @@ _STANDING_ALONE = "&<-"
 _MOST = 1000
 """The most findings in a file."""
 _TOLD_PASSED = "BehaviorTree.CPP ignores it, other XML parsers do not"
-_TOLD = "BehaviorTree.CPP accepts it, other XML parsers do not"
+_ACCEPTED_BY_BTCPP = "BehaviorTree.CPP accepts it, other XML parsers do not"
 
 
 class _PartOfFile(Enum):
@@ -84,7 +84,7 @@ def recover(source: Source) -> RecoveredText | None:
     findings: list[Diagnostic] = []
     if declaration := re.match(_LATE_DECLARATION, text):
         parts, done = [re.sub(_NOT_BLANK, " ", declaration[0])], declaration.end()
-        message = f"an XML declaration must be at the very beginning of a file: {_TOLD}"
+        message = f"an XML declaration must be at the very beginning of a file: {_ACCEPTED_BY_BTCPP}"
         span, hint = source.span(*declaration.span(1)), "delete the blanks and lines that precede it"
         findings.append(Diagnostic("loose-xml", message, source, span, hint=hint))
     for start, end, part in _TagWalk(text).stretches():
@@ -244,15 +244,18 @@ def _loose(source: Source, start: int, end: int) -> Diagnostic:
     raw, named = source.text[start:end], _NAMED.match(source.text, start)
     suggestion, hint = None, None
     if "-" in raw:
-        message = f"-- is not allowed in an XML comment: {_TOLD}"
+        message = f"-- is not allowed in an XML comment: {_ACCEPTED_BY_BTCPP}"
         suggestion = " ".join(raw) if len(raw) > 1 else "- "
         if source.text.startswith("<!--", start - 2):
             start, suggestion = start - 2, None
             message, hint = "a comment begins inside another comment", "end the first one with -->"
     elif named is not None:
-        message, end = f"XML does not know '{named[0]}': {_TOLD}", named.end()
+        message, end = f"XML does not know '{named[0]}': {_ACCEPTED_BY_BTCPP}", named.end()
         hint = "write & as &amp;, and all other characters unchanged"
     else:
         what = "an &" if raw != "<" else "a <"
-        message, suggestion = f"{what} is written {_replacement(raw[:1])} in XML: {_TOLD}", _replacement(raw)
+        message, suggestion = (
+            f"{what} is written {_replacement(raw[:1])} in XML: {_ACCEPTED_BY_BTCPP}",
+            _replacement(raw),
+        )
     return Diagnostic("loose-xml", message, source, source.span(start, end), suggestion, hint)

@@ -8,7 +8,7 @@ from py_trees.decorators import Decorator
 
 from sar_compiler.analysis.simulated_tree import (
     Assumptions,
-    OnlyDescribedError,
+    UnknownBehaviourError,
     compile_simulated,
     match_rank,
     replace_nodes,
@@ -170,7 +170,7 @@ def test_a_leaf_that_is_only_described_answers_what_its_kind_can():
 
 
 def test_controls_and_decorators_that_are_only_described_are_nothing_to_play():
-    with pytest.raises(OnlyDescribedError) as error:
+    with pytest.raises(UnknownBehaviourError) as error:
         simulated_file(PALETTE.format("<Both><Twice><Grab/></Twice><Twice><Full/></Twice></Both>"))
     assert [
         (found.code, found.message.split(",")[0], found.span.column) for found in error.value.findings

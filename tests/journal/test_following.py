@@ -52,7 +52,7 @@ def test_the_next_run_follows(place):
 def test_another_mission_in_the_file_is_read_from_its_beginning(place):
     follower = JournalFollower(place)
     for _ in range(2):
-        journal = open_journal(place, anew=True)
+        journal = open_journal(place, start_over=True)
         journal.begin({}, {})
         journal.record_event("zone_visited", zone="zone_a")
         journal.close()
@@ -74,7 +74,7 @@ def test_a_file_that_cannot_be_read_for_a_moment_is_read_afterwards(place):
         place.write_text("half a journal", encoding="utf-8")
         assert follower.read_new() == []
         place.unlink()
-        journal = open_journal(place, anew=True)
+        journal = open_journal(place, start_over=True)
         journal.begin({}, {})
         assert kinds(follower) == ["run_began"]
         journal.close()

@@ -76,7 +76,7 @@ def test_a_mission_that_is_not_over_goes_on_with_its_facts(place, ending):
 
 def test_new_keeps_the_former_journal_under_another_name_once_it_begins(place):
     leave(place)
-    journal = open_journal(place, anew=True)
+    journal = open_journal(place, start_over=True)
     assert list(place.parent.glob("*.journal")) == [place]
     assert journal.earlier_events() == []
     journal.begin({"mission": "patrol"}, {})
@@ -90,13 +90,13 @@ def test_new_keeps_the_former_journal_under_another_name_once_it_begins(place):
 
 def test_two_journals_of_one_second_get_two_names(place):
     for _ in range(3):
-        leave(place, anew=True)
+        leave(place, start_over=True)
     assert len(list(place.parent.glob("*.journal"))) == 3
 
 
 def test_a_new_mission_that_does_not_begin_leaves_the_former_one_as_it_was(place):
     leave(place)
-    open_journal(place, anew=True).close()
+    open_journal(place, start_over=True).close()
     journal = open_journal(place, resume=True)
     assert kinds(journal) == ["zone_visited"]
     journal.close()
@@ -145,7 +145,7 @@ def test_a_journal_in_which_nothing_has_begun_is_no_obstacle(place, leave_empty)
 
 def test_two_runs_at_a_time_are_one_too_many(place):
     journal = open_journal(place)
-    for options in ({}, {"resume": True}, {"anew": True}):
+    for options in ({}, {"resume": True}, {"start_over": True}):
         with pytest.raises(JournalError, match="in another process"):
             open_journal(place, **options)
     journal.close()
@@ -196,7 +196,7 @@ def test_a_time_that_is_none_is_told_as_it_is(place, began):
     file.close()
     with pytest.raises(JournalError, match=f"started on {began:g}, and crashed".replace("+", r"\+")):
         open_journal(place)
-    open_journal(place, anew=True).close()
+    open_journal(place, start_over=True).close()
 
 
 def test_entries_have_the_time_of_the_missions_clock(place):

@@ -336,7 +336,7 @@ class _PredictionSolver:
             ("unknown", self._unknown_leaves),
             ("success", lambda: weighed.bounds(self._succeeded, unknown)),
             ("ends", lambda: weighed.bounds(self._ends, unknown)),
-            ("properties", self._properties_kept),
+            ("properties", self._property_probabilities),
         ]
         if not found.undecided:
             parts += [
@@ -350,7 +350,7 @@ class _PredictionSolver:
             budget.publish(partial(replace, found, stopped=True))
         return found
 
-    def _properties_kept(self) -> Mapping[str, ProbabilityBounds]:
+    def _property_probabilities(self) -> Mapping[str, ProbabilityBounds]:
         return {name: self._property_bounds(rule) for rule, name in enumerate(self._properties.names)}
 
     def _distribution(self, budget: Budget) -> tuple[tuple[float, float, float], ...]:

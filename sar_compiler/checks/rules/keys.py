@@ -368,7 +368,7 @@ def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes)
     if around in (writer.position, use.position):
         return False
     first, second = around.child(writer.position), around.child(use.position)
-    ended = _ends_of(writer, first, outcomes)
+    ended = _outcomes_without_write(writer, first, outcomes)
     means = around.bound.spec.semantics
     if means.order is Order.CHOSEN or not ended:
         return False
@@ -378,7 +378,7 @@ def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes)
     return not any(map(_has_condition, siblings)) and not _is_guarded(use, second)
 
 
-def _ends_of(writer: EntryAccess, top: TreePosition, outcomes: PossibleOutcomes) -> int:
+def _outcomes_without_write(writer: EntryAccess, top: TreePosition, outcomes: PossibleOutcomes) -> int:
     """Return a node's outcome set after one of its leaves did not write a key; empty if unknown."""
     ended = 0
     for outcome in _silent_outcomes(writer) or ():

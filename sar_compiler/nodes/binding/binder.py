@@ -89,7 +89,7 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
         report_key_types(expand(main, collector), collector)
         report_misread_skips(trees_in(main), collector)
     enums = {name: number for name, number in models.enums.items() if number is not None}
-    return Binding(main, _in_order(forest, collector.findings), enums)
+    return Binding(main, _sorted_findings(forest, collector.findings), enums)
 
 
 def bind_all(
@@ -132,7 +132,7 @@ def bind_all(
                 report_misread_skips(trees_in(tree), collector)
     all_models = models._replace(subtrees=binder.subtrees)
     return BoundForest(
-        trees, tops, key_types, all_models, binder.specs, _in_order(forest, collector.findings)
+        trees, tops, key_types, all_models, binder.specs, _sorted_findings(forest, collector.findings)
     )
 
 
@@ -140,7 +140,7 @@ def _characters(forest: Forest) -> int:
     return sum(len(tree_file.source.text) for tree_file in forest.files)
 
 
-def _in_order(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, ...]:
+def _sorted_findings(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return the distinct findings by file, line and column, without those about palettes."""
     order = {id(tree_file.source): number for number, tree_file in enumerate((*forest.files, *forest.others))}
     unique = [finding for finding in dict.fromkeys(findings) if id(finding.source) in order]

@@ -41,7 +41,7 @@ def _try_catch_gates(bound: NodeView) -> Mapping[int, Gate]:
     return {**{number: Gate((number - 1,), S | K) for number in tried[1:]}, **catches}
 
 
-def _in_order(
+def _sequential_control(
     tag: str, counterpart: Counterpart, *former_tags: str, is_sequence: bool, memory: bool | None
 ) -> NodeSpec:
     """Return a sequence or selector; *memory* is implied by its tag, or None if it is an attribute."""
@@ -102,23 +102,27 @@ def _branching_spec(tag: str, doc: str) -> NodeSpec:
 
 
 SPECS = [
-    _in_order("Sequence", _memory_counterpart("Sequence", "ReactiveSequence"), is_sequence=True, memory=None),
-    _in_order(
+    _sequential_control(
+        "Sequence", _memory_counterpart("Sequence", "ReactiveSequence"), is_sequence=True, memory=None
+    ),
+    _sequential_control(
         "Selector",
         _memory_counterpart("Fallback", "ReactiveFallback", built_in=False),
         "Chooser",
         is_sequence=False,
         memory=None,
     ),
-    _in_order(
+    _sequential_control(
         "Fallback",
         _memory_counterpart("Fallback", "ReactiveFallback"),
         "FallbackStar",
         is_sequence=False,
         memory=None,
     ),
-    _in_order("ReactiveSequence", _REACTIVE_ONE, is_sequence=True, memory=False),
-    _in_order("ReactiveFallback", _REACTIVE_ONE, "ReactiveSelector", is_sequence=False, memory=False),
+    _sequential_control("ReactiveSequence", _REACTIVE_ONE, is_sequence=True, memory=False),
+    _sequential_control(
+        "ReactiveFallback", _REACTIVE_ONE, "ReactiveSelector", is_sequence=False, memory=False
+    ),
     _own(
         "AsyncSequence",
         "stock:AsyncSequence",

@@ -274,7 +274,7 @@ class ActionLeaf(GoalSender):
             if (status := self._judge_arrival(exchange)) is not None:
                 return status
             self._failures = 0
-            self._end_row()
+            self._clear_failures()
         return super()._judge(exchange)
 
     def _judge_arrival(self, goal: ActionGoal) -> Status | None:
@@ -330,7 +330,7 @@ class ActionLeaf(GoalSender):
             return self._begin()
         if self._robot is not None and _is_without_code(goal):
             return self._send_again(goal)
-        self._end_row()
+        self._clear_failures()
         self._count_failure(goal)
         return super()._judge(goal)
 
@@ -375,7 +375,7 @@ class ActionLeaf(GoalSender):
             )
             self.warn(f"'{self.name}'{' holds' if holds else ''}: {self._lost_words}; {pauses}.")
 
-    def _end_row(self) -> None:
+    def _clear_failures(self) -> None:
         """Reset the count of consecutive failures."""
         self._lost_count, self._lost_until = 0, None
         self.on_available()
@@ -429,7 +429,7 @@ class ActionLeaf(GoalSender):
         if not exchange.is_accepted or status is not Status.RUNNING:
             return status
         if self._lost_count and not exchange.is_over and self._makes_progress():
-            self._end_row()
+            self._clear_failures()
         self._show_duration(exchange)
         if not exchange.has_feedback:
             return status

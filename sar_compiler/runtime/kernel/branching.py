@@ -5,8 +5,8 @@ from typing import Any, Final
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import (
     ControlNode,
-    InTurnNode,
     NodeBuilder,
+    OneChildNode,
     Ticker,
     TreeNode,
     reset,
@@ -131,7 +131,7 @@ class SwitchNode(ControlNode):
         return self.set_outcome(ticker, outcome)
 
 
-class TryCatchNode(InTurnNode):
+class TryCatchNode(OneChildNode):
     """Ticks all children but the last in order, and ticks the last one if one of them fails.
 
     Attributes:

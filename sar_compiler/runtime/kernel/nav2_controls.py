@@ -6,8 +6,8 @@ from sar_compiler.errors import NodeError
 from sar_compiler.runtime.kernel.cells import CALLED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import (
     ControlNode,
-    InTurnNode,
     NodeBuilder,
+    OneChildNode,
     Ticker,
     reset,
     reset_all,
@@ -82,7 +82,7 @@ class RecoveringNode(ControlNode):
         return self.finish(ticker, outcome)
 
 
-class PipelineNode(InTurnNode):
+class PipelineNode(OneChildNode):
     """Ticks all children again in each tick, up to the furthest one reached, whether earlier ones run or not.
 
     Attributes:
@@ -118,7 +118,7 @@ class PipelineNode(InTurnNode):
         return self.finish(ticker, SKIPPED if all_skipped else SUCCESS)
 
 
-class RoundRobinNode(InTurnNode):
+class RoundRobinNode(OneChildNode):
     """Ticks one child after another until one succeeds; the next start continues with the following child.
 
     Without wrapping around, the node ends without success when the last child has ended. After a success it keeps the
@@ -168,7 +168,7 @@ class RoundRobinNode(InTurnNode):
         return self.finish(ticker, SKIPPED if all_skipped else FAILURE)
 
 
-class NonblockingNode(InTurnNode):
+class NonblockingNode(OneChildNode):
     """Ticks all children in every tick, including those that have succeeded, until none runs or one fails.
 
     Attributes:
@@ -209,7 +209,7 @@ class NonblockingNode(InTurnNode):
         return self.set_outcome(ticker, RUNNING)
 
 
-class PersistentNode(InTurnNode):
+class PersistentNode(OneChildNode):
     """A sequence whose index is a key of the blackboard, which is kept after a halt."""
 
     def __init__(self, part: NodeBuilder) -> None:

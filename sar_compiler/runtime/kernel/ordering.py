@@ -1,10 +1,10 @@
 """Sequences and fallbacks of BehaviorTree.CPP: children in order, until one of them decides."""
 
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED
-from sar_compiler.runtime.kernel.tree_nodes import InTurnNode, NodeBuilder, Ticker, reset, reset_all
+from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, OneChildNode, Ticker, reset, reset_all
 
 
-class OrderedNode(InTurnNode):
+class OrderedNode(OneChildNode):
     """Ticks children in order: after `hands_over` the next child is ticked; the other result ends the node.
 
     Attributes:

@@ -12,7 +12,7 @@ from sar_compiler.runtime.tokens import excerpt
 _ENDLESS: Final = -1
 
 
-class AgainNode(DecoratorNode):
+class RepeatingNode(DecoratorNode):
     """Ticks its child again after one result, up to a maximum number; the other result ends it.
 
     Args:
@@ -109,14 +109,14 @@ class AgainNode(DecoratorNode):
         self.told = 0
 
 
-class RepeatNode(AgainNode):
+class RepeatNode(RepeatingNode):
     """Ticks its child again after a success."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, part.behaviour.num_cycles, SUCCESS, "cycle")
 
 
-class RetryNode(AgainNode):
+class RetryNode(RepeatingNode):
     """Ticks its child again after a failure; the child may have changed the number of attempts."""
 
     def __init__(self, part: NodeBuilder) -> None:

@@ -439,7 +439,7 @@ class ControlNode(OwnNode):
         return super().stop_first(ticker)
 
 
-class InTurnNode(ControlNode):
+class OneChildNode(ControlNode):
     """A control that ticks one child after the other: `next_child` chooses it, and `on_child_outcome` handles its outcome.
 
     Args:

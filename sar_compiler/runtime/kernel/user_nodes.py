@@ -20,7 +20,7 @@ from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, OwnNode, Ticker,
 from sar_compiler.runtime.leaf_protocol import NoStatusError
 
 _INVALID: Final[Any] = Status.INVALID
-_TOLD: Final = (*STATUSES, _INVALID)
+_RESUME_STATUSES: Final = (*STATUSES, _INVALID)
 # Displayed attributes of a behaviour, on which no tick depends.
 _SHOWN: Final = ("status", "feedback_message", "current_child", "skipped", "place")
 _COLLECTIONS: Final = (list, dict, set)
@@ -97,7 +97,7 @@ class UserNode(OwnNode):
         tick.ticker = ticker
         while True:
             begins = outcome == INVALID
-            answer = behaviour.begin(tick) if begins else behaviour.resume(tick, _TOLD[outcome])
+            answer = behaviour.begin(tick) if begins else behaviour.resume(tick, _RESUME_STATUSES[outcome])
             if before is not None:
                 self._compare(before)
             place: int = self._places.get(id(answer), -1)

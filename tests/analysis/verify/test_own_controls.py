@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from sar_compiler.analysis.simulated_tree import OnlyDescribedError, compile_simulated
+from sar_compiler.analysis.simulated_tree import UnknownBehaviourError, compile_simulated
 from sar_compiler.analysis.verification_view import verification_as_json, verification_as_text
 from sar_compiler.analysis.verify import verify
 from sar_compiler.analysis.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK, OWN_RECORDS
@@ -313,7 +313,7 @@ def test_the_proof_names_the_classes_of_which_it_proves_nothing():
 )
 def test_a_class_with_a_tick_of_its_own_whose_semantics_leave_something_open_is_refused(body):
     with pytest.raises(
-        OnlyDescribedError, match=r"(?s)Ticking\w+> has its own methods .*with begin and resume"
+        UnknownBehaviourError, match=r"(?s)Ticking\w+> has its own methods .*with begin and resume"
     ):
         verified(body)
 
