@@ -32,14 +32,14 @@ def _full_description(spec: NodeSpec) -> str:
     lines = [f"<{spec.tag}>  {spec.kind.value.lower()}", "", *([spec.doc, ""] if spec.doc else [])]
     lines += _outcome_texts(spec)
     if spec.effects:
-        lines.append(f"effects: {spec.effects}")
+        lines.append(f"effects:  {spec.effects}")
     if spec.uses:
-        lines.append(f"needs:   {', '.join(f'{use.kind} {use.name}'.strip() for use in spec.uses)}")
+        lines.append(f"needs:    {', '.join(f'{use.kind} {use.name}'.strip() for use in spec.uses)}")
     if spec.facts:
         lines.append(
-            f"facts:   {', '.join(f'{name} = {value_as_script(value)}' for name, value in spec.facts.items())}"
+            f"facts:    {', '.join(f'{name} = {value_as_script(value)}' for name, value in spec.facts.items())}"
         )
-    for label, names in (("reads:  ", spec.reads), ("writes: ", spec.writes)):
+    for label, names in (("reads:   ", spec.reads), ("writes:  ", spec.writes)):
         if names:
             lines.append(f"{label} {', '.join(names)}")
     lines += ["attributes:", *(_attribute(spec, parameter) for parameter in spec.attributes)]

@@ -329,7 +329,7 @@ def test_what_a_leaf_answers_is_shown_with_its_facts(capsys):
         "outcomes: SUCCESS 'arrived' when zones_left > 0, then at = 'zone'; navigation_lost = false\n          FAILURE 'aborted'"
         in out
     )
-    assert "facts:   zones_left = 3, at = '', navigation_lost = false\n" in out
+    assert "facts:    zones_left = 3, at = '', navigation_lost = false\n" in out
 
 
 def test_what_a_leaf_answers_is_there_for_scripts(capsys):
