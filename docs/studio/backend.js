@@ -1,4 +1,4 @@
-// The site's back end: Python in a worker. It has the place of the module of this name that asks the server of `sar-compile edit`.
+// The site's back end: Python in a worker. It replaces the module of the same name, which queries the server of `sar-compile edit`.
 import { sizes } from "./sizes.js";
 
 const EXAMPLES = ["patrol.xml", "doors.xml", "navigate.xml", "delivery.yaml", "search_and_rescue.xml"];
@@ -33,7 +33,7 @@ function launch() {
   };
 }
 
-// A worker that computes hears nothing: it is ended, and another one gets the file and the other questions.
+// A worker receives no messages while it computes. To stop it, the page ends it and sends the file and the open queries to a new one.
 async function stop() {
   worker.terminate();
   const before = [...pending.values()];
@@ -51,7 +51,7 @@ async function put(name, text) {
   return send("put", opened);
 }
 
-// A tree in an address: compressed, in the letters of base64 that need no escape.
+// A tree in an address: compressed, and encoded as URL-safe base64.
 const through = async (stream, bytes) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
 
 export async function encode(text) {
@@ -77,7 +77,7 @@ async function start(onLoading, onState) {
   onLoading(1);
 }
 
-// What was saved is what another worker begins with.
+// A new worker starts with the saved files.
 async function ask(question, values, onProgress) {
   if (question === "save") opened = { ...opened, text: values.text };
   return send(question, values, onProgress);

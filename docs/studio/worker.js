@@ -2,7 +2,7 @@
 import { start } from "./engine.mjs";
 import { loadPyodide } from "./pyodide/pyodide.mjs";
 
-// The bytes that have come, of all files: Pyodide fetches its own.
+// The number of bytes received so far, for the progress bar. Pyodide fetches its own files.
 let loaded = 0;
 const fetchFile = self.fetch;
 self.fetch = async (...request) => {

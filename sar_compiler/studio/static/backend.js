@@ -1,5 +1,5 @@
-// Where the page asks its questions: the server of `sar-compile edit`, whose access token is in the address. On the site another
-// module has its place, which asks Python in the browser.
+// The back end of the page: the server of `sar-compile edit`, whose access token is in the address. The site replaces this module by
+// one that queries Python in the browser.
 const PROGRESS_MS = 500;
 const token = location.hash.slice(1);
 

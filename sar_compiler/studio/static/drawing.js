@@ -1,11 +1,11 @@
-// The drawing: what Python has drawn, with a selection, drag and drop, and keys.
+// The drawing, made by Python, with a selection, drag and drop, and keys.
 import { dropPlace, dropSide } from "./places.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const DRAWN = new Set(["svg", "g", "path", "rect", "text", "title"]);
 const START_PX = 6;
 
-// Only shapes and texts are taken over, without styles, scripts or links.
+// Only shapes and texts are copied; styles, scripts and links are omitted.
 function copied(from) {
   const made = document.createElementNS(SVG, from.localName);
   for (const { name, value } of from.attributes) if (/^(class|d|x|y|rx|width|height|viewBox|role|stroke-dasharray)$/.test(name)) made.setAttribute(name, value);
@@ -32,7 +32,7 @@ class TreeDrawing extends HTMLElement {
     this.addEventListener("wheel", (event) => event.ctrlKey && (event.preventDefault(), this.zoom(event.deltaY < 0 ? 1.15 : 1 / 1.15)), { passive: false });
   }
 
-  // Shows a drawing: its text, for each of its nodes the element and the number in the whole tree, all elements, whether an element is
+  // Shows a drawing: its SVG, the element and the number of each drawn node, all elements of the tree, whether an element is
   // folded, and the severity of each element with findings.
   show({ svg, nodes, places, elements }, canHold, isFolded, severities) {
     this.elements = elements;
@@ -103,7 +103,7 @@ class TreeDrawing extends HTMLElement {
     });
   }
 
-  // Returns the next element after the selected one whose texts contain the words, and which is drawn.
+  // Returns the next drawn element after the selected one whose texts contain the words.
   find(words) {
     const place = this.numbers.indexOf(this.#chosen) + 1;
     const after = [...this.nodes.slice(place), ...this.nodes.slice(0, place)];
@@ -111,7 +111,7 @@ class TreeDrawing extends HTMLElement {
     return found ? this.#number(found) : null;
   }
 
-  // Begins to drag something that is not in the drawing.
+  // Starts to drag an object from outside of the drawing.
   drag(what, event) {
     this.#drag = { what, x: event.clientX, y: event.clientY, isOn: false };
   }
@@ -132,7 +132,7 @@ class TreeDrawing extends HTMLElement {
     if (element !== null && event.pointerType !== "touch") this.drag({ element }, event);
   }
 
-  // A mouse moves the sheet by its ground; a finger scrolls anyway.
+  // Dragging the background with a mouse scrolls the drawing. Touch scrolls without this.
   #grab(event) {
     if (event.button || event.pointerType !== "mouse" || event.target.closest("g.node, button, input, select")) return;
     const { scrollLeft, scrollTop } = this.parentElement;

@@ -1,4 +1,4 @@
-// The text: CodeMirror in a shadow root, in which it may set its styles without inline ones in the page.
+// The text: CodeMirror in a shadow root, where its styles do not violate the page's Content-Security-Policy.
 import {
   bracketMatching, defaultKeymap, drawSelection, EditorState, EditorView, foldGutter, foldKeymap, highlightActiveLine,
   highlightSelectionMatches, HighlightStyle, history, historyKeymap, isolateHistory, keymap, lineNumbers, lintGutter, lintKeymap, redo,
@@ -29,7 +29,7 @@ export class TextEditor {
     this.extensions = [
       lineNumbers(), foldGutter(), lintGutter(), history(), drawSelection(), bracketMatching(), highlightActiveLine(),
       highlightSelectionMatches(), syntaxHighlighting(colours), theme,
-      // A line end of the file is a line end here, and other characters stay as they are.
+      // Only the file's own line ending separates lines; other characters are kept unchanged.
       EditorState.lineSeparator.of("\n"),
       EditorView.contentAttributes.of({ "aria-label": "The tree file", tabindex: "0" }),
       keymap.of([...defaultKeymap, ...historyKeymap, ...foldKeymap, ...searchKeymap, ...lintKeymap]),

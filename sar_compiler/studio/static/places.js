@@ -1,16 +1,16 @@
-// Where a node goes when it is dropped, or moved by a key.
+// The target position of a node that is dropped, or moved with a key.
 
-// Where a node is dropped on another one, by the position on its box from 0 to 1: before it, into it, or after it.
+// The target of a drop on a box, by the position on the box from 0 to 1: before the node, into it, or after it.
 export const dropSide = (fraction, canHold) => (fraction < (canHold ? 0.25 : 0.5) ? "before" : fraction > (canHold ? 0.75 : 0.5) ? "after" : "in");
 
-// The parent and the index of a drop; null where it has no place.
+// The parent and the index of a drop; null if the node cannot be dropped there.
 export function dropPlace(elements, target, side) {
   const element = elements[target];
   if (side === "in") return { parent: target, index: element.children.length };
   return element.parent === null ? null : { parent: element.parent, index: element.index + (side === "after" ? 1 : 0) };
 }
 
-// Where a node is moved by a key: among its siblings, out behind its parent, or into the sibling before it.
+// The target of a move with a key: among its siblings, after its parent, or into the previous sibling.
 export function keyPlace(elements, number, key) {
   const { parent, index } = elements[number];
   const around = elements[parent];

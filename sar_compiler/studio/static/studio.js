@@ -1,4 +1,4 @@
-// The page: the text is the only document. Operations are edits of it, and everything else is shown from it.
+// The page. The text is the only document: operations edit it, and all views are derived from it.
 import { backend } from "./backend.js";
 import "./drawing.js";
 import { TextEditor } from "./editor.js";
@@ -18,7 +18,7 @@ let shownTree = null;
 let walk = { events: [], at: -1 };
 let isPlayed = false;
 const script = {};
-// The file that is shown; empty for the first one. The offsets of the elements whose children are folded.
+// The shown file; empty for the first one. The offsets of the elements whose children are folded.
 let file = "";
 let folded = [];
 
@@ -39,7 +39,7 @@ const canHold = (number) => {
   return !spec || spec.most !== 0;
 };
 
-// Asks a question in a dialog; the answer is what is written, or the choice.
+// Asks a question in a dialog; returns the entered text or the choice.
 function question(text, choices, written = null) {
   at("question").textContent = text;
   at("answer").hidden = written === null;
@@ -55,7 +55,7 @@ function question(text, choices, written = null) {
   });
 }
 
-// Looking: findings, drawing and forms of the present text.
+// Findings, drawing and forms of the current text.
 let waiting;
 let isLooking = false;
 const isDirty = () => editor.text !== saved;
@@ -67,7 +67,7 @@ function changed(changes) {
   waiting = setTimeout(look, 30);
 }
 
-// Numbers of elements are those of the text that was looked at last: a key waits until that is the present one.
+// Element numbers belong to the last analysed text, so keys wait until that is the current text.
 let settling = [];
 const settled = () => (looked.text === editor.text ? Promise.resolve() : new Promise((resolve) => settling.push(resolve)));
 
@@ -391,7 +391,7 @@ async function load() {
   return look();
 }
 
-// Loads another file, unless the user keeps the present one.
+// Loads another file, unless the user keeps the current one.
 async function leave(prepare) {
   const answer = isDirty() ? await question("The text is not saved", ["Save", "Discard", "Cancel"]) : "Discard";
   if (answer === "Save") await save();
@@ -505,7 +505,7 @@ at("larger").onclick = () => drawing.zoom(1.25);
 window.addEventListener("focus", compare);
 if (!backend.site) setInterval(compare, COMPARE_MS);
 window.addEventListener("beforeunload", (event) => editor && isDirty() && event.preventDefault());
-// For tests and extensions of browsers: the text, the replacement of a part of it, and what is shown.
+// For tests and browser extensions: the text, the replacement of a part of it, and the shown state.
 window.studio = {
   text: () => editor.text,
   chosen: () => chosen,

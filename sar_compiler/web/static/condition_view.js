@@ -5,7 +5,7 @@ import { CONDITIONS } from "./signs.js";
 
 const SEVERITY = ["quiet", "good", "warning", "error"];
 const COUNTED = ["paused", "waiting", "lost", "position lost"];
-// A robot in one of these states does not drive, whatever was said before.
+// A robot in one of these states does not drive, regardless of earlier data.
 const STANDING = ["paused", "waiting", "aborted"];
 const UNPLACED = "position lost";
 
@@ -27,23 +27,23 @@ export function isCrashed({ condition }) {
   return condition.word === "crashed";
 }
 
-/** Whether a robot is silent although it drives, as far as the server knows. */
+/** Whether no data arrives from a robot that is driving, as far as the server knows. */
 export function isLost({ condition }) {
   return condition.word === "lost";
 }
 
-/** Whether what is shown of a run may no longer be true: its connection is lost, or its program has crashed. The one rule for all views. */
+/** Whether the shown data of a run may be stale: its connection is lost, or its program has crashed. All views use this rule. */
 export function isStale(stream, run) {
   return !run.run.ended && (isCrashed(run) || isLost(run) || (Boolean(stream.silent) && !stream.isReplay));
 }
 
-/** Whether the drive, the plan and the time to go of a run are those of now. */
+/** Whether the drive, the plan and the remaining time of a run are current. */
 export function isMoving(stream, run) {
   const { word } = run.condition;
   return !run.run.ended && !isStale(stream, run) && !STANDING.includes(word) && word !== UNPLACED;
 }
 
-/** Whether the place of a robot is the one of now. */
+/** Whether the position of a robot is current. */
 export function isPlaced(stream, run) {
   return !isStale(stream, run) && run.condition.word !== UNPLACED;
 }

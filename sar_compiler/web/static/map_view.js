@@ -72,7 +72,7 @@ export class MapView {
     this.mapNumber = mapped.map === this.mapped ? this.mapNumber : (this.mapNumber ?? 0) + 1;
     this.mapped = mapped.map;
     set(this.canvas, { viewBox: `0 0 ${width} ${height}` });
-    // Each layer is drawn anew only if what it shows is otherwise.
+    // A layer is redrawn only if its content has changed.
     this.layer("ground", `${view} ${this.mapNumber}`, () => this.ground(mapped, scale, width, height));
     this.layer("grid", view, () => [this.grid(width, height, scale)]);
     this.layer("areas", told, () => [...of((each) => this.shades(each)), ...of((each) => this.rasters(each, scale)), ...of((each) => this.areas(each))]);
@@ -92,7 +92,7 @@ export class MapView {
     this.legend?.show(run);
   }
 
-  /** Draw a layer anew if its key is another one. */
+  /** Redraw a layer if its key has changed. */
   layer(name, key, draw) {
     let known = this.layers.get(name);
     if (!known) {
@@ -105,7 +105,7 @@ export class MapView {
     known.group.replaceChildren(...draw());
   }
 
-  /** The robots, which glide to their new places. */
+  /** The robots, which glide to their new positions. */
   robots(order, run, view) {
     const drawn = order.flatMap((each) => this.robot(each, each === run ? "" : " other"));
     this.layer("robots", drawn.map(({ number }) => number).join(" "), () => drawn.map(({ group }) => group));

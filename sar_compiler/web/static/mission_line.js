@@ -1,4 +1,4 @@
-// The mission as a line: what was done, found and given up, the alarms, the present, and the expected end.
+// The mission as a line: zones done and abandoned, detections, alarms, the current time, and the expected end.
 
 import { isMoving } from "./condition_view.js";
 import { landmarkIn } from "./links.js";
@@ -68,7 +68,7 @@ function reached(run) {
   return [...places, ...alarms].sort((one, other) => one.time - other.time);
 }
 
-/** Leave out the marks that would lie on the one before, and look like it. */
+/** Omit the marks that would cover the previous one and look the same. */
 function apart(marks) {
   const look = ({ landmark }) => `${landmark?.kind} ${landmark?.level}`;
   return marks.filter((each, index) => !index || each.at - marks[index - 1].at >= APART || look(each) !== look(marks[index - 1]));

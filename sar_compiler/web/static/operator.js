@@ -83,7 +83,7 @@ function show() {
   document.body.classList.add("ready");
 }
 
-/** The condition of the chosen robot, or of another one that is worse and needs somebody, with its name. */
+/** The condition of the chosen robot, or of another one that needs the operator more, with its name. */
 function worstOf(stream) {
   const all = stream.runs.map((each) => conditionOf(stream, each));
   const level = worst(["good", ...all.map((each) => each.level)]);
@@ -92,7 +92,7 @@ function worstOf(stream) {
   return index < 0 || level === "good" || chosen.level === level ? { ...chosen, index: stream.chosen } : { ...all[index], index, word: `${stream.names[index]}: ${all[index].word}` };
 }
 
-/** Have the icon of the tab in the colour of the state. */
+/** Set the tab's icon to the colour of the state. */
 function showIcon(level) {
   if (at("icon").dataset.level === level) return;
   at("icon").dataset.level = level;

@@ -150,7 +150,7 @@ export class Orders {
     await this.stopEach(all, true, this.able("stop")[0]?.[1]);
   }
 
-  /** Stop robots, state for each whether it has confirmed that, and ask whether their missions go on. */
+  /** Stop robots, show for each whether it has confirmed the stop, and ask whether to resume their missions. */
   async stopEach(robots, hold, stop) {
     const reason = this.reason.value;
     const holds = new Map(hold ? this.able("hold") : []);
@@ -191,7 +191,7 @@ export class Orders {
     return wanted && this.verbs?.find(({ name, role }) => (name === wanted || role === wanted) && this.now.has(name));
   }
 
-  /** Give a command, after the question that it needs; *found* is the detection that the command refers to, *chosen* further values. */
+  /** Send a command, after the confirmation that it needs; *found* is the detection that the command refers to, *chosen* further values. */
   async begin(verb, found = "", chosen = {}) {
     if (!verb) return;
     const robot = this.stream.chosen;
@@ -203,14 +203,14 @@ export class Orders {
     if (values) this.give(verb, values, robot, { ...seen, ...seenLandmarks(verb, values, known, this.stream.runs[robot]) });
   }
 
-  /** What the operator sees of a command's objects; to stop a robot, nothing has to be seen. */
+  /** The state of a command's objects as the operator sees it; empty for commands that stop a robot. */
   seen({ name, role }, robot) {
     const { run, objects } = this.stream.runs[robot];
     if (role === "hold") return {};
     return role === "stop" ? { run: run.id ?? "" } : { run: run.id ?? "", object: objects[name] ?? "" };
   }
 
-  /** End a question whose object has changed since it was opened. */
+  /** Close a dialog whose object has changed since it was opened. */
   expire() {
     if (!this.ask.open || !this.about) return;
     const { verb, robot, seen } = this.about;
@@ -302,7 +302,7 @@ export class Orders {
     this.tell(`${to}: ${text}`, kind);
   }
 
-  /** Give several robots a command each, at once; their answers are shown together. */
+  /** Send commands to several robots at once; the responses are shown together. */
   async giveEach(orders) {
     this.tell(`${orders.map(([robot, verb]) => this.addressed(verb, robot)).join("; ")} …`, "asked");
     const sent = orders.map(([robot, verb, seen]) => this.send(verb, {}, robot, seen));
@@ -345,7 +345,7 @@ export class Orders {
   }
 }
 
-/** What is seen of the landmarks that the values of a command name, by kind and name; empty for one that does not exist. */
+/** The shown state of the landmarks that a command's values name, by kind and name; empty for one that does not exist. */
 function seenLandmarks(verb, values, known, run) {
   const named = verb.fields.filter(({ name, kind, landmark }) => values[name] && (landmark || kind === "found"));
   return Object.fromEntries(named.map(({ name, landmark }) => {

@@ -6,12 +6,12 @@ import { clock, html, hue, say, set } from "./shapes.js";
 import { CONDITIONS } from "./signs.js";
 
 const SEEN = "sar-seen";
-// A robot that is nearer to a landmark is at it.
+// A robot within this distance of a landmark is at the landmark.
 const NEAR_M = 0.5;
 // The number of acknowledged alarms to store.
 const REMEMBERED = 200;
 
-/** The times of a mission: how long it has lasted, about how long it still takes, and how long it may take. */
+/** The times of a mission: elapsed, expected remaining, and the limit. */
 export function showTimes(place, stream, run) {
   const { estimate, time, run: { number } } = run;
   const ended = !isMoving(stream, run);
@@ -24,7 +24,7 @@ export function showTimes(place, stream, run) {
   showRows(place, rows);
 }
 
-/** What the mission counts and measures. */
+/** The counts and measurements of the mission. */
 export function showFigures(place, run) {
   place.hidden = !run.figures.length;
   showRows(place, run.figures.map(({ name, value, of, unit }) => [name, `${round(value)}${of == null ? "" : ` of ${round(of)}`}${unit ? ` ${unit}` : ""}`]));

@@ -4,7 +4,7 @@ import { link } from "./links.js";
 import { clock, html, icon, mark } from "./shapes.js";
 
 const [DONE, GIVEN_UP] = [2, 3];
-// The levels in the order of the rows: what is in hand, what was given up, what is to come, what is done.
+// The levels in the order of the rows: in progress, abandoned, planned, done.
 const ORDER = { 1: 0, [GIVEN_UP]: 1, 0: 2, [DONE]: 3 };
 
 export class PlacesView {
@@ -50,7 +50,7 @@ export class PlacesView {
   item(landmark, kind) {
     const { name, shown, x, y, state, reason, level, verdicts } = landmark;
     const where = kind.is_found ? [`x ${x.toFixed(2)}, y ${y.toFixed(2)}`] : [];
-    // Of what is done, the state is enough.
+    // Completed items show only their state.
     const more = level === DONE && !kind.is_found ? "" : [...where, ...details(landmark)].join(" · ");
     const buttons = verdicts.map(([field, value, label]) => {
       const button = html("button", { type: "button", "aria-label": `${name} is ${label}` }, label);
