@@ -32,7 +32,7 @@ TEXT_KEY = "$text"
 """The YAML keys for an element's children and its text."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Comment:
     """A comment and its position.
 

@@ -43,7 +43,7 @@ class TextFix(NamedTuple):
     text: str
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class FileCheck:
     """The result of the check of a file.
 

@@ -10,7 +10,7 @@ from sar_compiler.tree.model import Element
 T = TypeVar("T")
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class NodeDraft:
     """The new form of an element.
 
