@@ -15,7 +15,7 @@ from sar_compiler.analysis.simulate.scenario_run import failures
 from sar_compiler.analysis.sweep_runs import (
     ChangedTreeError,
     ScenarioRuns,
-    _replays,
+    _cached_runs,
     _stage,
     change_scenario,
     content_of,
@@ -64,7 +64,7 @@ def outcomes_alone(play, seeds):
     """Return what comes of each seed where its run is the only one of a worker."""
     outcomes = []
     for seed in seeds:
-        _replays.cache_clear()
+        _cached_runs.cache_clear()
         outcomes += play([seed])
     return outcomes
 
@@ -72,7 +72,7 @@ def outcomes_alone(play, seeds):
 def test_a_tree_that_remembers_too_much_is_made_anew(monkeypatch):
     expected = outcomes_alone(runs(), range(5))
     monkeypatch.setattr(reused_tree, "_MOST_CHOICES", 1)
-    _replays.cache_clear()
+    _cached_runs.cache_clear()
     assert runs()(range(5)) == expected
 
 
@@ -186,7 +186,7 @@ def test_a_tree_that_has_changed_since_the_sweep_began_is_not_played(tmp_path):
     tree.write_text(document("<NavigateToBase/>"), encoding="utf-8")
     again = runs("ticks: 9", 0.1, (), tree)
     assert len(again([1])) == 1
-    _replays.cache_clear()
+    _cached_runs.cache_clear()
     _stage.cache_clear()
     with pytest.raises(ChangedTreeError, match="has changed since the sweep started"):
         play([2])
