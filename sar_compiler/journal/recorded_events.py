@@ -28,13 +28,16 @@ def is_status(entry: JournalEntry, count: int) -> bool:
     if entry.kind != STATUS:
         return False
     data = entry.data
-    node, status = data.get("node"), data.get("status")
-    return (
-        isinstance(node, int)
-        and isinstance(data.get("tick"), int)
-        and 0 <= node < count
-        and isinstance(status, str)
-    )
+    try:
+        node = data["node"]
+        return (
+            isinstance(node, int)
+            and isinstance(data["tick"], int)
+            and 0 <= node < count
+            and isinstance(data["status"], str)
+        )
+    except KeyError:
+        return False
 
 
 def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
@@ -54,8 +57,8 @@ def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
         if entry.kind == RUN_BEGAN:
             yield from run.end_tick()
             run = _RecordedRun(entry.data.get("tree"), entry.time)
-        else:
-            yield from run.add_entry(entry)
+        elif events := run.add_entry(entry):
+            yield from events
     yield from run.end_tick()
 
 
@@ -69,6 +72,7 @@ class _RecordedRun:
 
     def __init__(self, tree: Any = None, start: float = 0.0) -> None:
         self._nodes = list(tree_nodes(tree))
+        self._count = len(self._nodes)
         self._paths: list[tuple[str, ...]] = []
         for node in self._nodes:
             around = () if node.parent is None else self._paths[node.parent]
@@ -88,9 +92,12 @@ class _RecordedRun:
         """Process an entry; if it starts a tick, return the previous tick's events."""
         ended: Sequence[Event] = ()
         data = entry.data
-        if is_status(entry, len(self._nodes)):
+        if is_status(entry, self._count):
             node, status = data["node"], data["status"]
-            ended = self._begin_tick(entry)
+            if data["tick"] != self._tick:
+                ended = self._begin_tick(entry)
+            else:
+                self._time = entry.time - self._start
             self._ends.receive(data, entry.time)
             # An imported run has nodes that another engine has reset in the tick; ours may do that later.
             is_unsure = bool(data.get("is_unsure"))
@@ -155,7 +162,8 @@ class _RecordedRun:
             elif status != "SKIPPED":  # which continues if it was running
                 self._running.discard(leaf)
         facts = tuple(self._facts.pop(leaf, ())) if self._facts else ()
-        self._events.append(self._event(leaf, what, status, label, facts)._replace(is_unsure=is_unsure))
+        event = self._event(leaf, what, status, label, facts)
+        self._events.append(event._replace(is_unsure=True) if is_unsure else event)
 
     def _event(
         self, node: int, what: str, status: str = "", label: str = "", facts: FactChanges = ()
