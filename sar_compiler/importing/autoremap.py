@@ -4,15 +4,17 @@ A program in which a script reads a key that does not exist stops. So if a subtr
 that of the calling tree.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
 from sar_compiler.errors import SarError
+from sar_compiler.nodes.registry import language_variants
+from sar_compiler.nodes.spec import Direction
 from sar_compiler.runtime.blackboard import ROOT_SIGN
 from sar_compiler.runtime.expressions import Access, NameUse, name_uses
 from sar_compiler.runtime.script import parse
-from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
+from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
 _BEFORE = ("_failureIf", "_successIf", "_skipIf", "_while", "code", "if")
 _AFTER = ("_onSuccess", "_onFailure", "_onHalted", "_post")
@@ -23,6 +25,14 @@ def with_remapped_subtrees(file: TreeFile) -> tuple[TreeFile, list[str]]:
     trees = {each.attributes.get("ID", ""): each for each in file.root.children if each.tag == TREE_TAG}
     written = {
         use.name for tree in trees.values() for use in _all_uses(tree) if use.access is not Access.READ
+    }
+    inputs = {
+        (node.attributes.get("ID", ""), port.attributes.get("name", ""))
+        for models in file.root.children
+        if models.tag == MODEL_TAG
+        for node in models.children
+        for port in node.children
+        if port.tag == "input_port"
     }
     needed: dict[str, frozenset[str]] = {}
     found: list[str] = []
@@ -36,28 +46,52 @@ def with_remapped_subtrees(file: TreeFile) -> tuple[TreeFile, list[str]]:
             read: dict[str, None] = {}
             if tree is not None:
                 _collect(tree, known, read)
-            needed[name] = frozenset(read) & written
+            needed[name] = frozenset(read)
         return needed[name]
 
     def _collect(element: Element, known: set[str], read: dict[str, None]) -> None:
         given = element.attributes
         _apply(_uses(given, _BEFORE), known, read)
         if element.tag == SUBTREE_TAG:
-            inner = keys_of(given.get("ID", "")) - given.keys()
-            read.update(dict.fromkeys(sorted(inner - known)))
-        known.update(text[1:-1] for text in given.values() if text.startswith("{") and text.endswith("}"))
+            outer = {_outer_key(given, key) for key in keys_of(given.get("ID", ""))}
+            read.update(dict.fromkeys(sorted(outer - known - {""})))
+        known.update(_written_keys(element, inputs))
         for child in element.children:
             _collect(child, known, read)
         _apply(_uses(given, _AFTER), known, read)
 
     def remap(element: Element) -> Element:
         given = element.attributes
-        if element.tag == SUBTREE_TAG and keys_of(given.get("ID", "")) - given.keys():
+        if element.tag == SUBTREE_TAG and (keys_of(given.get("ID", "")) - given.keys()) & written:
             found.append(given["ID"])
             given = {**given, "_autoremap": "true"}
         return replace(element, attributes=given, children=tuple(map(remap, element.children)))
 
     return replace(file, root=remap(file.root)), list(dict.fromkeys(found))
+
+
+def _written_keys(element: Element, inputs: Collection[tuple[str, str]]) -> Iterator[str]:
+    """Yield the keys in the attributes of an element that may be written: all except those of input ports, which *inputs* lists for described nodes."""
+    specs = language_variants(element.tag)
+    for name, text in element.attributes.items():
+        is_input = (element.tag, name) in inputs or any(
+            each.direction is Direction.INPUT
+            for spec in specs
+            for each in spec.parameters.values()
+            if name in (each.name, each.name.rstrip("_"))
+        )
+        if name == "output_key":
+            yield text.strip("{}")  # of SetBlackboard
+        elif text.startswith("{") and text.endswith("}") and not is_input:
+            yield text[1:-1]
+
+
+def _outer_key(given: Mapping[str, str], key: str) -> str:
+    """Return the key of the calling tree for a key that a subtree reads; empty if the subtree receives a constant."""
+    text = given.get(key, "{=}")
+    if not (text.startswith("{") and text.endswith("}")):
+        return ""
+    return key if text == "{=}" else text[1:-1]
 
 
 def _apply(uses: Iterable[NameUse], known: set[str], read: dict[str, None]) -> None:
