@@ -100,7 +100,7 @@ class JournalWriter:
                 self._begin_run(tick)
             self._write_tick(tick)
         elif self._is_open:
-            self._end(Ending.STOPPED, 1, "the program has halted the tree")
+            self.end_run("the program has halted the tree")
 
     def _begin_run(self, tick: RecordedTick) -> None:
         self._begin()

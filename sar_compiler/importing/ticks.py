@@ -16,6 +16,9 @@ at which the parent continues.
 If all children of a control were skipped, the control stays RUNNING in a log although none of its children runs. The start of a later sibling
 reveals this.
 
+If the program halts the tree, it halts the root first, and then each node. So nodes that their parents have left in a status other than IDLE
+are reset after the root.
+
 A TryCatch with `catch_on_halt` ticks its last child while it is halted. These changes belong to the halt, by a time limit or by the program.
 """
 
@@ -38,6 +41,10 @@ _TRIED = 20_000
 _ENOUGH = 5
 _NEAR = 3
 """A pause is near the limit if it is at most so many times longer or shorter."""
+
+
+_SILENT = ("PipelineSequence", "NonblockingSequence", "Precondition", "SkipUnlessUpdated", "WaitValueUpdate")
+"""The controls and decorators that become RUNNING only after a child, besides those that select one."""
 
 
 class WaitRule(Enum):
@@ -108,15 +115,27 @@ class TickFinder:
         for uid in range(count - 1, 0, -1):
             skippable[self._parents[uid]] |= skippable[uid]
         self._skippable, self._skips_any = skippable, any(skippable)
+        # Nodes that may be skipped without any change of status.
+        self._skips_silently = [False, *map(_may_skip, nodes)]
+        self._starts_silently = [False, *map(_starts_silently, nodes)]
+        for uid in range(count - 1, 0, -1):
+            parent = self._parents[uid]
+            self._skips_silently[parent] |= self._skips_silently[uid] and self._starts_silently[parent]
         # Decorators that wait before their child is first ticked, or may.
         semantics = [node.bound.spec.semantics for node in nodes]
         self._waits_first = [
             False,
-            *(each.possible is None or each.wait_sec is not None for each in semantics),
+            *(
+                each.possible is None or each.wait_sec is not None or _waits_without_child(node)
+                for node, each in zip(nodes, semantics, strict=True)
+            ),
         ]
         self._is_known = [False, *(each.possible is not None for each in semantics)]
         # Whether the first child of a control decides which of the others runs.
         self._branches = [False, *(each.possible is branches for each in semantics)]
+        # Whether a node ticks no child after a RUNNING one; a PipelineSequence does.
+        self._stops_at_running = [False, *(bool(language_variants(node.tag)) for node in nodes)]
+        self._has_while = [False, *("_while" in node.bound.element.attributes for node in nodes)]
         self._delays = [False, *(each.wait_sec is not None for each in semantics)]
         # The nodes with a time limit.
         self._limits = [False, *(bool(node.children) and _has_limit(node) for node in nodes)]
@@ -160,6 +179,9 @@ class TickFinder:
         # The TryCatch nodes that are being halted, and tick their last child for that.
         self._catching: set[int] = set()
         self._open: set[int] = set()
+        # The nodes that have returned RUNNING between two runs of children, and those that have to tick the next child in this tick.
+        self._paused: set[int] = set()
+        self._due: set[int] = set()
         self._tick = 0
         self._next_tick()
 
@@ -195,32 +217,62 @@ class TickFinder:
             self._recording.statuses,
             len(self._nodes),
         )
-        rest, is_over = -1, False
+        rest, behind, is_over = -1, 0, False
         for index in range(first, min(most, len(uids))):
             uid, status = uids[index], statuses[index]
-            if not 0 < uid <= count:
+            if index < behind or not 0 < uid <= count:
                 continue
             self._find_skipped(index, uid, status)
-            if index > first and self._is_first(index, pause, is_over=is_over):
+            paused = self._paused_before(uid) if status != IDLE and not self._recording.ticks else []
+            if index > first and (paused or self._is_first(index, pause, is_over=is_over)):
                 yield RecordedTick(first, index, TickKind.ENDS if is_over else TickKind.TICK)
                 first, is_over = index, False
                 self._next_tick()
+                for each in paused:
+                    self._pass_over(each, index)
             if status != IDLE:
                 rest = rest if self._catches[uid] else -1
             elif rest < 0 and not self._left:
                 rest = index
             was = self._change(index, uid, status)
             if uid == 1 and status == IDLE:
-                if was == RUNNING and not self._ends_next(index):
-                    begin = max(first, rest) if rest >= 0 else first
-                    if begin > first:
-                        yield RecordedTick(first, begin, TickKind.TICK)
-                    yield RecordedTick(begin, index + 1, TickKind.HALT)
-                    first = index + 1
-                    self._next_tick()
                 is_over = was in (SUCCESS, FAILURE)
+                behind = self._reset_others(index + 1, most)
+                found = self._ticks_before_rest(first, index, rest, behind, was)
+                if found:
+                    yield from found
+                    first, is_over = behind, False
+                    self._next_tick()
         if first < min(most, len(times)):
             yield RecordedTick(first, min(most, len(times)), TickKind.ENDS if is_over else TickKind.TICK)
+
+    def _ticks_before_rest(
+        self, first: int, index: int, rest: int, behind: int, was: int
+    ) -> list[RecordedTick]:
+        """Return the ticks that end when the root becomes IDLE and other nodes are reset; empty if that alone does not end a tick.
+
+        Args:
+            first: The first change of the tick.
+            index: The change of the root.
+            rest: The first of the changes to IDLE up to there; negative for none.
+            behind: The change after those of the other nodes.
+            was: The status of the root before.
+        """
+        if was != RUNNING or self._ends_next(index):
+            return [RecordedTick(first, index + 1, TickKind.ENDS)] if behind > index + 1 else []
+        begin = max(first, rest) if rest >= 0 else first
+        before = [RecordedTick(first, begin, TickKind.TICK)] if begin > first else []
+        return [*before, RecordedTick(begin, behind, TickKind.HALT)]
+
+    def _reset_others(self, index: int, most: int) -> int:
+        """Process the changes after that of the root in which a halt by the program resets nodes; return the index after them."""
+        uids, statuses = self._recording.uids, self._recording.statuses
+        while (
+            index < min(most, len(uids)) and statuses[index] == IDLE and 1 < uids[index] <= len(self._nodes)
+        ):
+            self._change(index, uids[index], IDLE)
+            index += 1
+        return index
 
     def _ends_next(self, index: int) -> bool:
         """Return whether the root ends by the change after its halt: some controls halt themselves before they end."""
@@ -233,7 +285,8 @@ class TickFinder:
             return ticks[index] != ticks[index - 1]
         if self._catches[self._recording.uids[index]] in self._catching:
             return False
-        return is_over or self._is_restart(index) or (not self._left and self._is_border(index, pause))
+        is_settled = not (self._left or self._due)
+        return is_over or self._is_restart(index) or (is_settled and self._is_border(index, pause))
 
     def _is_restart(self, index: int) -> bool:
         """Return whether a node starts that has already run or was reset in this tick, below no control that repeats its children in a tick."""
@@ -259,10 +312,35 @@ class TickFinder:
         self._tick += 1
         self._passed = self._done = 0
         self._has_turned = False
+        self._due = {uid for uid in self._paused if self._has_to_continue(uid)}
+        self._paused.clear()
+
+    def _has_to_continue(self, uid: int) -> bool:
+        """Return whether a node that has returned RUNNING between two runs of children changes in each further tick."""
+        below = self._children[uid]
+        ended = [each for each in below if self._statuses[each] != IDLE]
+        following = (
+            below[:1]
+            if self._rules[uid] is WaitRule.TURNS
+            else [each for each in below if ended and each > ended[-1]]
+        )
+        if (
+            self._statuses[uid] != RUNNING
+            or not following
+            or self._skips_silently[following[0]]
+            or self._may_halt[uid]
+        ):
+            return False
+        while uid := self._parents[uid]:
+            if self._rules[uid] in (WaitRule.FREE, WaitRule.WAITS):
+                return False
+        return True
 
     def _visit(self, uid: int, status: int) -> None:
         """Record that the tick has passed all nodes before `_passed`, except the ancestors of the last one, `_done`."""
-        is_late = self._is_around(uid)
+        is_late = self._is_around(uid) or (
+            self._starts_silently[uid] and any(map(self._statuses.__getitem__, self._children[uid]))
+        )
         if is_late or status != RUNNING or not self._children[uid]:
             self._passed, self._done = self._ends[uid], uid
         else:
@@ -368,23 +446,37 @@ class TickFinder:
         uids, statuses, done = self._recording.uids, self._recording.statuses, self._done
         first = uids[index]
         while index < len(uids) and (statuses[index] == IDLE or self._is_caught(index)):
+            if self._halts_by_condition(uids[index]):
+                return True
             index += 1
         if index == len(uids) or not 0 < uids[index] <= len(self._nodes):
             return False
         then = uids[index]
-        if self._is_later_tick(first, then, statuses[index]):
+        ends = statuses[index] in (SUCCESS, FAILURE)
+        has_stepped = ends and self._parents[first] == then and self._has_stepped(then)
+        if has_stepped or self._is_later_tick(first, then, statuses[index]):
             return True
-        if (
-            statuses[index] in (SUCCESS, FAILURE)
-            and self._is_passed(then)
-            and then < first < self._ends[then]
-        ):
+        if ends and self._is_passed(then) and then < first < self._ends[then]:
             return True  # a node that the tick has passed cannot end in it
         if statuses[index] == FAILURE and self._limits[then] and then < first < self._ends[then]:
             return self._passed > then and self._statuses[then + 1] == RUNNING
         # The last node that has returned is ticked again.
         is_inside = done < first < self._ends[done] and done < then < self._ends[done]
         return self._statuses[done] == RUNNING and is_inside
+
+    def _halts_by_condition(self, uid: int) -> bool:
+        """Return whether `_while` halts a node that has returned RUNNING in this tick: its condition decides only at the start of a tick."""
+        done = self._done
+        if (
+            not (0 < uid <= done < self._ends[uid] and self._has_while[uid])
+            or self._statuses[done] != RUNNING
+        ):
+            return False
+        while done > uid:
+            done = self._parents[done]
+            if self._rules[done] in (WaitRule.PARALLEL, WaitRule.FREE) or not self._stops_at_running[done]:
+                return False
+        return self._rules[self._parents[uid]] is not WaitRule.PARALLEL
 
     def _move_halts_of_timers(self) -> None:
         """Move the halts of children by time limits, which happen at any moment, to the ticks in which the limits fail."""
@@ -484,7 +576,9 @@ class TickFinder:
                 is_same = self._is_passed_over(held[parent]) and self._is_close(held[parent], index)
                 if is_same and statuses[index] != IDLE:
                     continue
-                if not is_same and self._was_noticed(index, parent, statuses[held[parent]]):
+                if is_same and self._needs_end(index, parent, held[parent], was):
+                    left_out.discard(held[parent])
+                elif not is_same and self._was_noticed(index, parent, held[parent], was):
                     moved.setdefault(index, []).append(held[parent])
                 del held[parent]
             parent, status = self._parents[uid], statuses[index]
@@ -501,7 +595,11 @@ class TickFinder:
                 has_ended
                 and not is_last
                 and self._must_continue(index, parent, was)
-                and (self._is_passed_over(index) or not self._shows_end(index + 1, uid))
+                and (
+                    self._is_passed_over(index)
+                    or not self._shows_end(index + 1, uid)
+                    or not self._was_noticed(index + 1, parent, index, was)
+                )
             ):
                 held[parent] = index
                 left_out.add(index)
@@ -525,11 +623,20 @@ class TickFinder:
         return self._recording.times[later] - self._recording.times[index] < _LEAST_USEC
 
     def _is_passed_over(self, index: int) -> bool:
-        """Return whether a Parallel had ticked a leaf, and then a later child, before the leaf ended."""
+        """Return whether a Parallel had ticked a leaf, and then a later child, before the leaf ended, and continues with that child."""
         uids, leaf = self._recording.uids, self._recording.uids[index]
         parent = self._parents[leaf]
         is_later = index > 0 and leaf < uids[index - 1] < self._ends[parent]
-        return is_later and self._rules[parent] is WaitRule.PARALLEL and self._is_close(index - 1, index)
+        if (
+            not is_later
+            or self._rules[parent] is not WaitRule.PARALLEL
+            or not self._is_close(index - 1, index)
+        ):
+            return False
+        # If a child before that one follows, the next tick has begun.
+        is_in_next = index + 1 < len(uids) and leaf < uids[index + 1] < self._ends[parent]
+        is_in_next &= self._ends[uids[index + 1]] <= uids[index - 1] if is_in_next else False
+        return not is_in_next or self._recording.statuses[index + 1] == IDLE
 
     def _must_continue(self, index: int, parent: int, statuses: Sequence[int]) -> bool:
         """Return whether a parent continues, or ends, in the tick in which it processes the end of a child."""
@@ -553,24 +660,57 @@ class TickFinder:
         )
         return uid == parent or is_reset or leaf <= uid < self._ends[parent]
 
-    def _was_noticed(self, index: int, parent: int, end: int) -> bool:
-        """Return whether a parent had processed the end of a child before a change, instead of halting the child."""
+    def _needs_end(self, index: int, parent: int, end: int, was: Sequence[int]) -> bool:
+        """Return whether a Parallel that resets its children at a change cannot have ended without the end of a leaf, another change."""
+        uids, statuses = self._recording.uids, self._recording.statuses
+        leaf = uids[end]
+        while index < len(uids) and parent < uids[index] < self._ends[parent] and statuses[index] == IDLE:
+            index += 1
+        if uids[index : index + 1] != array("H", [parent]) or statuses[index] == IDLE:
+            return False
+        return not self._is_decided(
+            parent, [RUNNING if each == leaf else was[each] for each in self._children[parent]]
+        )
+
+    def _was_noticed(self, index: int, parent: int, end: int, was: Sequence[int]) -> bool:
+        """Return whether a parent had processed the end of a leaf, another change, before a change, instead of halting the leaf."""
         uids, statuses = self._recording.uids, self._recording.statuses
         if statuses[index] != IDLE:
             return True
+        first, *others = self._children[parent]
+        if self._branches[parent] and uids[end] != first and was[first] in (SUCCESS, FAILURE):
+            branch = others[:1] if was[first] == SUCCESS else others[1:]
+            if branch != [uids[end]]:
+                return False
         at = index
         while at < len(uids) and parent < uids[at] < self._ends[parent] and statuses[at] == IDLE:
             at += 1
         bound = self._nodes[parent - 1].bound
+        if bound.spec.semantics.possible is attempt and uids[at : at + 1] == array(
+            "H", [self._children[parent][-1]]
+        ):
+            # A TryCatch ticks its last child after another one has failed, and some do so when they are halted.
+            while (
+                at < len(uids)
+                and parent < uids[at] < self._ends[parent]
+                and self._catches[uids[at]] == parent
+            ):
+                at += 1
+            return uids[at : at + 1] != array("H", [parent]) or statuses[at] != IDLE
+        if uids[at : at + 2] == array("H", [parent, parent]) and statuses[at] == IDLE:
+            at += 1  # some controls halt themselves before they end
         if at < len(uids) and uids[at] == parent:
             # If a control that ticks its children in order ends with another status, another child has decided.
             is_in_order = bound.spec.semantics.order is Order.IN_ORDER
-            return statuses[at] == end if is_in_order else statuses[at] != IDLE
-        return bound.spec.kind is not Kind.CONTROL or bound.spec.semantics.resumes
+            return statuses[at] == statuses[end] if is_in_order else statuses[at] != IDLE
+        is_condition = self._branches[parent] and uids[end] == first  # is never halted alone
+        return bound.spec.kind is not Kind.CONTROL or bound.spec.semantics.resumes or is_condition
 
     def _change(self, index: int, uid: int, status: int) -> int:
         """Process a change of a node; return its status before."""
         parent = self._parents[uid]
+        self._due.discard(uid)
+        self._due.discard(parent)
         if status == IDLE:
             self._catching.discard(uid)
         elif self._catches[uid] == parent and self._is_catching(index, parent):
@@ -623,9 +763,40 @@ class TickFinder:
             is_found = bool(left)
             for each in left:
                 self.skipped.add(self._since[each])
-                self._since[each] = index
-                self._passed_over.add(each)
-                self._show(each, IDLE)
+                self._pass_over(each, index)
+
+    def _pass_over(self, uid: int, index: int) -> None:
+        """Show that a RUNNING node was skipped, which the log does not show."""
+        self._since[uid] = index
+        self._passed_over.add(uid)
+        self._show(uid, IDLE)
+
+    def _paused_before(self, uid: int) -> list[int]:
+        """Return the nodes that have returned RUNNING in this tick, and are skipped in the next one if a node changes.
+
+        If a later sibling of theirs, or a descendant of it, is ticked, their parent has passed them.
+        """
+        found: list[int] = []
+        while parent := self._parents[uid]:
+            if self._rules[parent] in (WaitRule.CHILD, WaitRule.STEPS) and self._stops_at_running[parent]:
+                found += [each for each in self._children[parent] if each < uid and self._has_paused(each)]
+            uid = parent
+        return found
+
+    def _has_paused(self, uid: int) -> bool:
+        """Return whether a node has certainly returned RUNNING in this tick after the end of a child."""
+        if not self._is_waiting_for_tick(uid):
+            return False
+        if self._rules[uid] is WaitRule.STEPS:
+            return self._has_stepped(uid)
+        return self._rules[uid] is WaitRule.LATER or self._is_quick(self._children[uid][0], uid)
+
+    def _has_stepped(self, uid: int) -> bool:
+        """Return whether a control has returned RUNNING in this tick after a child that has started in it, and before the next one."""
+        below = self._children[uid]
+        ended = [each for each in below if self._statuses[each] != IDLE]
+        is_before = self._rules[uid] is WaitRule.STEPS and bool(ended) and ended[-1] != below[-1]
+        return is_before and not self._running[uid] and self._is_quick(ended[-1], uid)
 
     def _resume_skipped(self, uid: int) -> None:
         """Show that the ancestors of a node that is ticked run again, which a log does not show after they were skipped."""
@@ -680,6 +851,7 @@ class TickFinder:
             ended = [each for each, status in zip(below, found, strict=True) if status != IDLE]
             is_settled = bool(ended) and ended[-1] != below[-1] and self._is_quick(ended[-1], uid)
         self._has_turned |= is_settled
+        (self._paused.add if is_settled else self._paused.discard)(uid)
         return is_settled
 
     def _is_waiting(self, child: int, uid: int) -> bool:
@@ -705,7 +877,7 @@ class TickFinder:
     def _is_below_thresholds(self, uid: int, found: list[int]) -> bool:
         """Return whether a Parallel has ticked all children without reaching a threshold."""
         return not self._is_decided(uid, found) and all(
-            status != IDLE or self._skippable[each]
+            status != IDLE or self._skips_silently[each]
             for each, status in zip(self._children[uid], found, strict=True)
         )
 
@@ -749,6 +921,16 @@ def _result(node: RunNode, bit: int) -> int:
     """Return the possible results of a node whose children all have the same result."""
     possible = node.bound.spec.semantics.possible
     return possible(node.bound, [bit] * len(node.children), ALLOWED) if possible and node.children else 0
+
+
+def _waits_without_child(node: RunNode) -> bool:
+    """Return whether a decorator of the language may return RUNNING before it ticks its child, whatever the child would return."""
+    return bool(language_variants(node.tag)) and _pauses_after(node) == (SUCCESS, FAILURE)
+
+
+def _starts_silently(node: RunNode) -> bool:
+    """Return whether a node may tick a child before it becomes RUNNING."""
+    return node.tag in _SILENT or node.bound.spec.semantics.possible in (None, selection)
 
 
 def _may_skip(node: RunNode) -> bool:
