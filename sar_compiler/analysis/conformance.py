@@ -134,6 +134,7 @@ def conform(
     names: Sequence[str],
     *,
     is_over: bool,
+    earlier: Iterable[TickSource] = (),
 ) -> Conformance:
     """Compare a recorded run with all possible runs of its tree.
 
@@ -144,6 +145,8 @@ def conform(
         record: The events of leaves, which are read several times. Repeated outcomes may be left out, and ticks with no other events.
         names: The names of the nodes that ran, in pre-order.
         is_over: Whether the run met its own end condition, so that nothing follows. If it was stopped or continues, obligations stay pending.
+        earlier: The earlier runs of the same program, which has halted the tree after each. What nodes and the blackboard remember of
+            them is ignored, as an assumption, if one of them is impossible.
 
     Raises:
         TreeError: If the file does not match the tree; carries the findings.
@@ -153,6 +156,11 @@ def conform(
     prepared = PreparedTree.prepare(simulated)
     properties = properties_of(file, prepared, tags)
     recorded = _ReplayedRun(TreeRuns(simulated, names, properties.rules, prepared), record, simulated)
+    assumed = (
+        ()
+        if recorded.runs.follow(earlier)
+        else ("nothing remains of the earlier runs, which do not conform",)
+    )
     reading = _LastTickReader(record)
     moments, lost = recorded.runs.locate(reading)
     ticks = reading.last_number()
@@ -167,7 +175,7 @@ def conform(
     elif file is not None:
         judged.evaluate_rest(RuntimeMonitor(recorded.tree_at_start(), file, tags), lost, is_over=is_over)
     misfit = None if lost is None else recorded.first_impossible_event(lost)
-    return Conformance(ticks, misfit, judged.results(), properties.left_out)
+    return Conformance(ticks, misfit, judged.results(), properties.left_out, assumed)
 
 
 class _LastTickReader(TickSource):
@@ -210,7 +218,7 @@ class _ReplayedRun:
 
     def tree_at_start(self) -> SimulatedTree:
         """Return the tree, with its facts at the start of the run."""
-        self.runs.stepper.steps.restore(self.runs.start)
+        self.runs.stepper.steps.restore(min(self.runs.starts))
         return self._simulated
 
     def judgement(self, state: bytes) -> Judgement:
@@ -421,7 +429,7 @@ class _PropertyEvaluation:
         self._open = 0
         self._last = FoundTick(0, 0.0, ())
         # For each possible state of the run: the properties violated on some path to it, and on every path, as bits.
-        self._some = {recorded.runs.start: 0}
+        self._some = dict.fromkeys(recorded.runs.starts, 0)
         self._each = dict(self._some)
         # When each was violated on some path, and when no path was left without a violation.
         self._doubted: dict[int, _Violation] = {}

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sar_compiler.analysis.verify.verdicts import Verification
     from sar_compiler.budget import Budget
     from sar_compiler.compiler import CompiledTree
+    from sar_compiler.journal.recorded_ticks import TickSource
     from sar_compiler.runtime.events import Event
 
 
@@ -150,6 +151,7 @@ def conform_tree(  # noqa: PLR0913 - each has its default
     params: str | Path | None = None,
     tree_id: str | None = None,
     is_imported: bool = False,
+    earlier: "Sequence[TickSource]" = (),
 ) -> "Conformance":
     """Compare a recorded run with all possible runs of a tree.
 
@@ -164,6 +166,7 @@ def conform_tree(  # noqa: PLR0913 - each has its default
         params: As for `LoadedTree.verify`.
         tree_id: As for `LoadedTree.verify`.
         is_imported: Whether a program with BehaviorTree.CPP ran, whose leaves may be of classes with other rules for scripts.
+        earlier: The earlier runs of that program.
 
     Raises:
         TreeError, UndecidableError, ParameterFileError, ParameterError: As `LoadedTree.verify`.
@@ -197,15 +200,25 @@ def conform_tree(  # noqa: PLR0913 - each has its default
         if is_imported:
             possible[:] = possible_classes(simulated)
             adopt_cpp_scripts(simulated, classes)
-        found = conform(simulated, file, tags, record, names, is_over=is_over)
-        return found._replace(assumed=describe_classes(classes))
+        found = conform(simulated, file, tags, record, names, is_over=is_over, earlier=earlier)
+        return found._replace(assumed=(*describe_classes(classes), *found.assumed))
 
     def compare(classes: LeafClasses) -> "Conformance":
         return search_runs(tree, binding, properties, facts, begun, functools.partial(search, classes))
 
-    first = compare({})
-    others = map(compare, [*possible] if first.misfit is not None else [])
-    return next((found for found in others if found.misfit is None), first)
+    def best() -> "Conformance":
+        """Return the result with the fewest assumptions about the leaves."""
+        first = compare({})
+        if first.misfit is None and not first.assumed:
+            return first
+        tried = [first]
+        for classes in [*possible]:
+            tried.append(compare(classes))
+            if tried[-1].misfit is None and len(tried[-1].assumed) == len(classes):
+                return tried[-1]
+        return next((found for found in tried if found.misfit is None), first)
+
+    return best()
 
 
 def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`

@@ -108,6 +108,10 @@ def _compare_run(
     from sar_compiler.nodes.binding.nesting import UnknownTreeError
 
     run = state.runs[-1]
+    is_imported = "imported" in run.about
+    earlier = (
+        [LastRunEvents(place, number, state.nodes) for number in range(1, run.number)] if is_imported else []
+    )
     try:
         return conform_tree(
             tree,
@@ -119,7 +123,8 @@ def _compare_run(
             facts=parse_facts(arguments.set),
             params=arguments.params,
             tree_id=arguments.tree or run.about.get("tree_id"),
-            is_imported="imported" in run.about,
+            is_imported=is_imported,
+            earlier=earlier,
         )
     except UnknownTreeError as error:
         if arguments.tree is not None:

@@ -433,6 +433,15 @@ class JournalFile:
             for run in self.runs()[-1:]:
                 yield from self._run_entries(run, without, is_condensed=is_condensed, log=log)
 
+    def run_entries(
+        self, number: int, *, without: Sequence[str] = (), log: TickLog | None = None
+    ) -> Iterator[JournalEntry]:
+        """Yield the entries of a run in order; see `last_run`."""
+        with self.snapshot():
+            for run in self.runs():
+                if run.number == number:
+                    yield from self._run_entries(run, without, log=log)
+
     def _run_entries(
         self,
         run: JournalRun,

@@ -33,15 +33,13 @@ class LastRunEvents(TickSource):
 
     def __iter__(self) -> Iterator[Event]:
         with JournalFile.open_snapshot(self._path) as file:
-            entries = file.last_run(without=OF_ROBOT)
-            yield from recorded_events(each for each in entries if each.run == self._run)
+            yield from recorded_events(file.run_entries(self._run, without=OF_ROBOT))
 
     def read_ticks(self) -> Iterator[LoggedTick]:
         """Yield the ticks."""
         log = TickLog(self._nodes, is_alone=True)
         with JournalFile.open_snapshot(self._path) as file:
-            for entry in file.last_run(without=OF_ROBOT, log=log):
-                if entry.run != self._run:
-                    return
+            for _ in file.run_entries(self._run, without=OF_ROBOT, log=log):
+                pass
         self._omits_ticks = log.omits_ticks
         yield from log.read_ticks()

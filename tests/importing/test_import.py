@@ -167,15 +167,9 @@ def test_a_log_of_a_killed_program_ends_without_a_result(tmp_path, capsys):
 
 
 def test_a_tree_that_the_program_halts_has_one_run_before_and_one_after(tmp_path):
-    head, changes = parts_of(DONE)
-    # Up to the first drive: BatteryOk is reset in each tick, the root and the drive run.
-    begun = changes[:6]
-    running = [uid for _, uid, status in begun if status == 1]
-    time = begun[-1][0]
-    halted = [(time + 200_000 + place, uid, 0) for place, uid in enumerate(reversed(running))]
-    later = [(when + 1_000_000, uid, status) for when, uid, status in changes]
+    head, begun, later = halted_after_the_first_drive()
     log = tmp_path / "halted.btlog"
-    log.write_bytes(written(head, [*begun, *halted, *later]))
+    log.write_bytes(written(head, [*begun, *later]))
     with JournalFile.open_snapshot(import_log(log, tmp_path)) as file:
         runs = file.runs()
     assert [(run.ending, run.status) for run in runs] == [(Ending.STOPPED, 1), (Ending.OVER, 0)]
@@ -468,3 +462,52 @@ def test_an_altered_log_is_imported_or_refused_without_a_traceback(seed, log, tm
     if status == 0:
         status, said = answer(journal_command, ["why", folder / "j", "--max-seconds", "5"], capsys)
         assert status == 0, said
+
+
+@pytest.mark.parametrize(("log", "at"), [("50355", 4), ("50389", 5)])
+def test_a_memory_that_no_possible_earlier_run_explains_does_not_conform(log, at, tmp_path, capsys):
+    head, changes = parts_of(Path(f"tests/importing/logs/{log}.btlog"))
+    time, uid, status = changes[at]
+    altered = tmp_path / "altered.btlog"
+    altered.write_bytes(written(head, [*changes[:at], (time, uid, 5 - status), *changes[at + 1 :]]))
+    journal = import_log(altered, tmp_path)
+    _, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
+    assert "does not conform" in said
+
+
+def halted_after_the_first_drive():
+    """Return a log whose program halts the tree in its first drive, and then ticks it to its end."""
+    head, changes = parts_of(DONE)
+    # Up to the first drive: BatteryOk is reset in each tick, the root and the drive run.
+    begun = changes[:6]
+    running = [uid for _, uid, status in begun if status == 1]
+    time = begun[-1][0]
+    halted = [(time + 200_000 + place, uid, 0) for place, uid in enumerate(reversed(running))]
+    later = [(when + 1_000_000, uid, status) for when, uid, status in changes]
+    return head, begun, [*halted, *later]
+
+
+def test_a_run_is_compared_alone_with_an_assumption_if_an_earlier_one_is_impossible(tmp_path, capsys):
+    head, begun, later = halted_after_the_first_drive()
+    for is_altered in (False, True):
+        # BatteryOk fails, and the tree goes on.
+        first = [(time, uid, 3 if status == 2 and is_altered else status) for time, uid, status in begun]
+        log = tmp_path / f"{is_altered}.btlog"
+        log.write_bytes(written(head, [*first, *later]))
+        journal = import_log(log, tmp_path)
+        _, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
+        assumed = ", if nothing remains of the earlier runs, which do not conform" if is_altered else ""
+        assert f"conforms: it is a possible run of the tree{assumed}\n" in said
+
+
+@pytest.mark.parametrize("tenth", range(10))
+def test_a_run_with_an_altered_outcome_does_not_conform(tenth, tmp_path, capsys):
+    head, changes = parts_of(FAILED if tenth % 2 else DONE)
+    ends = [place for place, (_, uid, status) in enumerate(changes) if uid > 1 and status in (2, 3)]
+    at = ends[len(ends) * tenth // 10]
+    time, uid, status = changes[at]
+    log = tmp_path / "altered.btlog"
+    log.write_bytes(written(head, [*changes[:at], (time, uid, 5 - status), *changes[at + 1 :]]))
+    journal = import_log(log, tmp_path)
+    status, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
+    assert (status, "does not conform" in said) == (1, True)

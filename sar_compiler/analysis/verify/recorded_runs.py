@@ -23,6 +23,7 @@ _MOST_TICKED = 5_000_000
 # For a state with more ticks, only those are tried that begin like the recorded one.
 _MOST_WAYS = 200
 _RUNNING, _HALTED, _IDLE, _SKIPPED = "RUNNING", "HALTED", "IDLE", "SKIPPED"
+_ENDS = ("SUCCESS", "FAILURE")
 # The maximum number of different ticks of a record to keep: some ten megabytes.
 _MOST_KEPT = 10_000
 # The maximum number of ticks without entries before one with entries, if a record omits these.
@@ -303,6 +304,7 @@ class TreeRuns:
     Attributes:
         names: The names of its nodes.
         leaves: The numbers of its stub leaves.
+        starts: The possible initial states.
     """
 
     def __init__(
@@ -325,16 +327,14 @@ class TreeRuns:
         self._wide: set[bytes] = set()
         # For states with a tick that needs an unknown value: the error.
         self._unknown: dict[bytes, Exception] = {}
+        self.starts = frozenset({self.stepper.steps.start()})
+        # The position at the end of the record that was located last.
+        self._end = _RecordPosition(self.starts, ObservedPrefix({}, {}))
         self.renew()
 
     def renew(self) -> None:
         """Reset the limit of tried ticks."""
         self._left = _MOST_TICKED // len(self.names)
-
-    @property
-    def start(self) -> bytes:
-        """The initial state."""
-        return self.stepper.steps.start()
 
     @property
     def is_spent(self) -> bool:
@@ -484,7 +484,7 @@ class TreeRuns:
 
         # The ways of a tick depend only on its content and on the position before it. A long run has few different
         # ticks, so the results are cached.
-        position = _RecordPosition(frozenset({self.start}), ObservedPrefix({}, {}))
+        position = _RecordPosition(self.starts, ObservedPrefix({}, {}))
         positions = {position.key: position}
         waiting = record.read_ticks() if isinstance(record, TickSource) else recorded_ticks(record)
         kept = 0
@@ -500,6 +500,8 @@ class TreeRuns:
                     found.omitted += len(later[:-1])
                     if later:
                         ways, position = later[-1], _RecordPosition(frozenset(), position.told)
+                if events[-1].status in _ENDS and isinstance(record, TickSource) and record.omits_ticks:
+                    ways = with_shared_ticks([*ways, *self._halted_ways(ways)])
                 if not ways:
                     lost = self._lost_tick(position, events, is_last=next(waiting, None) is None)
                     found.remove_other_ticks(position.states, with_shared_ticks)
@@ -515,7 +517,47 @@ class TreeRuns:
             ways, position = after
             found.append(tick, ways)
         found.remove_other_ticks(position.states, with_shared_ticks)
+        self._end = position
         return found, None
+
+    def follow(self, earlier: Iterable[TickSource]) -> bool:
+        """Begin after earlier runs of the same program, which has halted the tree after each; return False if they are impossible.
+
+        Raises:
+            UndecidableError: As `locate`.
+        """
+        begin = self.starts
+        for record in earlier:
+            _, lost = self.locate(record)
+            ends = self._with_silent_ticks(self._end) if lost is None else frozenset[bytes]()
+            self.starts = frozenset(
+                halted for state in sorted(ends) for halted in self.stepper.halted(state, begins=True)
+            )
+            if not self.starts:
+                self.starts = begin
+                return False
+        return True
+
+    def _halted_ways(self, ways: _FoundWays) -> _FoundWays:
+        """Return ticks in which the root ends, with the states after the program has halted the tree, which changes no status."""
+        return [
+            (state, way._replace(state=halted))
+            for state, way in ways
+            for halted in self.stepper.halted(way.state)
+            if halted != way.state
+        ]
+
+    def _with_silent_ticks(self, position: "_RecordPosition") -> frozenset[bytes]:
+        """Return the states after any number of ticks without a change."""
+        end = Event((self.names[0],), 0, TICKED, position.told.statuses.get(0, ""))
+        states, found = position.states, set(position.states)
+        for _ in range(_MOST_OMITTED):
+            ways = self._find_ways(_RecordPosition(states, position.told), [end])
+            states = frozenset(way.state for _, way in ways) - found
+            if not states:
+                break
+            found |= states
+        return frozenset(found)
 
     def _find_later_ways(self, position: "_RecordPosition", tick: Sequence[Event]) -> list[_FoundWays]:
         """Return the ways of ticks without any change, and then those of a recorded tick; empty if there are none."""

@@ -20,17 +20,19 @@ from sar_compiler.analysis.verify.properties import PropertyAutomata
 from sar_compiler.analysis.verify.state import PreparedTree, StateValues
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.compiler import CompiledTree
+from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.outcome_sets import ALL, BITS, WORD_OF
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.runtime.events import Event, TickRecord, append_end, changes_in, value_changes
-from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.cells import INVALID, WORDS
 from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.kernel.user_nodes import Claim, UserNode
+from sar_compiler.runtime.language_nodes import Conditions
 from sar_compiler.runtime.outcomes import nominal
-from sar_compiler.runtime.variables import UNKNOWN
+from sar_compiler.runtime.variables import UNKNOWN, unknown_value_of
 
 
 def check_declarations(
@@ -173,6 +175,43 @@ class TreeStepper:
                 yield self.steps
         finally:
             self._trail.keeps = False
+
+    def halted(self, state: bytes, *, begins: bool = False) -> Iterator[bytes]:
+        """Yield the possible states after a program with BehaviorTree.CPP has halted the tree in a state.
+
+        `Tree::haltTree` halts the running nodes, and then each node, although it does not run. So each `_onHalted` runs once more.
+
+        Args:
+            state: The state.
+            begins: Whether a run begins then, for which the properties begin anew.
+        """
+        outcome, watched = self.steps.restore(self.steps.start() if begins else state)
+        self.steps.enter(state, alone=True)
+        is_left = 0
+        while is_left >= 0:
+            if self._halts_tree():
+                self.ticker.trail.watched = watched
+                self.steps.save_state(outcome)
+                if self.steps.state is not None:
+                    yield self.steps.state
+            is_left = self.ticker.next_fork()
+
+    def _halts_tree(self) -> bool:
+        """Halt the tree; return False if a script fails, which ends the program."""
+        try:
+            self.flat.nodes[0].stop(self.ticker)
+            for node in self.flat.nodes:
+                node.reset_cells(self.ticker)
+                node.reset_outcome(self.ticker)
+                if isinstance(node.behaviour, Conditions):
+                    node.behaviour.run_after(INVALID)
+        except UndecidableError:
+            raise
+        except SarError as error:
+            if unknown_value_of(error) is not None:
+                raise UndecidableError(f"after the program has halted the tree: {error}") from error
+            return False
+        return True
 
     def pass_over(self, place: int) -> None:
         """Skip the ticks that begin like the last one, up to the outcome with an index.
