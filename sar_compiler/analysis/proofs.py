@@ -40,8 +40,9 @@ def search_runs(
     start: StartValues,
     search: TreeSearch[SearchResult],
     outcomes: Iterable[str | Path] = (),
+    more: Assumptions | None = None,
 ) -> SearchResult:
-    """Search the runs of a bound tree with a properties file, and return the results."""
+    """Search the runs of a bound tree with a properties file, and *more* assumptions, and return the results."""
     path = default_properties(tree, binding) if properties is None else properties
     file = None if path is None else read_property_file(path)
     others = [read_property_file(each) for each in outcomes]
@@ -62,6 +63,8 @@ def search_runs(
         if facts:
             # The file may declare additional facts.
             assumed |= _user_assumptions(facts, compiled(assumed))
+        if more is not None:
+            assumed |= more
         if assumed != Assumptions():
             simulated = compiled(assumed)
         raise_disputes(simulated)

@@ -4,8 +4,9 @@ Controls, decorators and the leaves of the language itself are real, on a simula
 described, is a `StubLeaf`: an outcome policy chooses among its possible outcomes.
 """
 
+import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
@@ -194,14 +195,21 @@ class Assumptions:
         facts: Facts with their values at the start; they replace those of the leaves, or add to them.
         outcomes: The possible outcomes of leaves, by a leaf's path (`Patrol/MoveTo`), its name or its tag. If several match,
             the path precedes the name, and the name precedes the tag.
+        written: The values that leaves may write to a key, as literals of scripts, by the names of leaf and key. By default a value
+            that no outcome defines is unknown.
     """
 
     facts: Mapping[str, Fact] = field(default_factory=dict)
     outcomes: Mapping[str, tuple[Outcome, ...]] = field(default_factory=dict)
+    written: Mapping[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
 
     def __or__(self, other: "Assumptions") -> "Assumptions":
         """Return the combination of both, in which the other one has precedence."""
-        return Assumptions({**self.facts, **other.facts}, {**self.outcomes, **other.outcomes})
+        return Assumptions(
+            {**self.facts, **other.facts},
+            {**self.outcomes, **other.outcomes},
+            {**self.written, **other.written},
+        )
 
 
 @dataclass(eq=False)
@@ -461,7 +469,9 @@ class SimulationBuilder(Builder):
         enums = self._source.enums
         outputs = _Outputs(instance.scope, bound)
         variables = FactVariables(self.facts, instance.scope, enums, bound.name, outputs.named)
-        outcomes = outputs.with_unknown_outputs([fill_outcome(outcome, names) for outcome in said])
+        outcomes = outputs.with_outputs(
+            [fill_outcome(outcome, names) for outcome in said], self._assumptions.written
+        )
         leaf = StubLeaf(bound.name, bound.spec.tag, outcomes, variables, enums)
         leaf.path = path
         self.constructions.append(Construction(leaf.id, instance, bound))
@@ -491,7 +501,7 @@ class _Outputs:
 
     def __init__(self, scope: Scope, bound: BoundNode) -> None:
         self.named: dict[str, Entry] = {}
-        self._scope = scope
+        self._scope, self._leaf = scope, bound.name
         # The attribute that names each of them.
         self._attributes: list[str] = []
         for parameter in bound.spec.parameters.values():
@@ -507,26 +517,41 @@ class _Outputs:
         self.named[f"_output_{len(self.named)}"] = self._scope.resolve(key)
         self._attributes.append(attribute)
 
-    def with_unknown_outputs(self, outcomes: list[Outcome]) -> list[Outcome]:
-        """Return the outcomes of the leaf, with unknown values for keys that no outcome writes."""
+    def with_outputs(
+        self, outcomes: list[Outcome], assumed: Mapping[tuple[str, str], tuple[str, ...]]
+    ) -> list[Outcome]:
+        """Return the outcomes of the leaf, with unknown or assumed values for keys that no outcome writes.
+
+        Args:
+            outcomes: The outcomes.
+            assumed: The assumed values, see `Assumptions.written`.
+        """
         if not self.named:
             return outcomes
         uses = (use for outcome in outcomes if outcome.then for use in name_uses(parse(outcome.then)))
         said = {self._scope.resolve(use.name).name for use in uses if use.access is not Access.READ}
         written = [
-            (attribute, word)
+            (attribute, self._effects(word, entry.key, assumed))
             for attribute, (word, entry) in zip(self._attributes, self.named.items(), strict=True)
             if entry.name not in said
         ]
-        return [self._unknown_after(outcome, written) for outcome in outcomes]
+        return [after for outcome in outcomes for after in _after_writing(outcome, written)]
 
-    def _unknown_after(self, outcome: Outcome, written: list[tuple[str, str]]) -> Outcome:
-        effects = [
-            f"{word} := {UNKNOWN}"
-            for attribute, word in written
-            if outcome.status != "SKIPPED" and (outcome.writes is None or attribute in outcome.writes)
-        ]
-        return replace(outcome, then="; ".join(filter(None, [outcome.then.rstrip().rstrip(";"), *effects])))
+    def _effects(self, word: str, key: str, assumed: Mapping[tuple[str, str], tuple[str, ...]]) -> list[str]:
+        """Return the possible effects on a key, as scripts; an assumed value may also be left unwritten."""
+        values = assumed.get((self._leaf, key))
+        return [f"{word} := {UNKNOWN}"] if values is None else ["", *(f"{word} := {each}" for each in values)]
+
+
+def _after_writing(outcome: Outcome, written: list[tuple[str, list[str]]]) -> Iterator[Outcome]:
+    """Yield an outcome with each combination of effects of the attributes that it writes."""
+    effects = [
+        possible
+        for attribute, possible in written
+        if outcome.status != "SKIPPED" and (outcome.writes is None or attribute in outcome.writes)
+    ]
+    for chosen in itertools.product(*effects):
+        yield replace(outcome, then="; ".join(filter(None, [outcome.then.rstrip().rstrip(";"), *chosen])))
 
 
 class NodePaths:

@@ -180,6 +180,8 @@ def conform_tree(  # noqa: PLR0913 - each has its default
         possible_classes,
     )
     from sar_compiler.analysis.proofs import search_runs, set_initial_facts
+    from sar_compiler.analysis.simulated_tree import Assumptions
+    from sar_compiler.analysis.written_values import compare_with_written_values
 
     binding = tree.binding(tree_id)
     said = _start_values(tree, params, binding)
@@ -203,22 +205,24 @@ def conform_tree(  # noqa: PLR0913 - each has its default
         found = conform(simulated, file, tags, record, names, is_over=is_over, earlier=earlier)
         return found._replace(assumed=(*describe_classes(classes), *found.assumed))
 
-    def compare(classes: LeafClasses) -> "Conformance":
-        return search_runs(tree, binding, properties, facts, begun, functools.partial(search, classes))
+    def compare(classes: LeafClasses, more: Assumptions | None) -> "Conformance":
+        return search_runs(
+            tree, binding, properties, facts, begun, functools.partial(search, classes), more=more
+        )
 
-    def best() -> "Conformance":
+    def best(more: Assumptions | None) -> "Conformance":
         """Return the result with the fewest assumptions about the leaves."""
-        first = compare({})
+        first = compare({}, more)
         if first.misfit is None and not first.assumed:
             return first
         tried = [first]
         for classes in [*possible]:
-            tried.append(compare(classes))
+            tried.append(compare(classes, more))
             if tried[-1].misfit is None and len(tried[-1].assumed) == len(classes):
                 return tried[-1]
         return next((found for found in tried if found.misfit is None), first)
 
-    return best()
+    return compare_with_written_values(binding, best) if is_imported else best(None)
 
 
 def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`

@@ -464,6 +464,18 @@ def test_an_altered_log_is_imported_or_refused_without_a_traceback(seed, log, tm
         assert status == 0, said
 
 
+@pytest.mark.parametrize(
+    ("log", "assumption"),
+    [("50359", ", if Compute writes a suitable value to 'k0'"), ("50355", ""), ("50389", "")],
+)
+def test_values_are_assumed_only_if_a_condition_needs_them_and_earlier_runs_are_replayed(
+    log, assumption, tmp_path, capsys
+):
+    journal = import_log(Path(f"tests/importing/logs/{log}.btlog"), tmp_path)
+    _, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
+    assert f"conforms: it is a possible run of the tree{assumption}\n" in said
+
+
 @pytest.mark.parametrize(("log", "at"), [("50355", 4), ("50389", 5)])
 def test_a_memory_that_no_possible_earlier_run_explains_does_not_conform(log, at, tmp_path, capsys):
     head, changes = parts_of(Path(f"tests/importing/logs/{log}.btlog"))
