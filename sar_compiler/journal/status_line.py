@@ -110,15 +110,15 @@ def _status_after_end(state: MissionState, run: RunState) -> StatusLine:
         level = ERROR
     # The operator's last command explains the missing items.
     by = f"{state.order[:1].upper()}{state.order[1:].rstrip('.')}. " if state.order else ""
-    left = " A goal may still be active: the robot may be driving." if state.goals else ""
+    left = " The robot may still be driving." if state.goals else ""
     return StatusLine(word, level, since, f"{by}{run.reason}{left}".strip())
 
 
 def _last_words(state: MissionState) -> str:
-    """Return the state of the robot's goals when its process crashed."""
-    place = _drive(state) or state.situation.phase.place
-    driving = "a goal was active: the robot may still be driving" if state.goals else "no goal was active"
-    return ", ".join(filter(None, (f"at {clock_text(state.now.time)}", place, driving)))
+    """Return where the robot was, or was driving to, when its process crashed, and whether it may still drive."""
+    place = f"on the way {_drive(state)}" if state.drive is not None else state.situation.phase.place
+    where = ", ".join(filter(None, (f"at {clock_text(state.now.time)}", place)))
+    return f"{where}: the robot {'may still be' if state.goals else 'was not'} driving"
 
 
 def _drive(state: MissionState) -> str:

@@ -392,7 +392,7 @@ class TestTheCommand:
         assert main(["why", str(tmp_path / "m.journal")]) == 0
         first = "Likeliest cause:\n  0:00  run KILLED, the process of the run ended without a record: it was killed, or has crashed\n\n"
         said = (
-            f"CRASHED: at 0:00, no goal was active\n\n{first}"
+            f"CRASHED: at 0:00: the robot was not driving\n\n{first}"
             if has_begun
             else "not begun: the run has not started\n\n"
         )

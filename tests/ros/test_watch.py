@@ -199,7 +199,7 @@ def test_what_the_robot_lacks_is_in_the_journal_until_it_is_back(scene: Scene) -
     scene.nav2.navigator = "active"
     scene.until(lambda: len(told) == 2, "its end")
     assert told == [
-        "Nav2 is not active: node bt_navigator: state 'inactive', must be 'active'",
+        "the navigation (Nav2) is not active: node bt_navigator: state 'inactive', must be 'active'",
         "",
     ]
 
@@ -237,7 +237,7 @@ def test_a_node_that_is_back_and_has_not_answered_yet_is_lacked_still(scene: Sce
     robot = scene.watch._localisation._robot  # type: ignore[union-attr]
     scene.nav2.stop_amcl()
     scene.nav2.navigator = "active"
-    scene.until(lambda: robot.lacks.startswith("Nav2 is not active: node amcl: missing"), "the loss")
+    scene.until(lambda: robot.lacks.startswith("the navigation (Nav2) is not active: node amcl: missing"), "the loss")
     scene.nav2.start_amcl()
     lacks: list[str] = []
 

@@ -67,7 +67,7 @@ def finish(ending, status, reason, *facts):
 SCENES = {
     "driving": drive,
     "paused": hold,
-    "waiting for Nav2": lack("Nav2 is not active: bt_navigator is inactive"),
+    "waiting for Nav2": lack("the navigation (Nav2) is not active: bt_navigator is inactive"),
     "no localisation": lack("No transform from 'map' has come for 3 s", is_position_lost=True),
     "complete": finish(Ending.OVER, 0, "Every point was visited."),
     "failed": finish(Ending.OVER, 1, "No point is left. east was not visited."),
