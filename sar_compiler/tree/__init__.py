@@ -1,1 +1,1 @@
-"""The contents of a tree file: elements with their locations, and findings about its syntax."""
+"""Tree files: parsers and writers for XML and YAML, elements with their locations, and findings."""

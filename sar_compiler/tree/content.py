@@ -8,13 +8,13 @@ from sar_compiler.opener import TREE, FileKind
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Source, Span, Spans, TreeError
 
 MAX_DEPTH = 200
-"""The deepest nesting allowed: py_trees halts a tree by recursion, with two frames for each level."""
+"""The maximum nesting depth of elements. py_trees halts a tree by recursion, with two stack frames per level."""
 
 MAX_ELEMENTS = 300_000
-"""The most elements allowed in a file. Files with more are rejected before they are interpreted."""
+"""The maximum number of elements in a file. The parser rejects a file with more."""
 
 MAX_ATTRIBUTES = 1000
-"""The most attributes allowed in an element. More would each become a finding with a suggested name."""
+"""The maximum number of attributes of an element. Each unknown attribute becomes a finding with a suggested name."""
 
 _START = Span(1, 1, 1, 1)
 _MARK = "\ufeff"
@@ -26,12 +26,12 @@ _BYTE_ORDER_MARKS = [
 
 
 def real_path(path: Path) -> Path:
-    """Resolve the links in a path; circular links and impossible paths stay unchanged."""
+    """Resolve the symbolic links in a path; circular links and invalid paths are not resolved."""
     return Path(os.path.abspath(path) if "\0" in str(path) else os.path.realpath(path))  # noqa: PTH100 - pathlib's follows links
 
 
 def as_written(path: Path) -> Path:
-    """Return a path as a user would write it: relative to the current folder if it is inside."""
+    """Return a path relative to the current folder if it is inside that folder, otherwise unchanged."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
 
@@ -39,18 +39,18 @@ def as_written(path: Path) -> Path:
 def make_source(
     data: bytes | str, path: str, spans: Spans, declared: str | None, empty_hint: str, kind: FileKind = TREE
 ) -> Source:
-    """Decode a file's content.
+    """Decode a file's content into a `Source`.
 
     Args:
-        data: The content.
+        data: The content, as bytes or as a decoded string.
         path: The path shown in findings.
-        spans: Finds parts of elements in the text.
-        declared: The encoding declared in the content.
+        spans: The locator of the parts of elements in the text.
+        declared: The encoding declared in the content; None if no encoding is declared.
         empty_hint: The hint for an empty file.
-        kind: The kind of the file; its limit applies to bytes or characters.
+        kind: The file's kind, whose size limit applies to the bytes or characters of the content.
 
     Raises:
-        TreeError: If the content is too large, empty, or not text.
+        TreeError: If the content is too large, empty, or not text in its encoding.
     """
     if len(data) > kind.limit:
         message = f"the file is larger than {kind.limit // 2**20} MiB"
@@ -64,9 +64,9 @@ def make_source(
 
 
 def encode_text(source: Source, text: str) -> bytes:
-    """Encode a new text for a file in the encoding of that file.
+    """Encode a file's new text in the encoding of the file, with its byte order mark.
 
-    In XML, characters that the encoding lacks are written as `&#…;`.
+    In XML, characters that the encoding lacks are written as references (`&#…;`).
     """
     return (source.bom + text).encode(
         source.encoding, "xmlcharrefreplace" if source.form is Form.XML else "strict"
@@ -83,17 +83,17 @@ def _decode(data: bytes, path: str, spans: Spans, encoding: str) -> str:
         text = data.decode(encoding)
     except UnicodeDecodeError as error:
         place = len(data[: error.start].decode(encoding, "replace"))
-        message = f"byte 0x{data[error.start]:02x} is not {encoding}"
+        message = f"the byte 0x{data[error.start]:02x} is not valid {encoding}"
         raise _wrong_encoding(message, Source(path, data.decode(encoding, "replace"), spans), place) from None
     except (LookupError, UnicodeError):
-        message = f"the file declares the encoding '{encoding}', which is not allowed here"
+        message = f"the file declares the encoding '{encoding}', which is not supported"
         raise _wrong_encoding(message, Source(path, data.decode("utf-8", "replace"), spans)) from None
     if "\0" in text:
-        message = "the file has zero bytes, as UTF-16 without a byte order mark has"
+        message = "the file contains zero bytes and is probably UTF-16 without a byte order mark"
         raise _wrong_encoding(message, Source(path, text, spans), text.index("\0"))
     return text
 
 
 def _wrong_encoding(message: str, source: Source, place: int = 0) -> TreeError:
     span = source.span(place, place + 1)
-    return TreeError([Diagnostic("wrong-encoding", message, source, span, hint="write it in UTF-8")])
+    return TreeError([Diagnostic("wrong-encoding", message, source, span, hint="save the file as UTF-8")])

@@ -1,7 +1,7 @@
 """Conversion of a tree file to another format, or to its canonical form; losses are reported.
 
-The reader skips XML content other than elements, attributes and comments, as BehaviorTree.CPP does. Conversion must not
-drop it silently.
+The parser skips XML content other than elements, attributes and comments, as BehaviorTree.CPP does. A conversion must
+not drop such content silently.
 """
 
 import codecs
@@ -25,8 +25,8 @@ class ConvertedTree(NamedTuple):
     """A converted tree file.
 
     Attributes:
-        text: The content of the file.
-        losses: A finding for each part of the original that is missing or has moved.
+        text: The content of the converted file.
+        losses: A finding for each part of the original file that is missing, changed or moved.
     """
 
     text: str
@@ -34,15 +34,15 @@ class ConvertedTree(NamedTuple):
 
 
 def convert(tree_file: TreeFile, form: Form) -> ConvertedTree:
-    """Convert a tree file to a form.
+    """Convert a tree file to XML or YAML.
 
     Args:
         tree_file: The file.
-        form: The form; the file's own form gives the canonical form, without loss.
+        form: The target format; the file's own format gives the canonical form, without losses.
 
     Raises:
-        TreeError: If content that is no part of the tree would be lost (text, processing instructions in XML),
-            or if the form cannot express an attribute.
+        TreeError: If XML content that is not part of the tree would be lost (text, processing instructions),
+            or if the target format cannot express an attribute.
     """
     rest = [each for each in tree_file.findings if each.code == "stray-text"]
     rest += ignored_content(tree_file) if tree_file.source.form is Form.XML else ()
@@ -55,9 +55,9 @@ def convert(tree_file: TreeFile, form: Form) -> ConvertedTree:
 
 
 def canonical_bytes(tree_file: TreeFile) -> bytes:
-    """Return the canonical form of a file, in its encoding and with its byte order mark and line ends.
+    """Return the canonical form of a file, with the file's encoding, byte order mark and line endings.
 
-    The project chooses how its files are stored (`.gitattributes`, editor settings), so this is not part of the layout.
+    The user's project chooses these three (`.gitattributes`, editor settings), so the canonical form leaves them unchanged.
 
     Raises:
         TreeError: As for `convert`.
@@ -70,7 +70,7 @@ def canonical_bytes(tree_file: TreeFile) -> bytes:
 
 
 def _encoding_name(encoding: str) -> str:
-    """Return the name of an encoding for the XML declaration; the byte order mark distinguishes both kinds of UTF-16."""
+    """Return an encoding's name in an XML declaration; the byte order mark distinguishes the two variants of UTF-16."""
     names = {"utf-8": "UTF-8", "utf-16-le": "UTF-16", "utf-16-be": "UTF-16"}
     return names.get(codecs.lookup(encoding).name, encoding)
 
@@ -79,16 +79,16 @@ def _losses(tree_file: TreeFile, form: Form) -> Iterator[Diagnostic]:
     root = tree_file.root
     other = "YAML" if form is Form.YAML else "XML"
     for name in _editor_attributes(root):
-        hint = "name the schema by '# yaml-language-server: $schema=...'"
-        message = f"'{name}' is a hint for XML editors and is left out"
+        hint = "declare the schema in a comment: '# yaml-language-server: $schema=...'"
+        message = f"the attribute '{name}' is only for XML editors and is left out"
         yield root.finding("left-out", message, name=name, hint=hint)
     for element, comment in _comments(tree_file):
         kept = comment_in_yaml(comment.text) if form is Form.YAML else comment_in_xml(comment.text)
         if _EDITOR_COMMENT in comment.text:
             code = "left-out"
-            message = f"the comment '{_EDITOR_COMMENT}' is a hint for YAML editors and is left out"
+            message = f"the comment '{_EDITOR_COMMENT}' is only for YAML editors and is left out"
         elif comment.attribute is not None:
-            what = f"the comment at '{comment.attribute}' moves in front of the element in {other}"
+            what = f"in {other}, the comment at the attribute '{comment.attribute}' moves before the element"
             code = "moved"
             message = f"{what}: '{_first_words(comment.text)}'"
         elif kept != comment.text:
@@ -140,11 +140,11 @@ _PIECE = re.compile(
     r"""|(?P<start><)(?:"[^"]*"|'[^']*'|[^"'>])*>|(?P<text>[^<]+)""",
     re.DOTALL,
 )
-"""The pieces of a well-formed text."""
+"""A regular expression for one piece of a well-formed XML text: a comment, an instruction, a tag or a text."""
 
 
 def ignored_content(tree_file: TreeFile) -> Iterator[Diagnostic]:
-    """Yield a finding for each text and processing instruction outside of all elements."""
+    """Yield a finding for each processing instruction, and for the first text in each element that the parser ignores."""
     with_text = {element.offset for element in tree_file.root.iterate() if element.text}
     opened: list[int] = []
     last = -1

@@ -1,4 +1,4 @@
-"""Source text with locations, and findings: the error, its location and the suggested replacement."""
+"""Source texts with locations, and findings with their locations and suggested replacements."""
 
 import bisect
 import functools
@@ -14,17 +14,17 @@ from sar_compiler.tree.display_text import escape_to_one_line, shorten, visible
 from sar_compiler.tree.severity import Severity as Severity
 
 LINE_END = re.compile(r"\r\n|\r|\n")
-"""The line ends of XML and of YAML; str.splitlines() accepts further ones."""
+"""The line endings of XML and YAML; `str.splitlines()` also accepts other characters."""
 
 
 class Span(NamedTuple):
-    """A range of a text; lines and columns count characters from 1, and the end is exclusive.
+    """A range of characters in a text; lines and columns begin at 1, and the end is exclusive.
 
     Attributes:
-        line: The first character's line.
-        column: The first character's column.
-        end_line: The line of the character after the last one.
-        end_column: The column of the character after the last one.
+        line: The line of the first character.
+        column: The column of the first character.
+        end_line: The line of the first character after the range.
+        end_column: The column of the first character after the range.
     """
 
     line: int
@@ -34,14 +34,14 @@ class Span(NamedTuple):
 
 
 class Form(str, Enum):
-    """The form of a tree file."""
+    """The format of a tree file."""
 
     XML = "xml"
     YAML = "yaml"
 
 
 AttributePlaces = tuple[int, int, int, int]
-"""The offsets at which an attribute's name and its value begin and end."""
+"""The start and end offsets of an attribute's name, then the start and end offsets of its value."""
 
 
 class ElementView(Protocol):
@@ -49,28 +49,28 @@ class ElementView(Protocol):
 
     @property
     def source(self) -> "Source":
-        """The file."""
+        """The file that contains the element."""
 
     @property
     def position(self) -> tuple[int, int]:
-        """The line and the column of its first character."""
+        """The line and the column of the element's first character."""
 
     @property
     def offset(self) -> int:
-        """The offset of its first character."""
+        """The offset of the element's first character."""
 
     @property
     def attributes(self) -> Mapping[str, str]:
-        """Its attributes, in the order written."""
+        """The element's attributes, in the order of the file."""
 
 
 class Spans:
-    """Finds the parts of elements in a text; each format has a subclass."""
+    """Locator of the tags, attribute names and values of elements in a text; each format has a subclass."""
 
     form = Form.XML
 
     def tag(self, _element: ElementView) -> tuple[int, int]:
-        """Return the offsets at which an element begins and its tag's name ends."""
+        """Return the start offset of an element and the end offset of its tag name."""
         return 0, 0
 
     def attributes(self, _element: ElementView) -> Iterator[tuple[str, AttributePlaces]]:
@@ -78,20 +78,20 @@ class Spans:
         return iter(())
 
     def inside(self, _text: str, start: int, end: int) -> tuple[int, int]:
-        """Return the offsets of a name or a value without its quotes."""
+        """Return the start and end offsets of a name or value, without its quotes."""
         return start, end
 
     def is_verbatim(self, _start: int) -> bool:
-        """Return whether the value at an offset is a verbatim part of the file, except for its indentation."""
+        """Return whether the value at an offset equals the text of the file, except for its indentation."""
         return False
 
     def characters(self, _text: str, start: int, end: int, _value: str) -> Sequence[int]:
-        """Return the offset of each character of a parsed value, and of its end."""
+        """Return the offset of each character of a parsed value, and the value's end offset."""
         return range(start, end + 1)
 
 
 _FEW, _SHORT = 16, 1000
-"""Up to this number of attributes, and of characters in them, offsets are looked up on each request."""
+"""The maximum number of attributes of an element, and of characters in them, for which offsets are not cached."""
 
 
 @dataclass(frozen=True)
@@ -100,10 +100,10 @@ class Source:
 
     Attributes:
         path: The file's path, as the user wrote it.
-        text: The whole text.
-        spans: Finds the parts of elements in the text.
+        text: The whole text, without a byte order mark.
+        spans: The locator of the parts of elements in the text.
         encoding: The encoding of the file.
-        bom: The byte order mark of the file; empty if there is none.
+        bom: The byte order mark of the file; empty if the file has no byte order mark.
     """
 
     path: str
@@ -114,7 +114,7 @@ class Source:
 
     @property
     def form(self) -> Form:
-        """The form of the text."""
+        """The format of the text."""
         return self.spans.form
 
     @functools.cached_property
@@ -126,7 +126,7 @@ class Source:
 
     @property
     def line_end(self) -> str:
-        """The line ending of the first line."""
+        """The line ending of the first line; a newline character if the text has only one line."""
         end = LINE_END.search(self.text)
         return end[0] if end else "\n"
 
@@ -188,7 +188,7 @@ _MARGIN, _LEAST = 8, 40
 
 
 AS_DECLARED: Any = None
-"""Replaces a severity: the severity that the finding's kind declares."""
+"""A placeholder for the severity that the finding's kind declares."""
 
 
 def _keep_text(text: str, _part: str) -> str:
@@ -196,10 +196,10 @@ def _keep_text(text: str, _part: str) -> str:
 
 
 class Cause(NamedTuple):
-    """The common cause of findings with different messages, which one change resolves.
+    """The common cause of several findings with different messages, all of which one change resolves.
 
     Attributes:
-        text: The error that all subjects share, as the beginning of a sentence that lists them.
+        text: The error that all subjects share, as the beginning of a sentence that lists the subjects.
         subject: The subject of this finding: a name from the file.
     """
 
@@ -218,19 +218,19 @@ class Advice(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """One finding.
+    """An error, a warning or a note about a file.
 
-    A code that is not declared raises a `KeyError`.
+    The constructor raises `KeyError` if the code is not declared.
 
     Attributes:
-        code: Its kind, declared in `tree.kinds`.
-        message: The error, in the user's terms.
-        source: The file.
-        span: Its location.
+        code: The kind of the finding, declared in `tree.kinds`.
+        message: The description of the error, in the user's terms.
+        source: The file that the finding is about.
+        span: The location in the file.
         suggestion: The replacement text, if it can be guessed.
-        hint: A short instruction, if there is no replacement.
-        severity: Its severity; given only if it differs from the severity of its kind.
-        common_cause: Its cause, if findings with other messages share it.
+        hint: A short instruction, if there is no replacement text.
+        severity: The severity; pass it only if it differs from the severity of the kind.
+        common_cause: The cause, if findings with other messages share it.
     """
 
     code: str
@@ -259,23 +259,23 @@ class Diagnostic:
 
     @property
     def cause(self) -> str:
-        """The cause, equal for all findings with the same cause."""
+        """The key by which findings with the same cause are grouped."""
         return f"{self.code}: {self.common_cause.text if self.common_cause else self.message}"
 
     @property
     def advice(self) -> str:
-        """The suggested replacement or instruction; empty if there is none."""
+        """The suggested replacement or instruction; empty if the finding has neither."""
         if not self.suggestion:
             return self.hint or ""
         quote = next((mark for mark in "'\"`" if mark not in self.suggestion), "")
         return f"did you mean {quote}{shorten(self.suggestion)}{quote}?"
 
     def render(self, width: int = WIDTH, paint: Callable[[str, str], str] = _keep_text) -> str:
-        """Return the finding as text: location, message, the line with carets, the suggestion.
+        """Return the finding as text: location, message, the line with carets, and the suggestion.
 
         Args:
-            width: The available columns.
-            paint: Colours a text by its role: `place`, `error`, `warning`, `info`, `margin`, `carets`, `advice`.
+            width: The number of available columns.
+            paint: A function that colours a text by role: `place`, `error`, `warning`, `info`, `margin`, `carets`, `advice`.
         """
         span, severity = self.span, self.severity.value
         place = paint(escape_to_one_line(f"{self.source.path}:{span.line}:{span.column}:"), "place")
@@ -302,7 +302,7 @@ class Diagnostic:
 
 
 class TreeError(SarError):
-    """An error for a tree file that cannot be used.
+    """An error about a tree file that cannot be used.
 
     Attributes:
         findings: All findings of the file.

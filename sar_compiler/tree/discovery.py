@@ -23,32 +23,32 @@ from sar_compiler.tree.diagnostic import Form
 from sar_compiler.tree.model import TreeFile
 
 FORMS = {".xml": Form.XML, ".yaml": Form.YAML, ".yml": Form.YAML}
-"""The forms of tree files by file extension."""
+"""The formats of tree files by file extension."""
 
 
 def read_tree_file(path: str | Path) -> TreeFile:
     """Read a tree file.
 
-    The file's extension determines its form: `.xml`, `.yaml` or `.yml`; with any other, `<` begins XML.
+    The extension `.xml`, `.yaml` or `.yml` determines the format. A file with another extension is XML if it begins with `<`.
 
     Raises:
         UnreadableFileError: If the file is missing or cannot be read.
-        TreeError: If it cannot be parsed.
+        TreeError: If the file cannot be parsed.
     """
     return parse_tree(read_file(path, TREE).data, str(path))
 
 
 def parse_tree(data: bytes | str, path: str) -> TreeFile:
-    """Read the content of a tree file.
+    """Parse the content of a tree file.
 
     Args:
         data: The content: bytes, or a decoded string, for example from an editor.
-        path: The file's name; its extension determines the form.
+        path: The file's path, whose extension determines the format.
 
     Raises:
-        TreeError: If it cannot be parsed.
+        TreeError: If the content cannot be parsed.
     """
-    # Each form imports its own library, and most runs need only one of them.
+    # Each format imports its own library, and most runs need only one format.
     if _form_of(Path(path), data) is Form.XML:
         from sar_compiler.tree.xml import parse_xml
 
@@ -68,12 +68,12 @@ def _form_of(path: Path, content: bytes | str) -> Form:
 
 
 SKIPPED = ("build", "install", "log")
-"""Folders that are not searched, in addition to hidden ones: the output folders of colcon."""
+"""The output folders of colcon, which are not searched; neither are hidden folders."""
 
 _BEGINNING = TREE._replace(limit=65_536)
-"""The number of bytes that suffices to recognise a file."""
+"""The file kind that reads only the first bytes of a file, which suffice to recognise a tree file."""
 
-# The first element, after the declaration, comments, a DOCTYPE and text; the first key, after comments.
+# The first XML element, after the declaration, comments, a DOCTYPE and text; the first YAML key, after comments.
 _FIRST_ELEMENT = rb"(?s)(?:[^<]|<\?.*?\?>|<!--.*?-->|<![^>]*>)*<([\w:.-]+)([^>]*)"
 _FIRST_KEY = rb"(?:\s|#[^\n]*\n|---|%[^\n]*\n)*\{?\s*[\"']?root[\"']?\s*:"
 _ROOT_ATTRIBUTES = rb"\b(?:BTCPP_format|main_tree_to_execute)\b"
@@ -82,14 +82,14 @@ _MODEL, _TREE = (
     rb"(?m)<%s\b|^[ \"']*(?:- *)?%s[\"']?\s*:" % (tag, tag) for tag in (b"TreeNodesModel", b"BehaviorTree")
 )
 _PROJECT = ".btproj"
-"""The file extension of Groot2's projects."""
+"""The file extension of Groot2 projects."""
 _ALONE = (b"BehaviorTree", b"TreeNodesModel")
 
 
 def tree_files_in(folder: Path) -> list[Path]:
-    """Return the tree files in a folder and below it, in the order of their paths.
+    """Return the tree files in a folder and its subfolders, sorted by path.
 
-    Hidden folders and those of colcon are skipped; a folder with several links to it is searched once.
+    Hidden folders and the output folders of colcon are skipped. A folder that several links lead to is searched once.
 
     Raises:
         UnreadableFileError: If a folder or a file cannot be read.
@@ -98,14 +98,14 @@ def tree_files_in(folder: Path) -> list[Path]:
 
 
 def files_around(folder: Path, *, most: int, is_whole: bool) -> list[Path]:
-    """Return the files whose names suggest tree files or palettes, in the order of their paths.
+    """Return the files in a folder whose extensions suggest tree files or palettes, sorted by path.
 
     Unreadable files and folders are skipped.
 
     Args:
         folder: The folder.
         most: The maximum number of files of any kind to examine.
-        is_whole: Whether to search its folders, too, as `tree_files_in` does.
+        is_whole: Whether to search the subfolders as well, as `tree_files_in` does.
     """
     found = itertools.islice(_files_in(folder, is_whole=is_whole, is_sought=True), most)
     return sorted(path for path in found if path.suffix.lower() in (*FORMS, _PROJECT) and is_file(path))
@@ -124,13 +124,13 @@ def is_palette(path: Path) -> bool:
 
 
 def matching_files(folder: Path, pattern: str) -> list[Path]:
-    """Return the files that a path, a folder or a glob pattern names.
+    """Return the files that a path or a glob pattern refers to.
 
-    For folders and patterns, only tree files are returned; a plain path is returned in any case.
+    For folders and glob patterns, only tree files are returned. The path of a file is returned without a check.
 
     Args:
-        folder: The folder that the path is relative to.
-        pattern: The path.
+        folder: The folder that the pattern is relative to.
+        pattern: The path of a file or a folder, or a glob pattern.
 
     Raises:
         UnreadableFileError: If a folder or a file cannot be read.
@@ -150,14 +150,14 @@ def matching_files(folder: Path, pattern: str) -> list[Path]:
 
 
 def is_tree_file(path: Path, *, is_sought: bool = False) -> bool:
-    """Return whether a file has the extension and the outermost element, or key, of a tree file.
+    """Return whether a file has the extension and the outermost element (or YAML key) of a tree file.
 
     Args:
         path: The file.
-        is_sought: Whether an unreadable file returns False, because the user did not name it.
+        is_sought: Whether to return False for an unreadable file, because the user did not name it.
 
     Raises:
-        UnreadableFileError: If it cannot be read and is not sought.
+        UnreadableFileError: If the file cannot be read and *is_sought* is False.
     """
     form = FORMS.get(path.suffix.lower())
     if form is None or not is_file(path):
@@ -216,13 +216,13 @@ def _files_in(folder: Path, *, is_whole: bool = True, is_sought: bool = False) -
 
 
 def path_for_name(name: str) -> Path:
-    """Return the path for a name from the user.
+    """Return the path for a tree name that the user has given.
 
     Raises:
         UnreadableFileError: If *name* is empty, which would mean the current folder.
     """
     if not name:
-        raise UnreadableFileError(Path(), "its name is empty", "the name of a tree file is empty")
+        raise UnreadableFileError(Path(), "its name is empty", "the name of the tree file is empty")
     return Path(name)
 
 

@@ -1,4 +1,4 @@
-"""Display of texts from files: shortened, and without terminal control characters."""
+"""Shortening of texts from files, and escaping of their control characters, for display."""
 
 import re
 
@@ -15,26 +15,26 @@ UNSPEAKABLE = "[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]"
 
 
 def shorten(text: str) -> str:
-    """Return a text without its middle if it is very long."""
+    """Replace the middle of a very long text by `[...]`."""
     if len(text) <= _LONGEST:
         return text
     return f"{text[: _LONGEST - _ENDING]} [...] {text[-_ENDING:]}"
 
 
 def visible(text: str) -> str:
-    r"""Return a text with control characters, and those that change the direction of writing, as `\x1b`, `\u202e`."""
+    r"""Escape the characters of a text that are invisible or control a terminal, for example as `\x1b` or `\u202e`."""
     if text.isascii() and text.replace("\n", "").isprintable():  # nearly every text
         return text
     return re.sub(UNSEEN, _code, text)
 
 
 def escape_to_one_line(text: str) -> str:
-    r"""Return a text as `visible` does, with line breaks escaped as `\n`."""
+    r"""Escape a text as `visible` does, and its line breaks as `\n`."""
     return visible(text).replace("\n", "\\n")
 
 
 def shorten_to_line(text: str) -> str:
-    """Return a foreign text for a log: on one line, without its middle if it is very long."""
+    """Shorten a text of unknown content to one line of a log, with control characters escaped."""
     return escape_to_one_line(shorten(text))
 
 

@@ -1,4 +1,4 @@
-"""Loading of all trees that a file can reference: in itself, in included files, and in its set."""
+"""Loading of all trees that a file can reference: those in the file, in its includes and in its set of files."""
 
 import functools
 import os
@@ -22,31 +22,30 @@ from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import INCLUDE_TAG, SUBTREE_TAG, Element, TreeFile
 
 MAX_FILES = 1000
-"""The most files that are read for one tree."""
+"""The maximum number of files that are read for one tree file."""
 
 MAX_NEIGHBOURS = 20_000
-"""The most file names that are compared with a missing one; beyond it nothing is suggested."""
+"""After this number of file names has been compared with those of missing includes, no name is suggested."""
 
 MAX_INCLUDE_DEPTH = 50
-"""The deepest nesting of includes."""
+"""The maximum nesting depth of includes."""
 
 Read = Callable[[Path], TreeFile]
-"""A function that reads one file."""
+"""A function that reads one tree file."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Forest:
-    """A file and everything that it includes.
+    """A tree file with all files that it includes, and with the trees that its set provides.
 
     Attributes:
-        main: The file.
+        main: The tree file itself.
         files: All files, each once; included files precede the files that include them.
-        findings: The errors that kept a file from being included, or searched for a missing tree.
-        homes: For each tree from the set, the file that it comes from, with its includes, by the identity of the tree's
-            element.
-        targets: The trees of references that are resolved in the set, by the identity of the element.
+        findings: The errors of files that could not be included, or not be searched for a missing tree.
+        homes: The forest from which each tree of the set comes, by the `id()` of the tree's element.
+        targets: The trees of the set to which references are resolved, by the `id()` of the referencing element.
         clashes: A finding for each reference that matches several trees of the set.
-        tree_set: The set; None if there is none.
+        tree_set: The set of files; None if the file belongs to no set.
     """
 
     main: TreeFile
@@ -64,7 +63,7 @@ class Forest:
 
     @functools.cached_property
     def trees(self) -> dict[str, Element]:
-        """The `BehaviorTree` elements by ID; of several with one ID, the first."""
+        """The `BehaviorTree` elements by ID; if several have the same ID, the first of them."""
         by_id: dict[str, Element] = {}
         for tree in self.iterate():
             if "ID" in tree.attributes:
@@ -78,16 +77,16 @@ class Forest:
 
     @functools.cached_property
     def path(self) -> Path:
-        """The path of the file, with links resolved."""
+        """The path of the main file, with symbolic links resolved."""
         return real_path(Path(self.main.source.path))
 
     def iterate(self) -> Iterator[Element]:
-        """Yield every `BehaviorTree` element."""
+        """Yield every `BehaviorTree` element of the files."""
         for tree_file in self.files:
             yield from tree_file.trees
 
     def target(self, reference: Element, tree_id: str) -> Element | None:
-        """Return the tree that an element references; None if there is none."""
+        """Return the tree that an element references; None if the tree is not found."""
         return self.targets.get(id(reference)) or self.trees.get(tree_id)
 
     @functools.cached_property
@@ -96,14 +95,14 @@ class Forest:
         return list(dict.fromkeys(self.trees) | dict.fromkeys(self.tree_set.by_id if self.tree_set else ()))
 
     def is_used_elsewhere(self, tree_id: str) -> bool:
-        """Return whether another file of the set, without a tree of this ID, references it."""
+        """Return whether another file of the set references this ID and has no tree with this ID itself."""
         return self.tree_set is not None and self.tree_set.is_used(tree_id, self.path)
 
     def main_tree(self, tree_id: str | None = None) -> Element | None:
-        """Return the tree to execute: the requested one, the main file's choice, or its only tree.
+        """Return the tree to execute: the requested tree, the tree that the main file names, or the only tree.
 
         Returns:
-            The `BehaviorTree` element; None if there is no such tree, or more than one.
+            The `BehaviorTree` element; None if there is no such tree, or if several trees are possible.
         """
         wanted = tree_id if tree_id is not None else self.main.main_tree_name
         if wanted is not None:
@@ -113,7 +112,7 @@ class Forest:
 
     @functools.cached_property
     def executable(self) -> tuple[Element, ...]:
-        """The trees that may be executed: the main tree, or else each tree that no file references."""
+        """The main tree if the main file names it; otherwise each tree of the main file that no file references."""
         main, is_named = self.main_tree(), self.main.main_tree_name is not None
         if is_named:
             return () if main is None else (main,)
@@ -135,8 +134,8 @@ def load_forest(
 ) -> Forest:
     """Read a file with all its includes, and resolve missing trees in its set.
 
-    An included file must be in the folder of the file given, below it, in one of *include_paths*, or (by `ros_pkg`) in
-    the share folder of an installed ROS package: a mission must not be able to read arbitrary files of the machine.
+    A mission must not be able to read arbitrary files of the machine. An included file must therefore be in or below the
+    folder of *path* or one of *include_paths*, or (by `ros_pkg`) in the share folder of an installed ROS package.
 
     Raises:
         UnreadableFileError: If the file itself is missing or cannot be read.
@@ -144,8 +143,8 @@ def load_forest(
     """
     place = real_path(path)
     loader = _Loader(read, [place.parent, *map(real_path, include_paths)])
-    # The file must be in the folder that includes may come from. If that folder is replaced by a link between the two calls,
-    # more files could be included. A pipe of the shell has only a name, without a folder.
+    # The file must be in the folder that includes may come from. Otherwise, more files could be included if that folder is
+    # replaced by a link between the two calls. A pipe of the shell has only a name, without a folder.
     main = read(NamedPath.confined_to(path, (place, Path(place.name))))
     loader.add_after_includes(place, main, ())
     forest = Forest(main, tuple(loader.files), tuple(loader.findings), tree_set=tree_set)
@@ -154,17 +153,17 @@ def load_forest(
 
 @dataclass(eq=False, repr=False)
 class TreeSet:
-    """Files that belong together: a tree that one of them lacks is looked up in the others.
+    """Files that belong together: a tree that one file lacks is looked up in the other files.
 
-    No file is read before a tree is missing; each is read once.
+    All files are read, each once, when the first tree is missing.
 
     Attributes:
-        paths: Function that returns the files.
-        read: Function that reads one file.
-        include_paths: Further folders from which they may include files.
+        paths: A function that returns the paths of the files.
+        read: A function that reads one file.
+        include_paths: Further folders from which the files may include other files.
         is_declared: Whether the project declares the set; otherwise the user named the files together.
         findings: The findings of files that are not well-formed.
-        unreadable: The errors of unreadable files.
+        unreadable: The error messages of files that cannot be read.
     """
 
     paths: Callable[[], Iterable[Path]]
@@ -182,9 +181,9 @@ class TreeSet:
 
     @functools.cached_property
     def forests(self) -> Mapping[Path, Forest]:
-        """Each file with its includes, by its path with links resolved.
+        """The forest of each file, by the file's path with symbolic links resolved.
 
-        Reading it fills `findings` for files that are not well-formed, and `unreadable`.
+        The first access reads the files, and fills `findings` and `unreadable`.
         """
         forests: dict[Path, Forest] = {}
         read = functools.lru_cache(maxsize=None)(self.read)
@@ -201,7 +200,7 @@ class TreeSet:
 
     @functools.cached_property
     def by_id(self) -> Mapping[str, Mapping[tuple[str, int], tuple[Path, Forest]]]:
-        """The files that contain a tree, by its ID and location; a file precedes the files that include it."""
+        """The path and forest with each tree, by the tree's ID and location; files that only include it come second."""
         by_id: dict[str, dict[tuple[str, int], tuple[Path, Forest]]] = {}
         for path, forest in self.forests.items():
             for tree_id, tree in forest.trees.items():
@@ -223,11 +222,11 @@ class TreeSet:
         return users
 
     def is_used(self, tree_id: str, by_other_than: Path) -> bool:
-        """Return whether another file without a tree of this ID references it."""
+        """Return whether a file other than *by_other_than* references this ID and has no tree with this ID itself."""
         return any(path != by_other_than for path in self._users.get(tree_id, ()))
 
     def files_with_tree(self, tree_id: str) -> Iterable[tuple[Path, Forest]]:
-        """Return the files that contain a tree of an ID, with their paths."""
+        """Return the paths and forests of the files that contain a tree with an ID."""
         return self.by_id.get(tree_id, {}).values()
 
     def references(self, tree: Element) -> tuple[Element, ...]:
@@ -242,7 +241,7 @@ def _references(tree: Element) -> tuple[Element, ...]:
 
 
 class _SetSearch:
-    """Searches a set for the trees that a forest lacks, recursively."""
+    """Recursive search of a set for the trees that a forest lacks."""
 
     def __init__(self, forest: Forest, tree_set: TreeSet) -> None:
         self.forest = forest
@@ -278,20 +277,20 @@ class _SetSearch:
         )
 
     def _find(self, reference: Element, attribute: str, home: Forest) -> None:
-        """Resolve a reference in a tree of one of the forests."""
+        """Resolve a reference in a tree of the forest *home*, with a tree of that forest or of the set."""
         tree_id = reference.attributes[attribute]
         having = (
             [(self.forest.path, home)] if tree_id in home.trees else self._files_with_tree(tree_id, reference)
         )
         if not having:
-            # A malformed file of which only the beginning is checked has its own finding.
+            # If the main file itself is malformed and only its beginning is checked, its error is reported elsewhere.
             self.findings += [
                 each
                 for each in self.tree_set.findings
                 if tree_id in each.source.text and real_path(Path(each.source.path)) != self.forest.path
             ]
             for reason in self.tree_set.unreadable if self.tree_set.is_declared else ():
-                message = f"the tree '{tree_id}' may be in a file of the set: {reason}"
+                message = f"the tree '{tree_id}' may be in a file of the set that cannot be read: {reason}"
                 self.findings.append(reference.finding("unreadable-include", message, value=attribute))
             return
         first = having[0][1]
@@ -300,8 +299,8 @@ class _SetSearch:
         if others:
             places = f"{target.file_and_line} and {others[0].file_and_line}"
             more = f", and in {len(others) - 1} more" if others[1:] else ""
-            message = f"the tree '{tree_id}' is in several files of the set: {places}{more}"
-            # Files that the user named together may belong to several robots.
+            message = f"the tree '{tree_id}' is defined in several files of the set: {places}{more}"
+            # Files that the user named together may belong to different robots.
             severity = Severity.ERROR if self.tree_set.is_declared else Severity.WARNING
             hint = "give each tree a unique ID, or include the right file"
             advice = Advice(hint=hint, severity=severity)
@@ -310,7 +309,7 @@ class _SetSearch:
             self.found.setdefault(id(target), (target, first))
 
     def _files_with_tree(self, tree_id: str, reference: Element) -> list[tuple[Path, Forest]]:
-        """Return the files that contain a tree; of several, those closest to the referencing file."""
+        """Return the files that contain a tree; if there are several, those closest to the referencing file."""
         having = [each for each in self.tree_set.files_with_tree(tree_id) if each[0] != self.forest.path]
         if tree_id in self.forest.trees:
             having.insert(0, (self.forest.path, self.forest))
@@ -353,9 +352,11 @@ class _Loader:
     def _read(self, element: Element, target: Path, around: tuple[Path, ...]) -> None:
         if len(around) > MAX_INCLUDE_DEPTH or len(self.files) + len(around) >= MAX_FILES:
             if not self.full:  # one such finding is enough
-                deep = len(around) > MAX_INCLUDE_DEPTH
-                limit = f"{MAX_INCLUDE_DEPTH} files deep" if deep else f"{MAX_FILES} files"
-                self._report("too-many-includes", f"includes go further than {limit}", element)
+                deep = f"includes are nested more than {MAX_INCLUDE_DEPTH} files deep"
+                message = (
+                    deep if len(around) > MAX_INCLUDE_DEPTH else f"there are more than {MAX_FILES} files"
+                )
+                self._report("too-many-includes", message, element)
             self.full = True
             return
         try:
@@ -373,14 +374,14 @@ class _Loader:
         self.seen.add(target)
 
     def _intended_path(self, element: Element, target: Path) -> str | None:
-        """Return the path that a missing include probably intended."""
+        """Return the existing path that was probably intended by the path of a missing include."""
         written, beside = element.attributes["path"], []
         with suppress(UnreadableFileError):
             if self.compared < MAX_NEIGHBOURS and not is_there(target):
                 others = (path for path in folder_entries(target.parent) if path.suffix in FORMS)
                 beside = [path.name for path in others if path.name != target.name]
         self.compared += len(beside)
-        # Many files share the extension, so it is no evidence for any of them.
+        # The extension is not compared, because many files have the same one.
         stems = {Path(name).stem: name for name in sorted(beside, reverse=True)}
         near = nearest(target.stem, sorted(stems))
         if near is None or not written.endswith(target.name):
@@ -404,7 +405,7 @@ class _Loader:
             self.findings.append(element.finding("unknown-package", message, value="ros_pkg", hint=hint))
             return None
         # With a symlink installation, a package's files are outside of its share folder once links are resolved,
-        # and so are the files beside this one.
+        # and so are the other files in the folder of the target.
         target = self._resolve_path(element, share / written)
         if target is None or (
             not Path(os.path.normpath(share / written)).is_relative_to(share)
@@ -426,12 +427,13 @@ class _Loader:
     def _is_allowed(self, element: Element, target: Path) -> bool:
         if any(target.is_relative_to(folder) for folder in self.folders):
             return True
-        message = f"'{element.attributes['path']}' lies outside the folders that may be included from"
-        self._report("include-outside", message, element, hint=f"allow it: --include-path {target.parent}")
+        message = f"'{element.attributes['path']}' is outside the folders from which files may be included"
+        hint = f"allow its folder: --include-path {target.parent}"
+        self._report("include-outside", message, element, hint=hint)
         return False
 
     def _report_pathless(self, element: Element) -> None:
-        """Report an include without a path, which a single unknown attribute may contain."""
+        """Report an include without the attribute `path`; a single unknown attribute is probably meant as `path`."""
         strange = [name for name in element.attributes if name not in ("path", "ros_pkg")]
         if len(strange) == 1:
             message = f"<{INCLUDE_TAG}> has no attribute '{strange[0]}'; it has path, ros_pkg"
@@ -446,7 +448,7 @@ class _Loader:
 
 
 def _package_share(package: str) -> Path | None:
-    """Return a ROS package's share folder from the ament index of the sourced workspaces."""
+    """Return a ROS package's share folder, found in the ament index of the sourced workspaces; None if not found."""
     if Path(package).name != package or package in ("", ".", ".."):
         return None
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):

@@ -4,7 +4,7 @@ import re
 from collections.abc import Collection, Iterable
 
 MOST_COMPARED = 100_000
-"""The largest number of words that one `Guesses` compares with written words."""
+"""The maximum number of words that one `Guesses` object compares."""
 _UNITS = {
     "ms": ("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"),
     "us": ("us", "µs", "usec", "micros", "microseconds"),
@@ -22,10 +22,10 @@ _UNITS = {
 UNIT_OF = {word: unit for unit, words in _UNITS.items() for word in words}
 """The units by their usual spellings, in lower case."""
 LIKE = 0.7
-"""The minimum likeness of two words of which one may be a typo for the other."""
+"""The minimum similarity of two words if one may be a typo of the other."""
 _SHORT, _LIKE_SHORT = 3, 0.6
 _LIKE_WHOLE = 0.88
-"""The minimum likeness of two names of which one has a word more."""
+"""The minimum similarity of two names if they have different numbers of words."""
 _MOST_NEAR = 10
 _WORDS = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\dA-Za-z_]+|\d+"
 _BETWEEN = r"_|(?<=[^\W\d])[\s-]+(?=[^\W\d])"
@@ -35,7 +35,7 @@ _PARTS = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])"
 
 
 def unit_suffix(name: str) -> str:
-    """Return the unit that a name ends with: `ms` for `delay_msec`; empty if there is none."""
+    """Return the unit with which a name ends: `ms` for `delay_msec`; an empty string if the name has no unit."""
     parts = re.findall(_PARTS, name)
     return UNIT_OF.get(parts[-1].lower(), "") if parts else ""
 
@@ -45,7 +45,7 @@ def has_same_unit(written: str, meant: str) -> bool:
     unit = unit_suffix(meant)
     if unit == unit_suffix(written):
         return True
-    # A typo in the unit itself (`mesc`) leaves no unit, and the same number of parts.
+    # A misspelt unit (`mesc`) is not recognised as a unit, but the names then have the same number of parts.
     return not unit_suffix(written) and len(re.findall(_PARTS, written)) == len(re.findall(_PARTS, meant))
 
 
@@ -53,13 +53,13 @@ def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
     """Return the known word that was probably intended, or None.
 
     A number is never suggested for another number. For a name with a unit (`delay_msec`), no name with another unit or
-    without one is suggested, because the written value would then have another meaning.
+    without a unit is suggested, because the written value would then have another meaning.
 
     Args:
         word: The written word.
         known: The known words.
-        least: The minimum likeness of each two words of the names, from 0 to 1, if they differ in more than case and
-            underscores.
+        least: The minimum similarity of each word of the written name and the word at the same position of the known
+            name, from 0 to 1. Names that differ only in case and separators always match.
     """
     import difflib
 
@@ -82,7 +82,7 @@ def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
 
 
 def is_typo(written: str, meant: str) -> bool:
-    """Return whether a word is a typo of another one: wrong case, or one letter extra, missing, wrong or swapped."""
+    """Return whether two words differ only in case, or in one letter that is extra, missing, wrong or swapped."""
     one, other = written.lower(), meant.lower()
     if one == other:
         return True
@@ -112,13 +112,13 @@ def _is_near(written: str, meant: str, least: float) -> bool:
     if _is_misspelt(written, meant):
         return True
     words, others = (re.findall(_WORDS, each) for each in (written, meant))
-    if len(words) != len(others):  # one word extra or missing: the rest has to be nearly equal
+    if len(words) != len(others):  # a word is extra or missing, so the rest must be nearly equal
         words, others, least = [_fold(written)], [_fold(meant)], max(least, _LIKE_WHOLE)
     return all(_is_like(*pair, least) for pair in zip(words, others, strict=True))
 
 
 def _is_misspelt(written: str, meant: str) -> bool:
-    """Return whether a name has one letter too many, too few or swapped."""
+    """Return whether two names differ in one extra, missing or swapped letter."""
     shorter = min(len(written), len(meant))
     is_other = len(written) == len(meant) and sorted(written.lower()) != sorted(meant.lower())
     return shorter > _SHORT and not is_other and is_typo(written, meant)
@@ -137,7 +137,7 @@ def _is_like(word: str, other: str, least: float) -> bool:
 
 
 def did_you_mean(near: str | None) -> str:
-    """Return the end of a sentence that suggests a word; empty for None."""
+    """Return the end of a message, which suggests a word; empty for None."""
     return f"; did you mean '{near}'?" if near else ""
 
 
@@ -148,7 +148,7 @@ class Guesses:
         self._left = MOST_COMPARED
 
     def nearest(self, word: str, known: Collection[str], least: float = LIKE) -> str | None:
-        """Return the word that was probably intended, like `nearest`; None if there are too many to compare."""
+        """Return the word that was probably intended, like `nearest`; None if the limit of comparisons is reached."""
         if len(known) > self._left:
             return None
         self._left -= len(known)

@@ -1,4 +1,4 @@
-"""The data model of tree files: elements, attributes and their locations, for every form."""
+"""The data model of tree files in XML and YAML: elements, attributes and their locations."""
 
 import bisect
 import functools
@@ -38,10 +38,10 @@ class Comment:
 
     Attributes:
         text: The text, without comment marks, common indentation and surrounding blank lines.
-        index: The index of the child that follows it; the number of children if none follows.
-        attribute: The attribute that it belongs to instead; only in YAML.
-        trailing: Whether it is on the line of its attribute, or else of the element's tag.
-        after_blank_line: Whether a blank line precedes it.
+        index: The index of the child that follows the comment; the number of children if no child follows.
+        attribute: The attribute that the comment belongs to; only in YAML. None if it belongs to the element.
+        trailing: Whether the comment is on the line of its attribute or, without an attribute, of the element's tag.
+        after_blank_line: Whether a blank line precedes the comment.
     """
 
     text: str
@@ -65,14 +65,14 @@ class Element:
     Two elements are equal if their content is equal; locations, comments and the order of attributes are ignored.
 
     Attributes:
-        tag: Its tag.
-        attributes: Its attributes, in the order written.
-        children: The elements in it.
-        source: The file.
-        line: The line of its first character, from 1.
-        column: The column of its first character, from 1.
+        tag: The element's tag.
+        attributes: The attributes, in the order of the file.
+        children: The child elements.
+        source: The file that contains the element.
+        line: The line of the element's first character, from 1.
+        column: The column of the element's first character, from 1.
         text: The description of a port in a `TreeNodesModel`; empty for other elements.
-        comments: Its comments, in the order of the file.
+        comments: The comments that belong to the element, in the order of the file.
     """
 
     tag: str
@@ -86,26 +86,26 @@ class Element:
 
     @property
     def position(self) -> tuple[int, int]:
-        """The line and the column of its first character."""
+        """The line and the column of the element's first character."""
         return self.line, self.column
 
     @property
     def offset(self) -> int:
-        """The offset of its first character in the text of the file."""
+        """The offset of the element's first character in the text of the file."""
         return self.source.offset(self.line, self.column)
 
     @property
     def file_and_line(self) -> str:
-        """The location, for messages."""
+        """The location as text, for messages: `mission.xml:12`."""
         return f"{self.source.path}:{self.line}"
 
     @property
     def follows_blank_line(self) -> bool:
-        """Whether a blank line directly precedes it."""
+        """Whether a blank line directly precedes the element."""
         return self.line > 0 and self.source.has_blank_line_before(self.offset, passing="- \t\r\n")
 
     def tag_span(self) -> Span:
-        """Return the span from its first character to the end of its tag's name."""
+        """Return the span from the element's first character to the end of its tag name."""
         return self.source.inside(*self.source.spans.tag(self))
 
     def name_span(self, attribute: str) -> Span:
@@ -142,9 +142,9 @@ class Element:
         Args:
             code: As in `Diagnostic`.
             message: As in `Diagnostic`.
-            span: The span of the part.
-            name: The attribute, if its name is the part.
-            value: The attribute, if its value is the part.
+            span: The span of the part; None for the element's tag.
+            name: The attribute whose name the finding is about.
+            value: The attribute whose value the finding is about.
             **advice: As in `Diagnostic`.
         """
         if name is not None:
@@ -176,7 +176,7 @@ class Element:
 
 
 def last_element_before(elements: "Sequence[Element]", place: tuple[int, int]) -> Element | None:
-    """Return the last element at or before a location; the elements are in the order of the file."""
+    """Return the last element that begins at or before a location; *elements* must be in the order of the file."""
     index = bisect.bisect_right(elements, place, key=lambda each: each.position)
     return elements[index - 1] if index else None
 
@@ -187,10 +187,10 @@ class TreeFile:
 
     Attributes:
         source: The file's text and name.
-        root: Its outermost element.
+        root: The outermost element.
         comments: The comments before the root (index 0) and after it (index 1).
-        findings: The findings about errors that the reader has repaired.
-        is_named: Whether the user named it, and it was not only found beside other files.
+        findings: The findings about errors that the parser has recovered from.
+        is_named: Whether the user named the file; False if it was only found beside other files.
     """
 
     source: Source
@@ -206,7 +206,7 @@ class TreeFile:
 
     @property
     def main_tree_name(self) -> str | None:
-        """The ID of the tree to execute, as the file names it."""
+        """The ID of the tree to execute, from the root's attribute `main_tree_to_execute`; None without this attribute."""
         return self.root.attributes.get("main_tree_to_execute")
 
 
@@ -245,7 +245,7 @@ class UnfinishedFileError(TreeError):
     """An error for a file that is malformed after a readable beginning.
 
     Attributes:
-        beginning: The content before the error; None if it is not known.
+        beginning: The content before the error; None if no element begins before it.
     """
 
     def __init__(self, findings: Iterable[Diagnostic], beginning: FileBeginning | None) -> None:
@@ -279,18 +279,18 @@ def _without_blank_ends(lines: Sequence[str]) -> str:
 
 
 _NAME = r"[A-Za-z_:][A-Za-z0-9_:.\-]*"
-# The exact expression takes as long to compile as all others together, and names are seldom in another script.
+# The exact expression takes as long to compile as all other expressions together, and names seldom use other alphabets.
 _PERHAPS = r"[A-Za-z0-9_:.\-\u0080-\U0010ffff]+"
 
 
 @functools.lru_cache(maxsize=1024)
 def is_name(text: str) -> bool:
-    """Return whether a text is a valid name of a tag or an attribute."""
+    """Return whether a text is a valid tag or attribute name."""
     if re.fullmatch(_NAME, text):
         return True
     if text.isascii() or not re.fullmatch(_PERHAPS, text):
         return False
-    # expat knows which letters of all scripts XML allows.
+    # expat knows which letters of all alphabets XML allows.
     try:
         expat.ParserCreate(encoding="utf-8").Parse(f"<{text}/>".encode("utf-8", "surrogatepass"), True)  # noqa: FBT003
     except expat.ExpatError:
@@ -303,7 +303,7 @@ class _SpansOfYaml(Spans):
 
 
 NO_SPANS, NO_SPANS_OF_YAML = Spans(), _SpansOfYaml()
-"""Spans for texts without elements, or without their locations; those of YAML texts."""
+"""The locators for XML and YAML texts without elements, or whose elements have no known locations."""
 
 _SOURCE = Source("<made>", "", NO_SPANS)
 
@@ -316,5 +316,5 @@ def synthetic_element(
 
 
 def synthetic_file(root: Element) -> TreeFile:
-    """Create a file from an element, without a text."""
+    """Create a tree file without a text from its root element."""
     return TreeFile(_SOURCE, root)

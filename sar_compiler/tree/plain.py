@@ -1,4 +1,4 @@
-"""Values in the notations of JSON and of scripts."""
+"""Conversion of values to JSON and to the notation of scripts."""
 
 import re
 from enum import Enum
@@ -10,7 +10,7 @@ from sar_compiler.tree.display_text import UNSEEN, UNSPEAKABLE
 def as_json(data: object, indent: int | None = 2) -> str:
     """Return data as JSON, with terminal control characters escaped.
 
-    The text is indented by *indent* spaces, or on one line if it is None. Numbers that are not finite become null.
+    Each level is indented by *indent* spaces; with None, the text is on one line. Numbers that are not finite become null.
     """
     return re.sub(UNSEEN, _escape, json_text(data, indent=indent, ensure_ascii=False))
 
@@ -21,14 +21,14 @@ def _escape(match: re.Match[str]) -> str:
 
 
 def to_json_value(value: object) -> object:
-    """Return a value for JSON: an enum as its name, numbers and strings unchanged."""
+    """Convert a value for JSON: an enum member to its name; numbers and strings are unchanged, other objects become strings."""
     if isinstance(value, Enum):
         return value.name
     return value if isinstance(value, (bool, int, float, str, type(None))) else str(value)
 
 
 def value_as_script(value: object) -> str:
-    """Write a value in a script's notation; None is an empty key."""
+    """Return a value in the notation of scripts; `nothing` for None, the value of an unset key."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""Reading tree files in XML.
+"""Parser of tree files in XML.
 
 expat provides the line and column of each tag. The location of an attribute is looked up in the text only when a
 finding needs it.
@@ -40,11 +40,11 @@ _DECLARED_ENCODING = rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)
 
 
 def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
-    """Read a tree file's content.
+    """Parse a tree file's content.
 
     Raises:
-        TreeError: If it is not well-formed XML, too large, too deep, or has a DOCTYPE. The error of a malformed file
-            contains the elements before the error.
+        TreeError: If the content is too large or too deep, or has a DOCTYPE.
+        UnfinishedFileError: If it is not well-formed XML; the error contains the elements before the location of the error.
     """
     declared = None
     if isinstance(data, bytes) and data.startswith(b"<?xml"):
@@ -54,7 +54,7 @@ def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
 
 
 class _XmlSpans(Spans):
-    """Finds the parts of a start tag in the text."""
+    """Locator of the parts of start tags in an XML text."""
 
     def tag(self, element: ElementView) -> tuple[int, int]:
         from sar_compiler.tree.xml_recovery import NAME
@@ -77,7 +77,7 @@ class _XmlSpans(Spans):
         return _offsets(text, start, end)
 
 
-@functools.lru_cache(maxsize=4)  # each error in a long value asks for them
+@functools.lru_cache(maxsize=4)  # each error in a long value needs them
 def _offsets(text: str, start: int, end: int) -> list[int]:
     from sar_compiler.tree.xml_recovery import CHARACTER
 
@@ -88,13 +88,13 @@ _SPANS = _XmlSpans()
 _NOTHING: tuple[str, tuple[Comment, ...]] = ("", ())
 _EMPTY_HINT = 'write <root BTCPP_format="4"> with a <BehaviorTree ID="..."> in it'
 _HINTS = {
-    expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT: "a tree file has one <root> with everything in it",
+    expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT: "put everything into one <root>",
     expat.errors.XML_ERROR_SYNTAX: "a tree file begins with <root>",
 }
 
 
 class _XmlReader:
-    """Reads a text in one pass; creates each element at its end tag, so that elements can be immutable."""
+    """Parser that reads a text in one pass, and creates each element, with its children, at the element's end tag."""
 
     def __init__(self, source: Source, recovered: "RecoveredText | None" = None) -> None:
         self._source = source
@@ -163,10 +163,10 @@ class _XmlReader:
             opened.append((tag, attributes, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1))
             levels.append([])
             if tag == MODEL_TAG:
-                # Text has a meaning only there: it describes a port.
+                # Text is read only in a model, where it describes a port.
                 parser.CharacterDataHandler = self._data
             if len(opened) > MAX_DEPTH:
-                self._refuse("too-deep", f"elements are nested more than {MAX_DEPTH} deep", tag)
+                self._refuse("too-deep", f"elements are nested more than {MAX_DEPTH} levels deep", tag)
 
         def end_element(tag: str) -> None:
             text, notes = self._extras() if comments or texts else _NOTHING
@@ -216,7 +216,9 @@ class _XmlReader:
         if (self._open or self._levels[0]) and not self._instructions:
             start = self._offset()
             span = self._source.span(start, start + len(target) + 2)
-            message = f"BehaviorTree.CPP reads processing instructions before <root> only: <?{target}?>"
+            message = (
+                f"BehaviorTree.CPP accepts a processing instruction such as <?{target}?> only before <root>"
+            )
             hint, severity = "put it in a comment, or delete it", Severity.WARNING
             self._instructions.append(
                 Diagnostic(
@@ -225,8 +227,8 @@ class _XmlReader:
             )
 
     def _doctype(self, *_declaration: object) -> None:
-        message = "a DOCTYPE is not allowed in a tree file (entities could hide what the file says)"
-        # expat reports the declaration after its name.
+        message = "a DOCTYPE is not allowed in a tree file (entities could hide the file's content)"
+        # expat calls the handler after it has read the name in the declaration.
         start = self._source.text.rfind("<!DOCTYPE", 0, self._offset())
         self._refuse("doctype", message, "!DOCTYPE", start, hint="delete the declaration")
 
@@ -236,7 +238,7 @@ class _XmlReader:
     def _refuse(
         self, code: str, message: str, name: str, start: int | None = None, hint: str | None = None
     ) -> None:
-        """Raise the finding about an invalid `<` and the name after it."""
+        """Raise an error with a finding about a `<` and the name after it."""
         start = self._offset() if start is None else start
         span = self._source.span(start, start + len(name) + 1)
         raise TreeError([Diagnostic(code, message, self._source, span, hint=hint)])
@@ -254,7 +256,7 @@ class _XmlReader:
             span = self._source.span(found.start, found.end)
             return Diagnostic("malformed-xml", message, self._source, span, found.suggestion, found.hint)
         if words == expat.errors.XML_ERROR_TAG_MISMATCH and self._open:
-            start -= len("</")  # expat reports the name after it
+            start -= len("</")  # expat reports the position of the name
             tag, _, opened, *_ = self._open[-1]
             words = f"the end tag does not close <{tag}>, which was opened on line {opened}"
             hint = f"</{tag}> is expected here"

@@ -1,14 +1,14 @@
-"""Explanations of errors in malformed XML. Imported for such files only."""
+"""Explanations of errors in malformed XML. This module is imported only for malformed files."""
 
 import re
 from typing import NamedTuple
 from xml.parsers import expat
 
-from sar_compiler.tree.xml_recovery import NAME, attributes_end
+from sar_compiler.tree.xml_recovery import NAME, UNDEFINED_ENTITY_HINT, attributes_end
 
 _AMPERSANDS = re.compile(r"(&+)[^&;<>\"'\s]*\Z")
 _UNSEEN = re.compile(r"[\u00ad\u180e\u200b-\u200f\u2060\ufeff]|[^\S \t\r\n]")
-"""An invisible character, or one that looks like a blank."""
+"""A regular expression for a character that is invisible or looks like a space."""
 _NEAR = 200
 """The number of characters before an error that are searched for an ampersand."""
 _ENTITY = re.compile(r"&([^#&;\s][^&;\s]*);")
@@ -20,14 +20,14 @@ _OPEN_VALUE = re.compile(r"=\s*(\"[^\"<]*|'[^'<]*)\Z")
 
 
 class XmlFault(NamedTuple):
-    """An error in a file that is not well-formed.
+    """An error in an XML file that is not well-formed.
 
     Attributes:
-        message: The error.
+        message: The description of the error.
         start: The offset of the first wrong character.
         end: The offset after the last wrong character.
-        suggestion: The replacement.
-        hint: A short instruction, if there is no replacement.
+        suggestion: The replacement text.
+        hint: A short instruction, if there is no replacement text.
     """
 
     message: str
@@ -41,7 +41,7 @@ def find_xml_fault(text: str, place: int, words: str) -> XmlFault | None:
     """Return the probable error at the position where expat stopped.
 
     Returns:
-        None if expat's message says everything.
+        The error; None if expat's message is sufficient.
     """
     by_words = {
         expat.errors.XML_ERROR_UNDEFINED_ENTITY: _find_undefined_entity,
@@ -64,8 +64,9 @@ def _invalid(text: str, place: int) -> XmlFault | None:
 
 
 def _invisible_character(text: str, place: int) -> XmlFault:
-    what = "looks like a blank, but XML does not treat it as one" if text[place].isspace() else "is invisible"
-    hint = "write a blank in its place" if text[place].isspace() else "delete it"
+    is_space = text[place].isspace()
+    what = "looks like a space, but XML does not treat it as a space" if is_space else "is invisible"
+    hint = "replace it by a space" if is_space else "delete it"
     import unicodedata
 
     name = unicodedata.name(text[place], "").lower()
@@ -81,10 +82,10 @@ def _out_of_place(text: str, place: int) -> XmlFault | None:
     before = text[max(text.rfind("<", 0, place), 0) : place]
     if before.startswith("</") and ">" in before:
         hint = "put it in a comment, or delete it"
-        return XmlFault("text is not allowed after the root", place, place + 1, hint=hint)
+        return XmlFault("text is not allowed after </root>", place, place + 1, hint=hint)
     if text[place : place + 1] in (",", ";"):
         message = f"a {text[place]} is not allowed between the attributes of a tag"
-        return XmlFault(message, place, place + 1, hint="write a blank in its place")
+        return XmlFault(message, place, place + 1, hint="replace it by a space")
     return None
 
 
@@ -97,23 +98,23 @@ def _tag_error(text: str, place: int) -> XmlFault | None:
         start = near + ampersands.start()
         end = start + len(ampersands[1])
         end += text[end : end + 1] == "&"
-        return XmlFault("write & as &amp; in XML", start, end, "&amp;" * (end - start))
+        return XmlFault("a literal & must be written as &amp; in XML", start, end, "&amp;" * (end - start))
     value = _OPEN_VALUE.search(before)
     if text[place : place + 1] == "<" and value is not None:
         return _value_error(text, place, tag + value.start(1))
     if before.rstrip().endswith("="):
         return XmlFault("the value of an attribute must be in quotes", place, place + 1)
     if text.startswith("<!--", place):
-        hint = "move it in front of the tag or after it"
+        hint = "move it before or after the tag"
         return XmlFault("a comment is not allowed in a tag", place, place + len("<!--"), hint=hint)
     return _attribute_error(text, tag, place)
 
 
 def _attribute_error(text: str, tag: int, place: int) -> XmlFault | None:
-    """Return the error after the last complete attribute."""
+    """Return the error after the last complete attribute of a tag."""
     name = NAME.match(text, tag)
     if name is None:
-        message = "a tag's name must follow its < directly; write a < in a text as &lt;"
+        message = "a tag's name must directly follow the <, and a literal < must be written as &lt;"
         return XmlFault(message, tag, place + 1) if text.startswith("<", tag) else None
     end = attributes_end(text, name.end(), place)
     valueless = _VALUELESS.fullmatch(text, end, place)
@@ -123,7 +124,7 @@ def _attribute_error(text: str, tag: int, place: int) -> XmlFault | None:
     if text.startswith("<", place):
         return XmlFault("the tag that begins here has no >", tag, name.end())
     if end == place and text[place - 1] in "\"'":
-        message = "a blank is missing, or there is an extra quotation mark, to the left of this"
+        message = "before this character, a space is missing or there is an extra quotation mark"
         return XmlFault(message, place, place + 1)
     return None
 
@@ -137,7 +138,7 @@ def _find_duplicate_attribute(text: str, place: int) -> XmlFault | None:
 
 
 def _find_unclosed(text: str, place: int) -> XmlFault | None:
-    """Return the error if a comment, value or tag never ends."""
+    """Return the error about a comment, value or tag that never ends."""
     if text.startswith("<!--", place):
         return XmlFault(
             "the comment that begins here has no -->", place, place + len("<!--"), hint="write --> after it"
@@ -152,16 +153,16 @@ def _find_unclosed(text: str, place: int) -> XmlFault | None:
 
 
 def _value_error(text: str, place: int, quote: int) -> XmlFault:
-    """Return the error of a < in a value: unescaped, or after a missing closing quote."""
+    """Return the error about a < in a value: it is unescaped, or the value's closing quotation mark is missing."""
     value = text[quote:place].rstrip(" \t")
     if value.rstrip().endswith((">", "/")) or value.endswith("\n") or text.startswith("</", place):
         return XmlFault("the value that begins here has no closing quotation mark", quote, quote + 1)
-    return XmlFault("write < as &lt; in a value", place, place + 1, "&lt;")
+    return XmlFault("a literal < must be written as &lt; in a value", place, place + 1, "&lt;")
 
 
 def _find_undefined_entity(text: str, place: int) -> XmlFault | None:
     for entity in _ENTITY.finditer(text, place):
         if entity[1] not in _BUILT_IN:
-            message = f"XML does not know '{entity[0]}'; write & as &amp;, and all other characters unchanged"
-            return XmlFault(message, entity.start(), entity.end())
+            message, hint = f"'{entity[0]}' is not an XML entity", UNDEFINED_ENTITY_HINT
+            return XmlFault(message, entity.start(), entity.end(), hint=hint)
     return None

@@ -1,8 +1,8 @@
-"""Recovery of malformed files that BehaviorTree.CPP accepts, such as those with raw & and <.
+"""Recovery of malformed XML files that BehaviorTree.CPP accepts, for example files with unescaped & and <.
 
-Each such character is replaced by a stand-in, one character that the file does not contain. So expat can parse
-the text, every line and column stays, and the parsed text gets its characters back. An XML declaration after empty
-lines is replaced by empty lines, and so is text before the root.
+Each such character is replaced by a stand-in: one character that the file does not contain. expat can then parse the
+text, all lines and columns stay the same, and the original characters are restored in the parsed text. An XML declaration
+after blank lines, and content outside of the root, is replaced by spaces.
 """
 
 import itertools
@@ -16,15 +16,15 @@ from sar_compiler.tree.diagnostic import Diagnostic, Source
 from sar_compiler.tree.model import TreeFile
 
 REFERENCE = r"&(?:amp|lt|gt|apos|quot|#[0-9]+|#x[0-9a-fA-F]+);"
-"""A regular expression for a reference, which is read as another character."""
+"""A regular expression for an entity or character reference, which XML reads as one character."""
 CHARACTER = re.compile(rf"{REFERENCE}|\r\n|.", re.DOTALL)
 """A regular expression for the written form of one character of a value."""
 NAME = re.compile(r"<[^\s/>]+")
-"""A regular expression for the beginning of a tag."""
+"""A regular expression for the beginning of a start tag, up to the end of its name."""
 ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
-"""A regular expression for an attribute with preceding blanks: its name, its quotation mark, its value."""
+"""A regular expression for an attribute with preceding whitespace; the groups are the name, the quotation mark and the value."""
 TAG_END = re.compile(r"\s*/?>")
-"""A regular expression for the end of a start tag, with preceding blanks."""
+"""A regular expression for the end of a start tag, with preceding whitespace."""
 _LONE = rf"(?!{REFERENCE})&"
 _RAW = re.compile(rf"(?:{_LONE})+|<")
 _NUMBERED = r"&#(?:x0*([0-9a-fA-F]{1,6})|0*([0-9]{1,7}));"
@@ -34,11 +34,12 @@ _NOT_BLANK = r"\S"
 _LINE = re.compile(r"\S(?:[^\r\n]*\S)?")
 _DASHES = re.compile(r"-{2,}|-\Z")
 _PRIVATE = (range(0xE000, 0xF900), range(0xF0000, 0xFFFFE))
-_STANDING_ALONE = "&<-"
+_REPLACEABLE = "&<-"
 _MOST = 1000
-"""The most findings in a file."""
-_TOLD_PASSED = "BehaviorTree.CPP ignores it, other XML parsers do not"
+"""The maximum number of findings in a file."""
+_IGNORED_BY_BTCPP = "BehaviorTree.CPP ignores it, other XML parsers do not"
 _ACCEPTED_BY_BTCPP = "BehaviorTree.CPP accepts it, other XML parsers do not"
+UNDEFINED_ENTITY_HINT = "write the character itself, or &amp; for a literal &"
 
 
 class _PartOfFile(Enum):
@@ -51,7 +52,7 @@ class _PartOfFile(Enum):
 
 
 class RecoveredText(NamedTuple):
-    """A text that expat can parse.
+    """A malformed text, changed so that expat can parse it.
 
     Attributes:
         text: The text with stand-ins.
@@ -69,7 +70,7 @@ class RecoveredText(NamedTuple):
 
 
 def attributes_end(text: str, offset: int, limit: int = sys.maxsize) -> int:
-    """Return the end offset of the attributes that begin before *limit*; *offset* is the end of the tag's name."""
+    """Return the end offset of the last attribute that ends before *limit*; *offset* is the end of the tag's name."""
     while match := ATTRIBUTE.match(text, offset, limit):
         offset = match.end()
     return offset
@@ -85,7 +86,7 @@ def recover(source: Source) -> RecoveredText | None:
     if declaration := re.match(_LATE_DECLARATION, text):
         parts, done = [re.sub(_NOT_BLANK, " ", declaration[0])], declaration.end()
         message = f"an XML declaration must be at the very beginning of a file: {_ACCEPTED_BY_BTCPP}"
-        span, hint = source.span(*declaration.span(1)), "delete the blanks and lines that precede it"
+        span, hint = source.span(*declaration.span(1)), "delete the spaces and lines before it"
         findings.append(Diagnostic("loose-xml", message, source, span, hint=hint))
     for start, end, part in _TagWalk(text).stretches():
         raw = part.value
@@ -108,7 +109,7 @@ def readable(tree_file: TreeFile) -> str:
 
 
 def escape_xml(written: str) -> str:
-    """Return a part of a value, escaped for XML."""
+    """Escape the unescaped & and < in a part of a value."""
     return _RAW.sub(lambda raw: _replacement(raw[0]), written)
 
 
@@ -117,7 +118,7 @@ def _replacement(raw: str) -> str:
 
 
 def _stand_ins(text: str) -> dict[int, str] | None:
-    """Return an unused character for each replaced one; None if the text has too many characters."""
+    """Return an unused character for each character to replace; None if the text uses too many private characters."""
     used = set(text)
     codes = (
         int(hexadecimal, 16) if hexadecimal else int(decimal)
@@ -125,14 +126,14 @@ def _stand_ins(text: str) -> dict[int, str] | None:
     )
     used.update(chr(code) for code in codes if code <= sys.maxunicode)
     free = itertools.islice(
-        (chr(each) for each in itertools.chain(*_PRIVATE) if chr(each) not in used), len(_STANDING_ALONE)
+        (chr(each) for each in itertools.chain(*_PRIVATE) if chr(each) not in used), len(_REPLACEABLE)
     )
-    found = {ord(character): stand_in for character, stand_in in zip(_STANDING_ALONE, free, strict=False)}
-    return found if len(found) == len(_STANDING_ALONE) else None
+    found = {ord(character): stand_in for character, stand_in in zip(_REPLACEABLE, free, strict=False)}
+    return found if len(found) == len(_REPLACEABLE) else None
 
 
 def _replace(stretch: str, stand_ins: dict[int, str], part: _PartOfFile) -> str:
-    if part in _PASSED:
+    if part in _IGNORED:
         return re.sub(_NOT_BLANK, " ", stretch)
     if part is _PartOfFile.COMMENT:
         return stretch.replace("-", stand_ins[ord("-")])
@@ -140,13 +141,13 @@ def _replace(stretch: str, stand_ins: dict[int, str], part: _PartOfFile) -> str:
 
 
 class _TagWalk:
-    """An iterator over the tags of a text, up to the first that cannot be parsed."""
+    """An iterator over the tags of a text, up to the first tag that cannot be parsed."""
 
     def __init__(self, text: str) -> None:
         self._text = text
         self._has_root = False
         self._opened: list[str] = []
-        # The offset of an element outside of the root.
+        # The offset of the current element outside of the root; -1 if there is none.
         self._beside = -1
 
     def stretches(self) -> Iterator[tuple[int, int, _PartOfFile]]:
@@ -170,7 +171,7 @@ class _TagWalk:
         return _PartOfFile.CONTENT if self._opened else _PartOfFile.BESIDE_ROOT
 
     def _end_of_tag(self, tag: int, found: list[tuple[int, int, _PartOfFile]]) -> int:
-        """Add the parts of a tag, and return its end; 0 if it cannot be parsed."""
+        """Add the parts of a tag to *found*, and return the tag's end offset; 0 if the tag cannot be parsed."""
         text = self._text
         if text.startswith("<!--", tag):
             end = _end_after(text, "-->", tag + len("<!--"))
@@ -204,7 +205,7 @@ def _end_after(text: str, end: str, start: int) -> int:
 
 
 def _values(text: str, tag: int, values: list[tuple[int, int, _PartOfFile]]) -> int:
-    """Add the offsets of a start tag's values, and return its end; 0, without values, if it cannot be parsed."""
+    """Add the offsets of a start tag's values to *values*, and return the tag's end offset; 0 if it cannot be parsed."""
     name = None if text.startswith("<!", tag) else NAME.match(text, tag)
     if name is None:
         return 0
@@ -214,29 +215,29 @@ def _values(text: str, tag: int, values: list[tuple[int, int, _PartOfFile]]) -> 
         offset = match.end()
     end = TAG_END.match(text, offset)
     if end is None:
-        # A value without its quotation mark may have ended at the mark of another one.
+        # A value without a closing quotation mark may have ended at the mark of another value.
         values[:] = [each for each in values if "<" not in text[each[0] : each[1]]]
         return 0
     return end.end()
 
 
-_PASSED = {
-    _PartOfFile.BEFORE_ROOT: ("text is not allowed ahead of the root", "put it in a comment, or delete it"),
+_IGNORED = {
+    _PartOfFile.BEFORE_ROOT: ("text is not allowed before <root>", "put it in a comment, or delete it"),
     _PartOfFile.BESIDE_ROOT: (
-        "a file has one <root>, but this is outside of it",
-        "delete it, or put it into the <root>",
+        "content outside of <root> is not allowed",
+        "delete it, or move it into the <root>",
     ),
 }
 """The message and the hint for content that BehaviorTree.CPP ignores."""
 
 
 def _recovery(source: Source, start: int, end: int, part: _PartOfFile) -> Diagnostic:
-    """Return the finding about content that is not XML."""
-    if part not in _PASSED:
+    """Return the finding about content that XML does not allow."""
+    if part not in _IGNORED:
         return _loose(source, start, end)
-    what, hint = _PASSED[part]
+    what, hint = _IGNORED[part]
     line = _LINE.match(source.text, start, end)
-    message, span = f"{what}: {_TOLD_PASSED}", source.span(start, line.end() if line else end)
+    message, span = f"{what}: {_IGNORED_BY_BTCPP}", source.span(start, line.end() if line else end)
     return Diagnostic("stray-text", message, source, span, hint=hint)
 
 
@@ -250,12 +251,9 @@ def _loose(source: Source, start: int, end: int) -> Diagnostic:
             start, suggestion = start - 2, None
             message, hint = "a comment begins inside another comment", "end the first one with -->"
     elif named is not None:
-        message, end = f"XML does not know '{named[0]}': {_ACCEPTED_BY_BTCPP}", named.end()
-        hint = "write & as &amp;, and all other characters unchanged"
+        message, end = f"'{named[0]}' is not an XML entity: {_ACCEPTED_BY_BTCPP}", named.end()
+        hint = UNDEFINED_ENTITY_HINT
     else:
-        what = "an &" if raw != "<" else "a <"
-        message, suggestion = (
-            f"{what} is written {_replacement(raw[:1])} in XML: {_ACCEPTED_BY_BTCPP}",
-            _replacement(raw),
-        )
+        what, suggestion = "&" if raw != "<" else "<", _replacement(raw)
+        message = f"an unescaped {what} is not allowed in XML: {_ACCEPTED_BY_BTCPP}"
     return Diagnostic("loose-xml", message, source, source.span(start, end), suggestion, hint)

@@ -1,7 +1,7 @@
 """Writer of tree files in canonical XML.
 
 Each element has its own line, each level is indented by two spaces, and attributes keep their order. A start tag longer
-than 100 columns has one attribute a line. Comments keep their positions, line breaks within values are kept, and
+than 100 columns has one attribute per line. Comments keep their positions, line breaks within values are kept, and
 consecutive blank lines become one.
 """
 
@@ -34,12 +34,12 @@ def write_xml(tree_file: TreeFile) -> str:
 
 
 def comment_in_xml(text: str) -> str:
-    """Return the text of a comment for XML, without the two hyphens that would end it."""
+    """Return a comment's text for XML, with spaces between consecutive hyphens."""
     return re.sub("-(?=-)", "- ", text)
 
 
 def element_lines(element: Element, indent: str = "", *, after_blank_line: bool = False) -> Iterator[str]:
-    """Yield the lines of an element."""
+    """Yield the XML lines of an element."""
     if after_blank_line:
         yield ""
     for comment in element.comments:
@@ -86,7 +86,7 @@ def _start_tag(element: Element, indent: str, end: str, trailing: str) -> Iterat
 
 
 def _as_broken(element: Element, name: str, value: str) -> str | None:
-    """Return a value with the line breaks of its XML file; None if it has none."""
+    """Return an attribute's value with its line breaks in the XML file; None if it has no line breaks."""
     source = element.source
     if source.form is not Form.XML or " " not in value:
         return None
@@ -115,7 +115,7 @@ def _comment(comment: Comment, indent: str, *, after_blank_line: bool) -> Iterat
 
 
 def escape_value(value: str, quote: str = '"') -> str:
-    """Return a value as it is written between quotation marks."""
+    """Escape an attribute's value for enclosing it in quotation marks."""
     escaped_value = _escape(value, _ESCAPES)
     return escaped_value if quote == '"' else escaped_value.replace(quote, "&apos;")
 
@@ -125,7 +125,7 @@ def _escape(text: str, escapes: dict[str, str]) -> str:
 
 
 def xml_with_tag_per_line(root: Element) -> str:
-    """Return an element as XML with one start tag a line, for tools that count lines."""
+    """Return an element as XML with one start tag per line, for tools that count lines."""
     return "\n".join(_tags(root))
 
 

@@ -1,7 +1,7 @@
-"""Reading tree files in YAML, which correspond to XML element by element.
+"""Parser of tree files in YAML, which correspond to XML element by element.
 
-A node is a mapping with one key, its tag. Below it are its attributes and, under `children`, a list of nodes.
-A node without content is its bare tag. The value of an attribute is its text, exactly as written.
+A node is a mapping with one key, its tag. Below the tag are the attributes and, under `children`, a list of nodes.
+A node without content is a bare tag. The value of an attribute is its text, exactly as written.
 """
 
 import re
@@ -30,22 +30,22 @@ from sar_compiler.tree.yaml_events import YamlEvents
 from sar_compiler.tree.yaml_fields import dedent, is_fields_attribute
 from sar_compiler.tree.yaml_spans import SPLIT, YamlSpans, split_number
 
-_EMPTY_HINT = "write root: with BTCPP_format: 4 and children: below it"
-_OF_THE_ROOT = ("BTCPP_format", "main_tree_to_execute", CHILDREN_KEY)
-# A plain string followed by a single blank and a #, which is an unusual form of a comment.
+_EMPTY_HINT = "write 'root:', and below it 'BTCPP_format: 4' and 'children:'"
+_ROOT_KEYS = ("BTCPP_format", "main_tree_to_execute", CHILDREN_KEY)
+# The rest of a line after a plain string, if it begins with one space and a # without a space, unlike most comments.
 _CUT = re.compile(r" #[^\s#!][^\r\n]*")
 _HEADER_COMMENT = re.compile(r"[^\r\n#]*#([^\r\n]*)")
 REFERENCE = re.compile(r"\{[^{}:,\s]+\}")
-"""A key in braces, which is a mapping in YAML."""
+"""A regular expression for a reference such as `{zone}`, which without quotes is a mapping in YAML."""
 # A plain string continues on a line with more indentation, whatever that line begins with.
 _CONTINUED = re.compile(r"[\r\n][ \t]*(- [^\r\n]*)")
 
 
 def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
-    """Read a tree file's content.
+    """Parse a tree file's content.
 
     Raises:
-        TreeError: If it is not YAML, not a tree, too large, too deep, or uses a feature that only YAML has.
+        TreeError: If the content is not YAML, not a tree, too large or too deep, or uses a YAML feature that XML lacks.
     """
     spans = YamlSpans()
     return _YamlReader(make_source(data, path, spans, None, _EMPTY_HINT), spans).read()
@@ -65,12 +65,12 @@ class _Parts:
         self.places: list[int] = []
         # The offset of each key.
         self.seen: dict[str, int] = {}
-        # Findings about attributes that are lists or mappings, unless the attributes take message fields.
+        # Findings about attributes whose values are lists or mappings. They do not apply to attributes that take message fields.
         self.unquoted: dict[str, Diagnostic] = {}
 
 
 class _YamlReader:
-    """Reads the events of a text in one pass, and continues after an error to find all errors."""
+    """Parser that reads the events of a text in one pass, and continues after an error to find further errors."""
 
     def __init__(self, source: Source, spans: YamlSpans) -> None:
         self._source = source
@@ -78,7 +78,7 @@ class _YamlReader:
         self._events = YamlEvents(source, closing=True)
         # Elements that are incomplete or wrong.
         self._unfinished: list[OpenTag] = []
-        # Findings about text that may be intended.
+        # Warnings: the text may be as intended.
         self._doubts: list[Diagnostic] = []
         self._report = self._events.report_finding
         self._depth = 0
@@ -127,7 +127,7 @@ class _YamlReader:
         if not isinstance(first, yaml.MappingStartEvent):
             end = events.skip()
             if isinstance(first, yaml.SequenceStartEvent):
-                what = f"a tree file begins with '{ROOT_TAG}:'" if not self._depth else "a node must be here"
+                what = f"a tree file begins with '{ROOT_TAG}:'" if not self._depth else "a node is expected"
                 hint = (
                     f"write the node's tag; put a list of nodes under its '{CHILDREN_KEY}:'"
                     if self._depth
@@ -144,7 +144,7 @@ class _YamlReader:
                 "wrong-shape", "these braces are empty, but a node needs a tag", *_mark_position(first)
             )
             return None
-        if not self._depth and getattr(events.next, "value", None) in _OF_THE_ROOT:
+        if not self._depth and getattr(events.next, "value", None) in _ROOT_KEYS:
             return self._read_without_root()
         tag = self._key()
         element = self._read_tagged(tag, events.trailing) if tag is not None else None
@@ -156,9 +156,9 @@ class _YamlReader:
         return element
 
     def _read_without_root(self) -> Element | None:
-        """Read the content of a root that is not named."""
+        """Read the content of a root whose key is missing."""
         first, parts = self._events.next, _Parts()
-        message = f"a tree file begins with '{ROOT_TAG}:'; '{first.value}' belongs below it"
+        message = f"a tree file begins with '{ROOT_TAG}:', and '{first.value}' belongs below it"
         hint = f"write '{ROOT_TAG}:' above, and indent the following lines"
         self._report("wrong-root", message, *_mark_position(first), hint=hint)
         number = self._spans.begin(*_mark_position(first))
@@ -169,7 +169,7 @@ class _YamlReader:
         return self._element(tag, parts, number)
 
     def _bare(self, tag: Any) -> Element | None:
-        """Make an element of a tag without content."""
+        """Create an element from a tag without content."""
         if tag.start_mark.index == tag.end_mark.index:
             message = "there is nothing after this '-'"
             start = self._source.text.rfind("-", 0, tag.start_mark.index)
@@ -204,12 +204,12 @@ class _YamlReader:
             parts.comments += [_comment(one, 0) for one in events.comments(column + 1)]
         else:
             end = events.skip()
-            message = f"'{tag.value}' takes its attributes, as name: value, and its '{CHILDREN_KEY}'"
+            message = f"the content of '{tag.value}' must be attributes (name: value) and '{CHILDREN_KEY}:'"
             hint = f"put a list of nodes under '{CHILDREN_KEY}:'"
             if isinstance(content, yaml.ScalarEvent):
                 what = f"- {content.value}" if is_name(content.value) else "- "
-                hint = f"a node in it belongs below '{CHILDREN_KEY}:', as '{what}'"
-            if not isinstance(content, yaml.AliasEvent):  # which has its own finding
+                hint = f"write a child node below '{CHILDREN_KEY}:', as '{what}'"
+            if not isinstance(content, yaml.AliasEvent):  # an alias has its own finding
                 self._report("wrong-shape", message, _mark_position(content)[0], end, hint=hint)
         if len(events.findings) > wrong or events.is_cut or isinstance(content, yaml.AliasEvent):
             self._unfinished.append(OpenTag(*self._source.position_of(tag.start_mark.index), tag.value))
@@ -273,10 +273,12 @@ class _YamlReader:
         if self._is_no_string(key, value):
             pass
         elif value.style == '"' and (unspeakable := re.search(UNSPEAKABLE, value.value)):
-            message = f"{key.value}: a tree file cannot have the character U+{ord(unspeakable.group()):04X}"
+            message = (
+                f"{key.value}: a tree file cannot contain the character U+{ord(unspeakable.group()):04X}"
+            )
             self._report("wrong-character", message, *_mark_position(value), hint="delete it")
         elif value.tag is not None:
-            pass  # which has its own finding
+            pass  # a YAML tag has its own finding
         elif key.value != TEXT_KEY:
             parts.attributes[key.value] = value.value
             parts.places += (*_mark_position(key), *_mark_position(value))
@@ -289,19 +291,19 @@ class _YamlReader:
             self._report("wrong-shape", message, *_mark_position(key), hint="write a comment instead")
 
     def _report_cut_string(self, key: Any, value: Any) -> None:
-        """Report a plain string that a # has possibly cut off."""
+        """Report a plain string that a # has perhaps cut off by mistake."""
         start, end = _mark_position(value)
         cut = _CUT.match(self._source.text, end) if not value.style and value.value[:1].isalpha() else None
         if cut is None or cut[0].startswith(" #sar:"):
             return
         written = self._source.text[start : cut.end()].rstrip()
-        message = f"{key.value}: a # after a blank begins a comment, so the value is '{value.value}'"
-        hint = f"write '{written}' in quotes; a comment begins with '# '"
+        message = f"{key.value}: a # after a space begins a comment, so the value is '{value.value}'"
+        hint = f"put '{written}' in quotes, or begin the comment with '# '"
         span = self._source.span(end + 1, cut.end())
         self._doubts.append(Diagnostic("cut-text", message, self._source, span, hint=hint))
 
     def _structure(self, parts: _Parts, key: Any, trailing: str | None) -> None:
-        """Read a list or a mapping as the value of an attribute: its text, as written."""
+        """Read a list or a mapping, whose text becomes the value of an attribute."""
         events, value = self._events, self._events.next
         if isinstance(value, yaml.AliasEvent):
             events.skip()
@@ -323,7 +325,7 @@ class _YamlReader:
     def _refuse_structures(self, tag: str, parts: _Parts) -> None:
         """Report lists and mappings in place of strings.
 
-        This comes last because the ID, which determines the attributes that take fields, may follow the others.
+        This must follow the last attribute, because the ID determines which attributes take message fields.
         """
         for name, finding in parts.unquoted.items():
             if not is_fields_attribute(tag, parts.attributes, name):
@@ -340,10 +342,8 @@ class _YamlReader:
             span = self._source.span(start, end)
             return Diagnostic("wrong-shape", message, self._source, span, suggestion=f"'{written}'")
         what = "a list" if isinstance(value, yaml.SequenceStartEvent) else "a mapping"
-        message = f"'{key.value}' is an attribute, and its value is {what}, not a string"
-        hint = (
-            f"a node begins with '- ' under '{CHILDREN_KEY}'; put a string that begins with {{ or [ in quotes"
-        )
+        message = f"the value of the attribute '{key.value}' must be a string, but is {what}"
+        hint = f"write nodes under '{CHILDREN_KEY}:', or put a string that begins with {{ or [ in quotes"
         block = isinstance(value, yaml.SequenceStartEvent) and not value.flow_style
         meant = CHILDREN_KEY if block and CHILDREN_KEY not in parts.seen else None
         span = self._source.span(*_mark_position(key))
@@ -387,12 +387,12 @@ class _YamlReader:
         name = key.value
         if name in parts.seen:
             line = self._source.position_of(parts.seen[name])[0]
-            message = f"'{name}' is given twice; the first is on line {line}"
+            message = f"'{name}' is given twice, first on line {line}"
             self._report("duplicate-key", message, *_mark_position(key), hint="delete one of them")
             return True
         if name == "<<" and not key.style:
             message = "'<<' is a YAML merge key, which is not allowed in a tree file"
-            self._report("yaml-merge", message, *_mark_position(key), hint="write the attributes out")
+            self._report("yaml-merge", message, *_mark_position(key), hint="write out the attributes")
             return True
         split = (
             split_number(self._source.text, *_mark_position(key)) if _is_nothing(self._events.next) else None
@@ -408,7 +408,7 @@ class _YamlReader:
         return False
 
     def _is_no_string(self, key: Any, value: Any) -> bool:
-        """Report a scalar that cannot be an attribute's value: an empty one, or one that continues as a node."""
+        """Report an attribute's value that is empty or contains a wrongly indented node; return whether it is wrong."""
         if _is_nothing(value):
             message = f"'{key.value}' has no value"
             hint = f"write {key.value}: '' for an empty string, or delete the line"
@@ -417,7 +417,7 @@ class _YamlReader:
         return self._is_too_deep(value)
 
     def _is_too_deep(self, scalar: Any) -> bool:
-        """Report a node whose indentation makes it part of the string above; return whether there is one."""
+        """Report a node whose indentation makes it part of the string above; return whether there is such a node."""
         start, end = _mark_position(scalar)
         node = _CONTINUED.search(self._source.text, start, end) if not scalar.style else None
         if node is None:
@@ -432,7 +432,7 @@ class _YamlReader:
         if self._is_too_deep(scalar):
             return
         written = scalar.value if len(scalar.value) < 40 else f"{scalar.value[:40]}..."  # noqa: PLR2004
-        message = f"'{written}' cannot be the name of {what}" if written else f"{what} has a name"
+        message = f"'{written}' cannot be the name of {what}" if written else f"{what} needs a name"
         if "\n" in written or not written.isprintable():
             message = f"this cannot be the name of {what}"
         hint = "use letters, digits, '_', '-' and '.', and begin with a letter or '_'"

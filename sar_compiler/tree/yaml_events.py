@@ -1,6 +1,6 @@
 """The events of a YAML text with lookahead and comments; features without a counterpart in XML are rejected.
 
-libyaml (or PyYAML, if that is missing) parses the text. Scalars are used as they are written: `no`, `12:30` and
+libyaml parses the text (or PyYAML, if libyaml is missing). Scalars are used as they are written: `no`, `12:30` and
 `1e3` are never converted.
 """
 
@@ -29,7 +29,8 @@ _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _UNREADABLE = re.compile(
     "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
 )
-# An element takes three levels: its list, its tag's mapping, its own. Deeper nesting only costs parser time.
+# An element has three levels: its list, the mapping with its tag, and the mapping with its attributes. Deeper nesting only
+# costs parser time.
 _MAX_NESTING = 3 * (MAX_DEPTH + 2)
 _COMMENT = re.compile(r"#([^\r\n]*)")
 _COMMENT_BEHIND = re.compile(r"[ \t]+#[^\r\n]*")
@@ -37,13 +38,13 @@ _COMMENT_BEHIND = re.compile(r"[ \t]+#[^\r\n]*")
 
 @dataclass
 class PendingComment:
-    """A comment on lines of its own that no element has claimed yet.
+    """A comment on separate lines that is not yet assigned to an element.
 
     Attributes:
-        column: The column of its `#`, from 1.
-        end: The offset of its end.
+        column: The column of the `#`, from 1.
+        end: The offset of the comment's end.
         lines: The text after each `#`.
-        after_blank_line: Whether a blank line precedes it, without another comment before that.
+        after_blank_line: Whether a blank line precedes the comment, and no other pending comment precedes it.
     """
 
     column: int
@@ -53,7 +54,7 @@ class PendingComment:
 
     @property
     def text(self) -> str:
-        """Its text."""
+        """The text of the comment."""
         return yaml_comment_text(self.lines)
 
 
@@ -61,14 +62,14 @@ class YamlEvents:
     """The events of a text, with one event of lookahead.
 
     Attributes:
-        findings: The findings so far; the consumer of the events adds its own.
+        findings: The findings so far; the consumer of the events adds further findings.
         next: The next event.
-        trailing: The text of the comment on the line of the last event taken; None if there is none.
-        is_cut: Whether the text is malformed before its end.
+        trailing: The text of the comment on the line of the last popped event; None if there is no comment.
+        is_cut: Whether the events have ended early, at a syntax error.
 
     Args:
         source: The text.
-        closing: Whether a malformed text ends at the error, which closes all open collections, instead of raising.
+        closing: Whether to close all open collections at a syntax error, and end there, instead of raising.
     """
 
     def __init__(self, source: Source, *, closing: bool = False) -> None:
@@ -84,7 +85,7 @@ class YamlEvents:
         unreadable = _UNREADABLE.search(source.text)
         if unreadable:
             code = ord(unreadable.group())
-            message = f"the character U+{code:04X} is not allowed in YAML unescaped"
+            message = f"the character U+{code:04X} is not allowed in YAML unless it is escaped"
             hint = f'delete it, or write "\\u{code:04x}" in double quotes'
             self.report_finding("wrong-character", message, *unreadable.span(), hint=hint)
             raise TreeError(self.findings)
@@ -97,17 +98,17 @@ class YamlEvents:
     def report_finding(
         self, code: str, message: str, start: int, end: int, **advice: "Unpack[Advice]"
     ) -> None:
-        """Add a finding about the text between two offsets, unless a cut text lacks that part."""
+        """Add a finding about the text between two offsets; do nothing after a syntax error."""
         if self.is_cut:
             return
         span = self._source.span(start, max(start + 1, end))
         self.findings.append(Diagnostic(code, message, self._source, span, **advice))
 
     def pop(self) -> Any:
-        """Return the next event, and read the following one.
+        """Return the next event, and read the event after it.
 
         Raises:
-            TreeError: If the text after it is not well-formed.
+            TreeError: If the text of the event after it is not well-formed, and *closing* is False.
         """
         taken = self.next
         try:
@@ -117,7 +118,7 @@ class YamlEvents:
             if not self._closing:
                 raise TreeError(self.findings) from None
             self.is_cut = True
-            self._stream = self._ends()
+            self._stream = self._closing_events()
             self.next = event = next(self._stream)
         self.trailing = None
         if event is not None:
@@ -130,10 +131,10 @@ class YamlEvents:
             if self._has_comments:
                 self._collect(taken, event)
             if getattr(event, "anchor", None) is not None or getattr(event, "tag", None) is not None:
-                self._refuse_surprises(event)
+                self._report_anchor_or_tag(event)
         return taken
 
-    def _ends(self) -> Iterator[Any]:
+    def _closing_events(self) -> Iterator[Any]:
         """Yield the events that close the open collections at a syntax error."""
         # For each open collection: the event that ends it, and whether the value of a key comes next.
         opened: list[tuple[Any, bool]] = []
@@ -154,14 +155,14 @@ class YamlEvents:
             if end is yaml.MappingEndEvent and is_value:
                 yield yaml.ScalarEvent(None, None, (True, False), "", mark, mark)
             yield end(mark, mark)
-            if opened:  # a key has ended, and its value comes next, or a value has
+            if opened:  # either a key has ended and its value comes next, or a value has ended
                 end, is_value = opened[-1]
                 opened[-1] = end, not is_value
         yield yaml.DocumentEndEvent(mark, mark)
         yield yaml.StreamEndEvent(mark, mark)
 
     def skip(self) -> int:
-        """Skip the next value, whatever it is, and return the offset of its end."""
+        """Skip the next value, of any kind, and return the offset of its end."""
         depth = end = 0
         while True:
             event = self.pop()
@@ -182,7 +183,7 @@ class YamlEvents:
         """Return and clear the comments before the next event.
 
         Args:
-            from_column: The first comment further left, and all that follow it, are kept for other elements.
+            from_column: The first comment that begins before this column, and all comments after it, are kept for other elements.
         """
         waiting = self._waiting
         count = next((i for i, one in enumerate(waiting) if one.column < from_column), len(waiting))
@@ -193,7 +194,7 @@ class YamlEvents:
         """Skip a list or a mapping with its comments and tags, which are part of its text.
 
         Returns:
-            The offset of its end, and the comment on the line of its closing bracket.
+            The offset of its end, and the comment on the line of its closing bracket; None if there is no such comment.
         """
         is_block, found = not self.next.flow_style, len(self.findings)
         start = self.next.start_mark.index
@@ -212,12 +213,12 @@ class YamlEvents:
     def _enter(self, event: Any) -> None:
         self._nested += 1
         if self._nested > _MAX_NESTING:
-            message = f"lists and mappings are nested more than {_MAX_NESTING} deep"
+            message = f"lists and mappings are nested more than {_MAX_NESTING} levels deep"
             self.report_finding("too-deep", message, event.start_mark.index, event.start_mark.index)
             raise TreeError(self.findings)
 
     def _collect(self, taken: Any, event: Any) -> None:
-        """Collect the comments between the end of the previous event and the beginning of this one."""
+        """Collect the comments between the end of the previous event and the beginning of *event*."""
         start, self._end = self._end, max(self._end, event.start_mark.index)
         follows = isinstance(taken, yaml.ScalarEvent) and taken.style not in ("|", ">")
         for match in _COMMENT.finditer(self._source.text, start, self._end):
@@ -228,11 +229,11 @@ class YamlEvents:
             ):
                 self.trailing = yaml_comment_text([match.group(1)])
             else:
-                self._wait(match)
+                self._add_pending(match)
         if isinstance(event, yaml.ScalarEvent) or getattr(event, "flow_style", False):
             self._end = max(self._end, event.end_mark.index)
 
-    def _wait(self, match: re.Match[str]) -> None:
+    def _add_pending(self, match: re.Match[str]) -> None:
         column = self._source.position_of(match.start())[1]
         last = self._waiting[-1] if self._waiting else None
         if last is not None:
@@ -241,11 +242,11 @@ class YamlEvents:
                 last.lines.append(match.group(1))
                 last.end = match.end()
                 return
-        # Consecutive comments are separated by a blank line, which therefore has no other meaning.
+        # A blank line after another pending comment only separates the two comments.
         after_blank_line = self._source.has_blank_line_before(match.start()) and last is None
         self._waiting.append(PendingComment(column, match.end(), [match.group(1)], after_blank_line))
 
-    def _refuse_surprises(self, event: Any) -> None:
+    def _report_anchor_or_tag(self, event: Any) -> None:
         start = event.start_mark.index
         if event.anchor is not None:
             mark = "*" if isinstance(event, yaml.AliasEvent) else "&"
@@ -261,7 +262,7 @@ class YamlEvents:
 
 
 def masked_events(text: str) -> Iterator[Any]:
-    """Yield the events of a valid tree file's text; each is at its offset in it."""
+    """Yield the YAML events of a valid tree file's text, whose special characters are masked as in `YamlEvents`."""
     yield from yaml.parse(mask(text), Loader=_LOADER)
 
 

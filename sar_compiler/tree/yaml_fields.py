@@ -1,4 +1,4 @@
-"""Attributes whose values are YAML: the fields of messages, which `nodes.ros_fields` reads."""
+"""Attributes whose values are message fields in YAML, which `nodes.ros_fields` parses."""
 
 import re
 from collections.abc import Mapping
@@ -18,34 +18,34 @@ A tree file is read without node models, so this repeats the ports of `nodes.ros
 EXPLICIT_TAGS = ("Action", "Condition", "Control", "Decorator")
 """The tags of nodes in explicit form, which are named by their ID."""
 
-# In YAML, no scalar begins with `@`, but a key may, and the brackets of a field such as `poses[0]` end it between braces.
-# Private-use characters replace them while YAML is parsed, so that all offsets stay the same.
+# A YAML scalar cannot begin with `@`, but a blackboard key can. Within braces, the brackets of a field such as `poses[0]` end
+# the scalar. Private-use characters replace these characters while YAML is parsed, so that all offsets stay the same.
 _MASKS = {ord("@"): "\ue000", ord("["): "\ue001", ord("]"): "\ue002"}
 _UNMASKS = {ord(after): chr(before) for before, after in _MASKS.items()}
 _MASKED = re.compile(r"(?<=\{)\s*@(?=\w)|(?<=\w)\[\d+\](?=[\w.\[\]]*\s*:)")
 
 
 def is_fields_attribute(tag: str, attributes: Mapping[str, str], name: str) -> bool:
-    """Return whether an attribute of an element takes YAML."""
+    """Return whether an attribute of an element takes message fields in YAML."""
     return name in FIELD_ATTRIBUTES.get(attributes.get("ID", "") if tag in EXPLICIT_TAGS else tag, ())
 
 
 def mask(text: str) -> str:
-    """Return a text with replacements for the characters in keys and fields that YAML does not accept."""
+    """Replace the characters in keys and fields that YAML does not accept by private-use characters."""
     return _MASKED.sub(lambda match: match[0].translate(_MASKS), text)
 
 
 def unmask(text: str) -> str:
-    """Return a part of a masked text with its original characters."""
+    """Restore the original characters in a part of a masked text."""
     return text.translate(_UNMASKS)
 
 
 def dedent(text: str, column: int) -> str:
-    """Return a part of a file as a separate text.
+    """Remove the common indentation from a part of a file.
 
     Args:
         text: The part.
-        column: The column of its first character, from 1; at most *column* - 1 blanks are removed from each other line.
+        column: The column of its first character, from 1. Up to *column* - 1 spaces are removed from each later line.
     """
     first, *rest = LINE_END.split(text)
     blanks = re.compile(f" {{0,{column - 1}}}")

@@ -21,8 +21,7 @@ _DOUBLE = re.compile(
 class YamlSpans(Spans):
     """The locations of a file's tags, attribute names and values.
 
-    They are stored as plain numbers in file order while the file is read; finding them later would mean parsing the file
-    again.
+    The parser stores them as plain numbers in file order. Finding them later would require parsing the file again.
     """
 
     form = Form.YAML
@@ -54,7 +53,7 @@ class YamlSpans(Spans):
         self._verbatim.add(start)
 
     def is_verbatim(self, start: int) -> bool:
-        """Return whether the value at an offset is a verbatim part of the file, except for its indentation."""
+        """Return whether the value at an offset equals the text of the file, except for its indentation."""
         return start in self._verbatim
 
     def tag(self, element: ElementView) -> tuple[int, int]:
@@ -63,7 +62,7 @@ class YamlSpans(Spans):
         return self._tags[number], self._tag_ends[number]
 
     def attributes(self, element: ElementView) -> Iterator[tuple[str, AttributePlaces]]:
-        """Yield the names and offsets of an element's attributes, including quotes or the header of a block."""
+        """Yield the names and offsets of an element's attributes; the offsets include quotes and block headers."""
         for index, name in enumerate(element.attributes, self._first[self._number(element)] // 4):
             start, end, begin, behind = self._places[4 * index : 4 * index + 4]
             yield name, (start, end, begin, behind)
@@ -73,7 +72,7 @@ class YamlSpans(Spans):
         return (start, end) if start in self._verbatim else unquote(text, start, end)
 
     def characters(self, text: str, start: int, end: int, value: str) -> Sequence[int]:
-        """Return the offset of each character of a parsed value, and of its end."""
+        """Return the offset of each character of a parsed value, and the value's end offset."""
         if start in self._verbatim:
             return [min(offset, end) for offset in _offsets_in_literal(text, start, end, value)]
         return offsets_in_scalar(text, start, end, value)
@@ -96,7 +95,7 @@ def unquote(text: str, start: int, end: int) -> tuple[int, int]:
 
 
 def offsets_in_scalar(text: str, start: int, end: int, value: str) -> Sequence[int]:
-    """Return the offset of each character of a value, and of its end, in the scalar written for it."""
+    """Return the offset of each character of a parsed value, and the value's end offset, in its YAML scalar."""
     first, last = unquote(text, start, end)
     if last - first == len(value) and text.startswith(value, first):  # nearly every value
         return range(first, last + 1)
@@ -111,7 +110,7 @@ def offsets_in_scalar(text: str, start: int, end: int, value: str) -> Sequence[i
 
 
 def _offsets_in_line(text: str, start: int, first: int, last: int) -> list[int]:
-    """Return the offsets for a plain or quoted scalar; a line break and the space around it are one blank."""
+    """Return the offsets for a plain or quoted scalar, in which a line break and the spaces around it mean one space."""
     units = {"'": _SINGLE, '"': _DOUBLE}.get(text[start], _PLAIN)
     offsets: list[int] = []
     for unit in units.finditer(text, first, last):
@@ -139,7 +138,7 @@ def _offsets_in_literal(text: str, start: int, last: int, value: str) -> list[in
 
 
 def _offsets_in_folded(text: str, first: int, last: int, value: str) -> list[int]:
-    """Return the offsets for a folded block: characters are matched in order, and skipped ones are space."""
+    """Return the offsets for a folded block: characters are matched in order, and skipped characters are whitespace."""
     offsets: list[int] = []
     place = first
     for character in value:
@@ -155,8 +154,8 @@ class SplitNumber(NamedTuple):
     """A number with a decimal comma in a mapping between braces, where the comma ends the value.
 
     Attributes:
-        start: The offset of its first character.
-        written: Its text: `0,5`.
+        start: The offset of the number's first character.
+        written: The number as written: `0,5`.
         meant: The number with a point; None if the comma may also separate thousands.
         hint: A short instruction.
     """
@@ -168,12 +167,12 @@ class SplitNumber(NamedTuple):
 
 
 def split_number(text: str, start: int, end: int) -> SplitNumber | None:
-    """Return the number whose digits after the comma are a key; None for any other key.
+    """Return the number with a decimal comma whose last digits YAML reads as a key; None for any other key.
 
     Args:
         text: The text of the file.
-        start: The offset at which the key begins.
-        end: The offset at which it ends.
+        start: The start offset of the key.
+        end: The end offset of the key.
     """
     before = _BEFORE_COMMA.search(text[max(start - _LONGEST, 0) : start])
     digits = text[start:end]
@@ -181,7 +180,7 @@ def split_number(text: str, start: int, end: int) -> SplitNumber | None:
         return None
     number = before[1]
     point, written = f"{number}.{digits}", f"{number},{digits}"
-    if len(digits) == 3 and number.strip("+-0"):  # noqa: PLR2004 - of a group of thousands
+    if len(digits) == 3 and number.strip("+-0"):  # noqa: PLR2004 - the digits of a group of thousands
         hint = f"the comma is ambiguous: write {number}{digits}, or {point}"
         return SplitNumber(start - len(number) - 1, written, None, hint)
     return SplitNumber(start - len(number) - 1, written, point, None)
@@ -190,4 +189,4 @@ def split_number(text: str, start: int, end: int) -> SplitNumber | None:
 _LONGEST = 40
 _BEFORE_COMMA = re.compile(r"(?<![\w.])([+-]?[0-9]+),$")
 SPLIT = "between braces a comma ends a value, so '{}' is read as two values"
-"""The message about such a number."""
+"""The message about a `SplitNumber`."""

@@ -1,9 +1,9 @@
 """Writer of tree files in canonical YAML.
 
-A string is plain if every YAML parser reads it as this string. `true`, `false` and decimal numbers are plain, too,
-because all parsers return them as written; `no`, `12:30` and `1e3` are quoted. A string of several lines is a block
-if a block can hold it. Message fields are written as YAML if that is read back as the same text; a key that holds
-all fields is quoted, as usual.
+A string is plain if every YAML parser reads it as the same string. `true`, `false` and decimal numbers are plain as well,
+because all parsers return them as written. `no`, `12:30` and `1e3` are quoted. A string of several lines is a block if
+a block can represent it. Message fields are written as YAML if the parser reads the same text back. A reference to a key
+that contains all fields is quoted.
 """
 
 import re
@@ -16,7 +16,7 @@ from sar_compiler.tree.yaml_fields import is_fields_attribute
 
 _WHOLE_NUMBER = re.compile(r"0|-?[1-9][0-9]{0,14}")
 _DECIMAL_NUMBER = re.compile(r"-?[0-9]{1,9}\.[0-9]{1,6}")
-# Words that some YAML parser reads as a bool or as null, in any case.
+# Words that some YAML parsers read as a bool or as null, in upper and lower case.
 _GUESSED = frozenset({"yes", "no", "on", "off", "true", "false", "null"})
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 
@@ -27,7 +27,8 @@ def write_yaml(tree_file: TreeFile) -> str:
     Raises:
         TreeError: If an attribute is named `children`.
     """
-    wrong = [_clash(element) for element in tree_file.root.iterate() if CHILDREN_KEY in element.attributes]
+    elements = tree_file.root.iterate()
+    wrong = [_children_attribute(element) for element in elements if CHILDREN_KEY in element.attributes]
     if wrong:
         raise TreeError(wrong)
     lines: list[str] = []
@@ -45,12 +46,12 @@ def write_yaml(tree_file: TreeFile) -> str:
 
 
 def comment_in_yaml(text: str) -> str:
-    """Return the text of a comment for YAML, with unprintable characters escaped."""
+    """Return a comment's text for YAML, with unprintable characters escaped."""
     return "".join(one if one.isprintable() or one == "\n" else _escape(one) for one in text)
 
 
 def scalar(text: str) -> str:
-    """Return a string as a one-line scalar that every YAML parser reads as this string."""
+    """Write a string as a one-line scalar that every YAML parser reads as the same string."""
     if _is_plain(text):
         return text
     if not text.isprintable() or ("'" in text and not set(text) & {'"', "\\"}):
@@ -59,7 +60,7 @@ def scalar(text: str) -> str:
 
 
 def node_lines(element: Element, indent: str = "", dash: str = "- ") -> Iterator[str]:
-    """Yield the lines of an element; the content of its tag is indented four columns from its dash."""
+    """Yield the YAML lines of an element; the content of the tag is indented by four columns from the dash."""
     key = scalar(element.tag)
     below = indent + ("    " if dash else "  ")
     content = [*_attributes(element, below), *_children(element, below)]
@@ -126,7 +127,7 @@ def _value(text: str, indent: str) -> list[str]:
 
 
 def _fields(element: Element, name: str, text: str, indent: str) -> list[str]:
-    """Return the lines of fields as YAML; none if YAML would read them as another text."""
+    """Return the lines of message fields as YAML; an empty list if the parser would read a different text back."""
     if not is_fields_attribute(element.tag, element.attributes, name) or REFERENCE.fullmatch(text.strip()):
         return []
     lines = text.removesuffix("\n").split("\n")
@@ -134,7 +135,7 @@ def _fields(element: Element, name: str, text: str, indent: str) -> list[str]:
         first, below = text, []
     else:
         first, below = "", [f"  {line}" if line else "" for line in lines]
-    # Parsing it is the only certain way to know how it is read.
+    # Only parsing the lines shows reliably how they are read.
     trial = [f"{element.tag}:", f"  ID: {scalar(element.attributes.get('ID', '-'))}", f"  {name}: {first}"]
     try:
         root = parse_yaml("\n".join([*trial, *(f"  {line}" for line in below), "  name: '-'"])).root
@@ -167,7 +168,7 @@ def _escape(character: str) -> str:
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"  # noqa: PLR2004
 
 
-def _clash(element: Element) -> Diagnostic:
+def _children_attribute(element: Element) -> Diagnostic:
     message = (
         f"an attribute '{CHILDREN_KEY}' cannot be written in YAML, which uses this name for a node's children"
     )

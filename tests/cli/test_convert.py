@@ -55,7 +55,7 @@ def test_what_cannot_be_carried_over_is_said_on_standard_error(capsys, tmp_path)
     assert status == 0
     assert "<!-- why -->" in out
     assert err.startswith(
-        f"{path}:2:3: info[moved]: the comment at 'a' moves in front of the element in XML: 'why'"
+        f"{path}:2:3: info[moved]: in XML, the comment at the attribute 'a' moves before the element: 'why'"
     )
 
 

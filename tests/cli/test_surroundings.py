@@ -127,7 +127,7 @@ def test_a_named_pipe_is_told_and_not_waited_for(command, capsys):
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_an_empty_name_is_told(command, capsys):
     assert main([*command, ""]) == 2
-    assert capsys.readouterr() == ("", "sar-compile: the name of a tree file is empty\n")
+    assert capsys.readouterr() == ("", "sar-compile: the name of the tree file is empty\n")
 
 
 def test_an_output_whose_links_lead_round_in_a_circle_is_told_and_stays(capsys):

@@ -76,7 +76,7 @@ TYPED = {
 IN_A_SHELL = {
     "cannot read …: it is a device, not a file": "sar-compile validate /dev/zero",
     "cannot read …: it is a pipe, not a file": "mkfifo {folder}/pipe; sar-compile validate {folder}/pipe",
-    "the name of a tree file is empty": "sar-compile validate ''",
+    "the name of the tree file is empty": "sar-compile validate ''",
     "… has no tree file": "mkdir {folder}/empty; sar-compile validate {folder}/empty",
     "standard output cannot be written: …": "sar-compile validate {folder}/plain.xml > /dev/full",
     "standard output is closed": "sar-compile validate {folder}/plain.xml >&-",
@@ -91,7 +91,7 @@ PLAIN = {
     "there is no journal … to resume. Omit --resume",
     "… cannot be run with these options. The robot has not moved",
     "… already exists and is not overwritten. Choose another name",
-    "the name of a tree file is empty",
+    "the name of the tree file is empty",
     "there is no tree file '…', nor a shipped tree of that name",
     "there is no world file '…', nor a shipped world of that name",
     "'…' (--nodes) is a file; write its import path",

@@ -116,7 +116,7 @@ def test_text_behind_the_root_is_beyond_recovery():
         parse_xml("<root></root>\n// end\n")
     (finding,) = caught.value.findings
     assert (finding.span.line, finding.span.column) == (2, 1)
-    assert finding.message.endswith("text is not allowed after the root")
+    assert finding.message.endswith("text is not allowed after </root>")
 
 
 def test_a_comment_with_two_dashes_is_recovered():
@@ -218,7 +218,7 @@ WORDS = {
         "<B <!-- c --> d='1'/>",
         4,
         "a comment is not allowed in a tag",
-        "move it in front of",
+        "move it before",
     ),
     "a comment without an end": (
         "<!-- c <B/>",
@@ -247,7 +247,7 @@ WORDS = {
         "the value that begins here has no closing quotation mark",
         "",
     ),
-    "attributes without a blank between": ("<B c='1'd='2'/>", 9, "a blank is missing", ""),
+    "attributes without a blank between": ("<B c='1'd='2'/>", 9, "a space is missing", ""),
     "a character that nobody sees": (
         "<B c\u200b='1'/>",
         5,
@@ -257,12 +257,12 @@ WORDS = {
     "a blank of other kinds": (
         "<B\u00a0c='1'/>",
         3,
-        "U+00A0 (no-break space) looks like a blank",
-        "write a blank",
+        "U+00A0 (no-break space) looks like a space",
+        "replace it by a space",
     ),
-    "a comma behind a tag": ("<B, c='1'/>", 3, "a , is not allowed between the attributes", "write a blank"),
-    "a comma behind an attribute": ("<B c='1', d='2'/>", 9, "a , is not allowed between", "write a blank"),
-    "a blank behind the sign": ("< B/>", 1, "a tag's name must follow its < directly", ""),
+    "a comma behind a tag": ("<B, c='1'/>", 3, "a , is not allowed between the attributes", "replace it by a space"),
+    "a comma behind an attribute": ("<B c='1', d='2'/>", 9, "a , is not allowed between", "replace it by a space"),
+    "a blank behind the sign": ("< B/>", 1, "a tag's name must directly follow the <", ""),
 }
 
 

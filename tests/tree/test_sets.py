@@ -103,7 +103,7 @@ def test_trees_of_one_id_clash_where_one_of_them_is_meant():
     write("two/b.xml", OTHER_B)
     ((code, file, line, message),) = errors(load("trees/main.xml", set_of("one/b.xml", "two/b.xml")))
     assert (code, file, line) == ("duplicate-tree-id", "main.xml", 2)
-    assert message == "the tree 'B' is in several files of the set: one/b.xml:2 and two/b.xml:2"
+    assert message == "the tree 'B' is defined in several files of the set: one/b.xml:2 and two/b.xml:2"
 
 
 def test_trees_of_one_id_that_nobody_means_do_not_clash():
