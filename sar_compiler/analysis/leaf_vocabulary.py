@@ -28,7 +28,7 @@ def parse_word(document: Document, value: Value, known: Iterable[str], what: str
     words = list(known)
     if value.text in words:
         return value.text
-    message = f"{what} is one of {', '.join(words)}, but this is {value.kind}"
+    message = f"{what} must be one of {', '.join(words)}, but is {value.kind}"
     document.report("wrong-value", message, value, suggestion=nearest(value.text or "", words))
     return None
 

@@ -141,7 +141,7 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
         # Editors use the attributes of these namespaces to find the schema.
         if name in known or name.startswith(("xmlns", "xsi:")):
             continue
-        message = f"<{element.tag}> has no attribute '{name}'; it has {', '.join(known)}"
+        message = f"<{element.tag}> has no attribute '{name}' (known: {', '.join(known)})"
         if element.tag == TREE_TAG and (today := subtree().former_attributes.get(name)):
             use = f'<{SUBTREE_TAG} ID="{element.attributes.get("ID", "...")}" {today}="true"/>'
             yield element.finding(

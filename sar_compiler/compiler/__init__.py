@@ -1,4 +1,4 @@
-"""Compilation of a tree file to py_trees objects whose origins in the file are known."""
+"""Compilation of a bound tree to py_trees behaviours, with the origin of each behaviour in the tree file."""
 
 import functools
 import weakref
@@ -36,19 +36,19 @@ from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import SUBTREE_TAG, TreeFile
 
-# Looked up once: in Python 3.11, access to a member of an enumeration is slow, and this is needed for every port.
+# Looked up once: in Python 3.11, access to an enumeration member is slow, and every port needs these two.
 _INOUT, _OUTPUT = Direction.INOUT, Direction.OUTPUT
 
 
 @dataclass(frozen=True)
 class Origin:
-    """The origin of a behaviour.
+    """The node and the attributes from which a behaviour was built.
 
     Attributes:
-        bound: The bound node that it was built from.
-        attributes: The values and references passed to it, as they would be written: blackboard keys in braces if their
-            value was unknown, references as names.
-        uses: The resources that it needs outside the tree, with names filled in.
+        bound: The bound node.
+        attributes: The values and references passed to the behaviour: blackboard keys in braces if their value was
+            unknown, references as names.
+        uses: The resources outside the tree that the behaviour needs, with the placeholders in their names replaced.
     """
 
     bound: BoundNode
@@ -60,11 +60,11 @@ class Construction(NamedTuple):
     """The construction of a behaviour: its node, subtree instance and blackboard values.
 
     Attributes:
-        behaviour: Its id.
-        instance: The subtree instance that it belongs to.
-        bound: The node that it was constructed for.
-        wrapper: The attributes of a wrapper around the node; None for the node itself.
-        known: The values of plain attributes that came from the blackboard.
+        behaviour: The id of the behaviour.
+        instance: The subtree instance that contains the behaviour.
+        bound: The node for which the behaviour was constructed.
+        wrapper: The attributes of a wrapper around the node; None if the behaviour is the node itself.
+        known: The values of constant attributes that were read from the blackboard.
     """
 
     behaviour: UUID
@@ -75,7 +75,7 @@ class Construction(NamedTuple):
 
 
 class Origins(Mapping[UUID, Origin]):
-    """The origins of all behaviours, by their ids; each is computed on request."""
+    """The origins of all behaviours of a tree, by behaviour id; each origin is computed on request."""
 
     def __init__(self, constructions: Sequence[Construction]) -> None:
         self._constructions = constructions
@@ -97,7 +97,7 @@ class Origins(Mapping[UUID, Origin]):
         return self._by_id[behaviour]
 
     def declared_outcomes(self) -> dict[UUID, tuple[Outcome, ...]]:
-        """Return the declared outcomes of leaves, by their behaviours' ids."""
+        """Return the declared outcomes of the leaves with labelled outcomes, by behaviour id."""
         return {
             each.behaviour: each.bound.spec.outcomes
             for each in self._constructions
@@ -118,7 +118,7 @@ class Origins(Mapping[UUID, Origin]):
         return len(self._constructions)
 
 
-# By the root of each compiled tree, for callers that have only a failed behaviour. Neither object is kept alive.
+# The origins of each compiled tree by its root, for callers that have only a failed behaviour. Neither is kept alive.
 _of_trees: "weakref.WeakKeyDictionary[Behaviour, weakref.ref[Origins]]" = weakref.WeakKeyDictionary()
 
 
@@ -128,7 +128,7 @@ def register_origins(root: Behaviour, origins: Origins) -> None:
 
 
 def file_and_line_of(behaviour: Behaviour) -> str | None:
-    """Return the file and line of a behaviour or its nearest ancestor with one; None if there is none."""
+    """Return the file and line of a behaviour, or of its nearest ancestor from a file; None if neither is from a file."""
     around: list[Behaviour] = []
     each: Behaviour | None = behaviour
     while each is not None:
@@ -161,7 +161,7 @@ def _attributes(instance: TreeInstance, bound: BoundNode, known: Mapping[str, An
 
 
 def _uses(instance: TreeInstance, bound: BoundNode, attributes: Mapping[str, object]) -> Iterator[Use]:
-    """Yield the resources that a node needs outside the tree, except those named by a key without a value."""
+    """Yield the resources outside the tree that a node needs, except those whose name is in a key without a value."""
     ports = {each.name for each in bound.spec.ports}
     entries = {name: instance.scope.resolve(key) for name, key in bound.keys.items() if name in ports}
     known = {name: entry for name, entry in entries.items() if entry.exists and not entry.is_unknown}
@@ -172,13 +172,13 @@ def _uses(instance: TreeInstance, bound: BoundNode, attributes: Mapping[str, obj
 
 
 class Arguments:
-    """Collects the arguments of nodes, except for children and references.
+    """The constructor arguments of nodes, except for children and references.
 
     Args:
-        context: The objects that the mission provides, by their type.
-        parameters: The keys of the root blackboard that have a value at compile time.
-        collector: Receives findings about missing or wrong arguments.
-        enums: The numbers of named constants, unless *context* has others.
+        context: The objects that the mission provides, by type.
+        parameters: The values of the mission parameters, by key of the root blackboard.
+        collector: The collector of findings about missing or wrong arguments.
+        enums: The named constants and their numbers, unless *context* has `Enums`.
     """
 
     def __init__(
@@ -219,7 +219,7 @@ class Arguments:
         return arguments
 
     def fixed_value(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
-        """Return the value of an attribute that is fixed at compile time; its default if the file does not set it."""
+        """Return the compile-time value of a constant attribute; the default if the file does not set the attribute."""
         if parameter.name in bound.keys:
             return self._blackboard_value(instance, bound, parameter)
         return bound.values.get(parameter.name, parameter.default)
@@ -227,7 +227,7 @@ class Arguments:
     def _port(
         self, instance: TreeInstance, bound: BoundNode, parameter: Parameter, arguments: dict[str, Any]
     ) -> None:
-        """Add a port; a port that is not set in the file keeps the constructor's default."""
+        """Add the argument for a port; a port that the file does not set keeps the constructor's default."""
         name, value_type = parameter.name, parameter.value_type
         cls = InOut if parameter.direction is _INOUT else Input
         if name in bound.keys:
@@ -270,7 +270,7 @@ class Arguments:
         return None
 
     def _blackboard_value(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
-        """Return the value of a key at compile time."""
+        """Return the compile-time value of an attribute that is set to a key."""
         key, name = bound.keys[parameter.name], parameter.name
         entry = instance.scope.resolve(key)
         if not entry.exists:
@@ -314,14 +314,14 @@ def kind_of(python: type | None) -> type | None:
 
 
 def _as_text(value: object) -> str:
-    """Write a mission parameter as in a file; arrays become lists."""
+    """Return a mission parameter as an attribute's text; the items of a list or array are separated by `;`."""
     if isinstance(value, (list, tuple, array)):
         return ";".join(str(item) for item in value)
     return str(value)
 
 
 class PreviewArguments(Arguments):
-    """Collects arguments, with placeholders for a mission's objects and values."""
+    """The constructor arguments of nodes, with placeholders for the objects and parameters of a mission."""
 
     def _handed_over(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
         if parameter.target in (Scope, Enums):
@@ -336,14 +336,14 @@ class PreviewArguments(Arguments):
 
 
 _NodeInInstance = tuple[TreeInstance, BoundNode]
-"""A node with its instance."""
+"""A node with the tree instance that contains it."""
 
 
 def report_without_class(bound: BoundNode, collector: FindingCollector) -> None:
     """Report a node that cannot be created, because it has no class."""
     if bound.element.tag == SUBTREE_TAG:
         message = f"the tree '{bound.spec.tag}' is described by a model, but no file contains it"
-        hint = "<include> its file, or list the file under [project] trees in sar.toml"
+        hint = "add an <include> of its file, or list the file under [project] trees in sar.toml"
     else:
         what = "is described by a model" if bound.spec.is_only_described else "is a node of another program"
         message = f"<{bound.spec.tag}> {what}, but no class is registered for it"
@@ -354,7 +354,7 @@ def report_without_class(bound: BoundNode, collector: FindingCollector) -> None:
 
 
 class Builder:
-    """Builds the behaviours of one tree.
+    """Builder of the behaviours of one tree.
 
     Attributes:
         constructions: The construction of each behaviour.
@@ -365,13 +365,13 @@ class Builder:
         self._source = arguments
         self._collector = collector
         self._skipping = SkipAnalysis(binding.used_trees())
-        # Targets of references may be built before their turn, so they are kept.
+        # Targets of references may be needed before their turn, so they are stored when they are built.
         self._targets: set[BoundNode] = set()
         self._built: dict[tuple[TreeInstance, BoundNode], Behaviour] = {}
         self._arguments: dict[tuple[TreeInstance, BoundNode], dict[str, Any]] = {}
 
     def prepare(self, instance: TreeInstance) -> None:
-        """Name the entries of an instance and its descendants, write constants, and check the arguments."""
+        """Collect and check the arguments of an instance and its descendants, and write their constants."""
         self._targets.update(target for _, target in instance.references.values())
         for bound in instance.tree.demanding:
             if bound.references:
@@ -391,10 +391,10 @@ class Builder:
         report_without_class(bound, self._collector)
 
     def build(self, instance: TreeInstance, bound: BoundNode) -> Behaviour:
-        """Build a node with its wrappers and descendants; iteratively, since trees may be deep."""
+        """Build a node with its wrappers and descendants, without recursion because trees may be deep."""
         left: Iterator[_NodeInInstance] = iter([(instance, bound)])
         children: list[Behaviour] = []
-        # The enclosing nodes, each with its remaining siblings and the built ones.
+        # The enclosing nodes, each with its remaining siblings and the siblings that are already built.
         waiting: list[tuple[TreeInstance, BoundNode, Iterator[_NodeInInstance], list[Behaviour]]] = []
         while True:
             for inner, node in left:
@@ -473,7 +473,7 @@ class Builder:
         except Exception as error:
             stand_in = self.stand_in(bound, arguments)
             if stand_in is None:
-                raise _cannot_be_made(bound, error) from error
+                raise _constructor_error(bound, error) from error
             behaviour = stand_in
         self.constructions.append(
             Construction(behaviour.id, instance, bound, None, known and self.known_values(bound, known))
@@ -481,19 +481,19 @@ class Builder:
         return behaviour
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:  # noqa: ARG002
-        """Return a replacement for a node whose constructor rejects its arguments; None for none."""
+        """Return a replacement for a node whose constructor rejects its arguments; None if there is no replacement."""
         return None
 
     def known_values(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Mapping[str, Any] | None:
-        """Return the values of plain attributes that came from the blackboard."""
+        """Return the values of constant attributes that were read from the blackboard; None if there are no keys."""
         if not bound.keys:
             return None
         return {parameter.name: arguments[parameter.name] for parameter in bound.spec.constant_attributes}
 
     def _maker(self, bound: BoundNode) -> Any:
-        """Return the factory of a node: a class of this project if py_trees' class would misinterpret a skip.
+        """Return the factory of a node; if the py_trees class would misinterpret a skip, that of its replacement.
 
-        A described node without a class becomes a stock behaviour of its kind (unless it is an error).
+        A node that has only a model becomes a stock behaviour of its kind, unless `prepare` has reported it.
         """
         spec = bound.spec
         replacement = spec.skipping.replacement
@@ -503,19 +503,19 @@ class Builder:
 
 
 class PreviewBuilder(Builder):
-    """Builds a tree for display, without objects of a mission and modules of leaves."""
+    """Builder of a tree for display, which needs neither mission objects nor the modules of leaves."""
 
     def report_only_described(self, bound: BoundNode) -> None:
         """Do nothing, because a stock behaviour of the same kind is used instead."""
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:
-        """Return a stock behaviour if the rejected argument may be a placeholder for a key's value."""
+        """Return a stock behaviour if one of the rejected arguments is a placeholder for a key's value."""
         if not any(parameter.name in bound.keys for parameter in bound.spec.constant_attributes):
             return None
         return _stand_in(bound.spec.kind, **arguments)
 
     def known_values(self, bound: BoundNode, arguments: Mapping[str, Any]) -> None:  # noqa: ARG002
-        """Return None: the key itself is shown."""
+        """Return None, so that the tree shows keys instead of placeholders for their values."""
         return None  # noqa: RET501 - the base class returns a value
 
 
@@ -525,7 +525,7 @@ def _stand_in(kind: Kind, /, name: str, **structure: Any) -> Behaviour:
     return PassThrough(name, structure["child"]) if kind is Kind.DECORATOR else Dummy(name)
 
 
-def _cannot_be_made(bound: BoundNode, error: Exception) -> TreeError:
+def _constructor_error(bound: BoundNode, error: Exception) -> TreeError:
     element = bound.element
     message = f"<{bound.spec.tag}> cannot be created: {type(error).__name__}: {error}"
     return TreeError([element.finding("constructor-failed", message)])
@@ -535,7 +535,7 @@ __all__ = ["CompiledTree", "Origin", "bind_main", "compile_tree", "compile_with"
 
 
 _OUTLINE = 25
-"""The number of lines of a tree shown in its representation."""
+"""The maximum number of lines of a tree in `repr()`."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -545,7 +545,7 @@ class CompiledTree:
     Attributes:
         root: The root behaviour.
         origins: The origin of each behaviour, by its id.
-        instance: The tree and its subtrees, with their keys.
+        instance: The instance of the tree, which contains the instances and keys of its subtrees.
     """
 
     root: Behaviour
@@ -570,7 +570,7 @@ class CompiledTree:
         return self.instance.scope.board
 
     def uses(self) -> list[Use]:
-        """Return the resources that its leaves need outside the tree, each once."""
+        """Return the resources outside the tree that the tree's leaves need, each once."""
         return list(dict.fromkeys(use for origin in self.origins.values() for use in origin.uses))
 
 
@@ -580,7 +580,7 @@ def bind_main(
     """Bind the tree to execute.
 
     Raises:
-        TreeError: If there is none, or it has errors; contains all findings.
+        TreeError: If there is no such tree, or it has errors. The exception contains all findings.
     """
     binding = bind(forest, registry, find_main_tree(forest, tree_id), palettes)
     findings = [*forest.findings, *forest.clashes, *binding.findings]
@@ -596,8 +596,8 @@ def compile_tree(
 
     Args:
         binding: The tree, without errors.
-        context: The objects that the mission provides for its leaves, by their type.
-        parameters: The keys of the root blackboard: the node parameters of the mission.
+        context: The objects that the mission provides for its leaves, by type.
+        parameters: The values of the mission parameters, by key of the root blackboard.
 
     Raises:
         TreeError: If a key is missing or its value is invalid, if the mission lacks an object that a leaf needs, or if a
@@ -612,7 +612,7 @@ def require_classes(binding: Binding) -> None:
     """Check that every node of a bound tree has a class.
 
     Raises:
-        TreeError: If a node has none; names each of them.
+        TreeError: If nodes have no class. The findings name each of these nodes.
     """
     collector = FindingCollector()
     for bound in binding.all_nodes():
@@ -625,8 +625,8 @@ def require_classes(binding: Binding) -> None:
 def preview_tree(binding: Binding) -> CompiledTree:
     """Compile a bound tree for display, with placeholders for mission objects.
 
-    Unknown blackboard keys get the parameter's default or some value of its type; a node that only a model describes
-    becomes a stock behaviour of its kind.
+    An attribute with an unknown key gets its default or an example value. A node that has only a model becomes a stock
+    behaviour of its kind.
     """
     collector = FindingCollector()
     arguments = PreviewArguments({}, {}, collector, binding.enums)
@@ -647,7 +647,7 @@ def compile_with(
     top = expand(binding.main, collector)
     for name, value in parameters.items():
         write_constant(top.scope.resolve(name), value)
-    # All findings about arguments are reported together, before anything is built.
+    # All findings about arguments are reported together, before the first behaviour is built.
     builder.prepare(top)
     if _has_error(collector.findings):
         raise TreeError(_sorted_findings(collector.findings))

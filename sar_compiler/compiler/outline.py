@@ -1,4 +1,4 @@
-"""A tree as plain data, which `show --format json` prints and golden tests compare, and as text."""
+"""A tree as text, or as plain data, which `show --format json` prints and golden tests compare."""
 
 from collections.abc import Callable
 from typing import Any
@@ -43,7 +43,7 @@ def _outline(tree: Drawable, behaviour: Behaviour) -> dict[str, Any]:
 
 
 def unicode_tree(root: Behaviour) -> str:
-    """Draw a tree."""
+    """Draw a tree with Unicode characters, as py_trees does."""
     return _draw(py_trees.display.unicode_tree, root)
 
 
@@ -53,7 +53,7 @@ def ascii_tree(root: Behaviour) -> str:
 
 
 def outline_text(tree: Drawable, form: str) -> str:
-    """Return a tree as text in a form of `show`: `json`, `ascii`, or `unicode`."""
+    """Return a tree as text in a format of `show`: `json`, `ascii`, or `unicode`."""
     if form == "json":
         return f"{as_json(outline(tree))}\n"
     return visible(add_tags((ascii_tree if form == "ascii" else unicode_tree)(tree.root), tree))
@@ -70,7 +70,7 @@ def add_tags(drawing: str, tree: Drawable) -> str:
 def _tag(behaviour: Behaviour, tree: Drawable) -> str:
     bound = tree.origins[behaviour.id].bound
     tag = bound.spec.tag
-    # A wrapper that an attribute adds has another name than the element, and the drawing shows composites by their symbols.
+    # A wrapper from an attribute has another name than the element. The drawing marks the kinds of composites by symbols.
     sign = " ?" if is_unknown(bound) else ""
     is_other = behaviour.name != bound.name or bound.spec.kind is Kind.CONTROL
     if is_other or behaviour.name in (tag, f"{tag}?"):

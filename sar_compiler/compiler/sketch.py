@@ -1,7 +1,7 @@
 """A drawable tree built from a parsed file, even if the file has errors.
 
-A drawing shows behaviours of py_trees with their origins. A compiled tree has them. For a file with errors, placeholders
-replace them: an unknown node has no meaning, and a subtree that is in no file, or in itself, is folded.
+A drawing shows py_trees behaviours with their origins, which a compiled tree contains. In a sketch, placeholders replace
+the behaviours. Unknown nodes have no meaning, and subtrees that are missing or contain themselves are collapsed.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -41,7 +41,7 @@ class Drawable(Protocol):
 
     @property
     def name(self) -> str:
-        """Its ID."""
+        """The ID of the tree."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Sketch:
         root: The root behaviour.
         origins: The origin of each behaviour, by its id.
         name: The ID of the tree.
-        findings: The findings that keep it from being compiled.
+        findings: The findings that prevent the compilation of the tree.
     """
 
     root: Behaviour
@@ -62,10 +62,10 @@ class Sketch:
 
 
 class SketchedNode(Behaviour):
-    """A behaviour in a sketch with any number of children, if no stock composite represents it.
+    """A placeholder for a node that no stock composite represents, with any number of children.
 
     Attributes:
-        class_name: The import path of the class that it represents; None if there is none.
+        class_name: The import path of the node's class; None if the node has no class.
     """
 
     def __init__(self, name: str, class_name: str | None = None) -> None:
@@ -81,7 +81,7 @@ class SketchedNode(Behaviour):
 
 
 class SketchedDecorator(SketchedNode, Decorator):
-    """A decorator in a sketch."""
+    """A placeholder for a decorator."""
 
 
 class UnknownSpec(NodeSpec):
@@ -89,12 +89,12 @@ class UnknownSpec(NodeSpec):
 
 
 def is_unknown(bound: BoundNode) -> bool:
-    """Return whether a node is unknown, or its written tag is only similar to a known one."""
+    """Return whether a node's tag is unknown, even if it is similar to a known tag."""
     return isinstance(bound.spec, UnknownSpec)
 
 
 def class_of(behaviour: Behaviour) -> str | None:
-    """Return the import path of the class that a behaviour has or represents; None if there is none."""
+    """Return the import path of the class of a behaviour, or of a placeholder's node; None if the node has no class."""
     return behaviour.class_name if isinstance(behaviour, SketchedNode) else _path_of(type(behaviour))
 
 
@@ -103,7 +103,7 @@ def _path_of(cls: type) -> str:
 
 
 def sketch_tree(tree: BoundTree, others: Iterable[BoundTree]) -> Sketch:
-    """Return a tree for a drawing, with its subtrees expanded.
+    """Return the sketch of a tree, with its subtrees expanded.
 
     Args:
         tree: The tree.
@@ -155,7 +155,7 @@ class _SketchBuilder:
         waiting.extend((each, above, level, around) for each in reversed(elements))
 
     def _fits(self, tree: BoundTree, level: int, around: frozenset[int]) -> bool:
-        """Return whether a subtree can be expanded: it is not in itself, and not too deep."""
+        """Return whether a subtree can be expanded: it is not inside itself, not too deep and not too large."""
         is_deep = level + tree.nesting + tree.wrappers > MAX_LEVELS
         return not is_deep and id(tree) not in around and self._count + len(tree.nodes) <= MAX_NODES
 
@@ -184,7 +184,7 @@ class _SketchBuilder:
 
 
 def _is_as_written(bound: BoundNode) -> bool:
-    """Return whether a node is written with the tag that it is bound to, and not with a similar one."""
+    """Return whether an element has exactly the tag of the node to which it is bound, not a similar tag."""
     return bound.element.tag == SUBTREE_TAG or _tag(bound.element) == bound.spec.tag
 
 
@@ -213,7 +213,7 @@ def _stand_in(bound: BoundNode) -> Behaviour:
 
 
 def _attributes(bound: BoundNode) -> Iterator[tuple[str, object]]:
-    """Yield the attributes of a node: parsed values if possible, otherwise the texts."""
+    """Yield the attributes of a node: their parsed values if possible, otherwise their texts."""
     written = bound.element.attributes
     if is_unknown(bound):
         yield from ((name, text) for name, text in written.items() if name not in ("name", "ID"))

@@ -1,4 +1,4 @@
-"""Values with their locations, and validation by schemas that reports all errors in a file."""
+"""Values in files with their locations, and validation of values against JSON schemas, which reports all errors of a file."""
 
 import functools
 import json
@@ -44,11 +44,11 @@ class SchemaViolation:
 
     Attributes:
         code: The kind of the finding.
-        message: The text of the finding; empty if another finding covers it already.
-        path: Its path from the root.
-        place: The value to mark.
-        suggestion: The replacement, if it can be guessed.
-        hint: The remedy, if there is no replacement.
+        message: The text of the finding; empty if another finding already covers the violation.
+        path: The path of the value from the root.
+        place: The value that the finding marks.
+        suggestion: The replacement text, if it can be guessed.
+        hint: The remedy, if there is no replacement text.
     """
 
     code: str
@@ -59,61 +59,61 @@ class SchemaViolation:
     hint: str | None = None
 
 
-def refusals(root: "Value", schema: str) -> Iterator[SchemaViolation]:
-    """Yield the parts of a value that a schema rejects."""
+def find_violations(root: "Value", schema: str) -> Iterator[SchemaViolation]:
+    """Yield the violations of a schema in a value."""
     validator = _validator(schema)
     errors: Iterator[Any] = validator.iter_errors(root.data)
     for error in errors:
         path = tuple(error.absolute_path)
-        refuse = {
+        finders = {
             "additionalProperties": _unknown_keys,
             "required": _missing_keys,
             "anyOf": _missing_keys,
             "not": _conflict,
             UNIT: _unusual_number,
         }
-        of_another_type = _wrong_quotes(validator, root.value_at(path), path, error)
-        if of_another_type is not None:
-            yield of_another_type
+        wrong_quotes = _wrong_quotes(validator, root.value_at(path), path, error)
+        if wrong_quotes is not None:
+            yield wrong_quotes
         else:
-            yield from refuse.get(error.validator, functools.partial(_schema_violations, validator))(
+            yield from finders.get(error.validator, functools.partial(_schema_violations, validator))(
                 root, path, error
             )
 
 
 UNIT = "x-unit"
-"""The keyword of our schemas for the unit of a number, one of `nodes.numbers.UNITS`; other programs ignore it."""
+"""The keyword of our schemas for a number's unit (one of `nodes.numbers.UNITS`); other programs ignore this keyword."""
 
 
 @functools.cache
 def _validator(schema: str) -> "Draft7Validator":
-    # Imported here because it is slow and only these files need it.
+    # jsonschema is slow to import, and only files that are validated against a schema need it.
     from jsonschema import Draft7Validator, ValidationError, validators
 
     def check_unit(_validator: Any, unit: str, number: Any, _schema: Any) -> Iterator[ValidationError]:
         is_number = isinstance(number, int | float) and not isinstance(number, bool)
         oddity = find_implausible_number(number, unit) if is_number else None
-        # The limits of the schema refuse impossible values.
+        # The limits in the schema reject impossible values.
         if oddity is not None and not oddity.is_impossible:
             yield ValidationError(oddity.message, cause=None, context=())
 
     extend: Any = validators.extend
-    said = json.loads(shared_file_path("schemas", f"sar_{schema}.schema.json").read_bytes())
-    made: Draft7Validator = extend(Draft7Validator, {UNIT: check_unit})(said)
-    return made
+    parsed = json.loads(shared_file_path("schemas", f"sar_{schema}.schema.json").read_bytes())
+    validator: Draft7Validator = extend(Draft7Validator, {UNIT: check_unit})(parsed)
+    return validator
 
 
 def _unknown_keys(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
     known = list(error.schema["properties"])
-    listed = f"; it has {', '.join(known)}" if len(known) <= _MOST_LISTED else ""
+    listed = f" (known: {', '.join(known)})" if len(known) <= _MOST_LISTED else ""
     for name in (each for each in error.instance if each not in known):
-        message = f"{_owner(path, error.schema)} has no '{name}'{listed}"
+        message = f"{_owner(path, error.schema)} has no key '{name}'{listed}"
         inner = (*path, name)
         yield SchemaViolation("unknown-key", message, inner, root.name_at(inner), nearest(name, known))
 
 
 def _missing_keys(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
-    """Yield one finding for all missing keys, except for misspelt ones."""
+    """Yield one finding for all missing keys of a mapping, except for keys that are misspelt."""
     given, properties = error.instance, error.schema["properties"]
     unknown = set() if error.schema.get("additionalProperties", True) else given.keys() - properties.keys()
     meant = {nearest(name, properties) for name in unknown}
@@ -151,7 +151,7 @@ def _wrong_quotes(
     if meant is None or meant == value.data or not validator.evolve(schema=error.schema).is_valid(meant):
         return None
     message = (
-        f"{_title(path, error.schema)} is {_accepted_values(error.schema)}, but {value.text} {which} quotes is "
+        f"{_title(path, error.schema)} must be {_accepted_values(error.schema)}, but {value.text} {which} quotes is "
         f"{_KINDS.get(type(value.data), 'a date or a time')}"
     )
     return SchemaViolation("wrong-value", message, path, value, suggestion, hint)
@@ -161,7 +161,7 @@ def _schema_violations(
     validator: "Draft7Validator", root: "Value", path: Path, error: Any
 ) -> Iterator[SchemaViolation]:
     value, schema = root.value_at(path), error.schema
-    message = f"{_title(path, schema)} is {_accepted_values(schema)}, but this is {value.kind}"
+    message = f"{_title(path, schema)} must be {_accepted_values(schema)}, but is {value.kind}"
     if value.text and "enum" in schema:
         suggestion, hint = nearest(value.text, _texts(schema["enum"])), None
     else:
@@ -208,7 +208,7 @@ def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str
 
 
 def _meanings(text: str, unit: str, schema: dict[str, Any]) -> Iterator[str]:
-    """Yield the possible meanings of a text in another notation or another unit."""
+    """Yield the values that the author of a text in another notation or another unit probably intended."""
     readings = (
         intended_duration(text) if "pattern" in schema else None,
         convert_with_unit(text, unit),
@@ -223,7 +223,7 @@ def _types(schema: dict[str, Any]) -> set[str]:
 
 
 def _accepted_values(schema: dict[str, Any]) -> str:
-    """Return the values that a schema accepts, for a sentence."""
+    """Describe the values that a schema accepts, as the end of a sentence."""
     if "enum" in schema:
         return f"one of {', '.join(_texts(schema['enum']))}"
     types = _types(schema)
@@ -235,7 +235,7 @@ def _accepted_values(schema: dict[str, Any]) -> str:
 
 
 def _owner(path: Path, schema: dict[str, Any]) -> str:
-    """Return the name of a mapping with a wrong or missing key."""
+    """Return the description of a mapping with a wrong or missing key, as the beginning of a sentence."""
     return schema.get("title") or _title(path, schema)
 
 
@@ -257,7 +257,7 @@ def _series(words: Iterable[str], last: str) -> str:
 
 
 MAX_VALUES = 50_000
-"""The maximum number of values, including keys, in a file beside a tree."""
+"""The maximum number of values, including keys, in a file other than a tree file."""
 
 _CONSTANTS: dict[str, bool | None] = {"true": True, "false": False, "": None}
 
@@ -267,9 +267,9 @@ class Value:
     """A value in a file.
 
     Attributes:
-        start: The offset of its first character.
-        end: The offset after its last one.
-        data: The value as plain data; a mapping is a dict, a list a list, nothing is None.
+        start: The offset of the value's first character.
+        end: The offset after the value's last character.
+        data: The value as plain data: a dict for a mapping, a list, or a scalar; None for an empty value.
         text: The text of a scalar; None for lists and mappings.
         items: The values of a list; None for other values.
         entries: The keys and values of a mapping; None for other values.
@@ -284,15 +284,15 @@ class Value:
 
     @classmethod
     def from_items(cls, start: int, end: int, items: Iterable["Value"]) -> "Value":
-        """Return a list."""
-        taken = tuple(items)
-        return cls(start, end, [item.data for item in taken], items=taken)
+        """Create a list from its items."""
+        values = tuple(items)
+        return cls(start, end, [value.data for value in values], items=values)
 
     @classmethod
     def from_entries(cls, start: int, end: int, entries: Iterable[tuple["Value", "Value"]]) -> "Value":
-        """Return a mapping; its keys are unique strings."""
-        taken = tuple(entries)
-        return cls(start, end, {key.text: inner.data for key, inner in taken}, entries=taken)
+        """Create a mapping from its entries, whose keys are unique strings."""
+        pairs = tuple(entries)
+        return cls(start, end, {key.text: inner.data for key, inner in pairs}, entries=pairs)
 
     @property
     def is_nothing(self) -> bool:
@@ -301,22 +301,22 @@ class Value:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is a scalar without quotes in the file."""
+        """Whether the value is a scalar without quotes in the file."""
         return self.text is not None and self.end - self.start == len(self.text)
 
     @property
     def kind(self) -> str:
-        """The kind of value, as named in a sentence."""
+        """The kind of a list, mapping or empty value, or the text of a scalar, as the end of a sentence."""
         if self.text is None:
             return "a list" if self.entries is None else "a mapping"
         if self.is_nothing:
-            return "nothing"
+            return "empty"
         is_quoted = isinstance(self.data, str) and self.scalar != self.data
         return f"the string '{self.text}'" if is_quoted else f"'{self.text}'"
 
     @property
     def scalar(self) -> bool | float | str | None:
-        """The value of a scalar's text without quotes."""
+        """The value that a scalar's text has if it is written without quotes."""
         return parse_scalar(self.text or "")
 
     @property
@@ -326,7 +326,7 @@ class Value:
 
     @property
     def as_list(self) -> tuple["Value", ...]:
-        """The items of a list; a single value is treated as a list of one."""
+        """The items of a list; any other value is treated as a list with one item."""
         return (self,) if self.items is None else self.items
 
     def value_at(self, path: Path) -> "Value":
@@ -337,12 +337,12 @@ class Value:
         return value
 
     def name_at(self, path: Path) -> "Value":
-        """Return the key of the value at a path; the value itself if it has none."""
+        """Return the key of the value at a path; the value itself if it has no key."""
         keys = (key for key, _ in self.value_at(path[:-1]).entries or () if path and key.text == path[-1])
         return next(keys, self.value_at(path))
 
     def without_paths(self, paths: Iterable[Path]) -> "Value":
-        """Return this value without those at given paths, none of which is empty."""
+        """Return a copy of this value without the values at *paths*, none of which may be empty."""
         below: defaultdict[int | str, set[Path]] = defaultdict(set)
         for path in paths:
             below[path[0]].add(path[1:])
@@ -360,7 +360,7 @@ class Value:
 
 
 def parse_scalar(text: str) -> bool | float | str | None:
-    """Return the value of an unquoted text: a number, a Boolean or None if it is written as one, else the string."""
+    """Convert an unquoted text to the number or Boolean that it represents, or to None if empty; otherwise return the text."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
     value = literal_value(text)
@@ -368,13 +368,13 @@ def parse_scalar(text: str) -> bool | float | str | None:
 
 
 class Document:
-    """A file that is being read.
+    """A file of values with their locations, and the findings about it.
 
     Attributes:
-        source: The file.
-        folder: The folder that contained it when it was read, with links resolved; None for text without a file.
-        root: Its content; set by the reader of its format.
-        findings: The errors found so far.
+        source: The text of the file.
+        folder: The folder that contained the file when it was read, with links resolved; None for a text without a file.
+        root: The content, which the parser of the file's format sets.
+        findings: The findings so far.
     """
 
     root: Value
@@ -385,10 +385,10 @@ class Document:
         self._values = 0
 
     def count_value(self) -> None:
-        """Count a value that is read.
+        """Count a parsed value.
 
         Raises:
-            TreeError: If there are unreasonably many: each takes a thousand times its characters in memory.
+            TreeError: If there are more than `MAX_VALUES`, because each needs a thousand times the memory of its text.
         """
         self._values += 1
         if self._values > MAX_VALUES:
@@ -408,42 +408,42 @@ class Document:
         Args:
             code: The kind of the finding.
             message: The text of the finding.
-            value: The value.
-            part: The start and end of the wrong part of a scalar's text; None for all of it.
+            value: The value with the error.
+            part: The start and end of the wrong part of a scalar's text; None for the whole text.
             **advice: As in `Diagnostic`.
         """
         self.findings.append(Diagnostic(code, message, self.source, self.span(value, part), **advice))
 
     def validate(self, schema: str, value: Value | None = None) -> Value:
-        """Validate a value by a schema, report its errors, and return its valid parts.
+        """Validate a value against a schema, report the errors, and return the valid parts of the value.
 
-        The result conforms to the schema, so that it needs no further checks.
+        The result conforms to the schema, so it needs no further checks.
 
         Args:
-            schema: `scenario` for `schemas/sar_scenario.schema.json`, and so on.
+            schema: The name of the schema: `scenario` for `schemas/sar_scenario.schema.json`, and so on.
             value: The value; by default the whole file.
 
         Raises:
-            TreeError: If no part of it can be used; carries all findings.
+            TreeError: If no part of the value can be used. The error contains all findings.
         """
         left = self.root if value is None else value
-        refused = list(refusals(left, schema))
-        # If several parts of the schema refuse one value, only the first finding is reported.
-        said: set[tuple[Path, str]] = set()
+        refused = list(find_violations(left, schema))
+        # If several parts of the schema reject one value, only the first finding is reported.
+        reported: set[tuple[Path, str]] = set()
         impossible = {each.path for each in refused if each.code != "out-of-range"}
         for each in refused:
             if each.code == "out-of-range" and each.path in impossible:
                 continue
-            if each.message and (each.path, each.code) not in said:
+            if each.message and (each.path, each.code) not in reported:
                 place, suggestion, hint = each.place, each.suggestion, each.hint
                 self.report(each.code, each.message, place, suggestion=suggestion, hint=hint)
-                said.add((each.path, each.code))
+                reported.add((each.path, each.code))
         # A mapping that lost a required key is removed as well; an unusual number stays.
         while gone := [each.path for each in refused if SEVERITIES[each.code] is Severity.ERROR]:
             if () in gone:
                 self.raise_findings()
             left = left.without_paths(gone)
-            refused = list(refusals(left, schema))
+            refused = list(find_violations(left, schema))
         return left
 
     @contextmanager
@@ -460,10 +460,10 @@ class Document:
             raise
 
     def raise_findings(self) -> None:
-        """Raise all findings about the file in file order; store them in `warnings` if none is an error.
+        """Raise all findings about the file, in file order, if there are errors among them.
 
         Raises:
-            TreeError: If there are errors.
+            TreeError: If at least one finding is an error.
         """
         if len(self.warnings) < len(self.findings):
             raise TreeError(_sort_findings(self.findings))
@@ -477,7 +477,7 @@ class Document:
         """Return the location of a value or a part of its text; for lists and mappings, the first line."""
         source = self.source
         if value.text is None:
-            # Only its beginning, because a mapping may extend over many lines.
+            # Only the beginning is marked, because a mapping may extend over many lines.
             line = source.span(value.start, value.start).line
             end = source.offset(line, len(source.line(line)) + 1)
             return source.span(value.start, max(value.start + 1, min(value.end, end)))

@@ -22,7 +22,7 @@ _STRING = re.compile(r'"""(?:\\.|[^\\])*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:\\.|[^"\\\n
 # A value that is neither string, list nor table, to the end of its line.
 _BARE_TEXT = re.compile(r"""\s*[\w.-]+\s*=\s*([^\s"'\[{#][^"'\[{#=]*?)\s*(?:#.*)?$""")
 _BARE_KEY = re.compile(r"[\w-]+")
-# At least one character, so that a scan always ends.
+# At least one character, so that the scan always advances.
 _BARE_VALUE = re.compile(r"[^,\]}#\r\n]*[^,\]}#\s]|.", re.DOTALL)
 
 _KeyPath = tuple[int | str, ...]
@@ -30,11 +30,11 @@ _Offsets = tuple[int, int]
 
 
 def read_toml(path: Path, shown: str) -> Document:
-    """Read a file.
+    """Read a TOML file; *shown* is the path for findings.
 
     Raises:
-        UnreadableFileError: If it does not exist or cannot be read.
-        TreeError: If it is not TOML, not text, or too large.
+        UnreadableFileError: If the file does not exist or cannot be read.
+        TreeError: If the content is not TOML, not text, or too large.
     """
     file = read_file(path, SETTINGS)
     data = file.data
@@ -53,7 +53,7 @@ def read_toml(path: Path, shown: str) -> Document:
     except ValueError as error:
         match = _LINE_AND_COLUMN.search(str(error))
         start = source.offset(int(match[1]), int(match[2])) if match else len(source.text.rstrip())
-        message = f"not TOML: {_LINE_AND_COLUMN.sub('', str(error))}"
+        message = f"not valid TOML: {_LINE_AND_COLUMN.sub('', str(error))}"
         bare = _BARE_TEXT.match(source.line(source.span(start, start).line))
         hint = f'write strings in quotes: "{bare[1]}"' if bare else None
         finding = Diagnostic("malformed-toml", message, source, source.span(start, start + 1), hint=hint)
@@ -64,7 +64,7 @@ def read_toml(path: Path, shown: str) -> Document:
 def _value(
     data: Any, path: _KeyPath, places: "_TomlLocations", around: _Offsets, document: Document
 ) -> Value:
-    """Return the value at a path; if its location is unknown, use the enclosing value's."""
+    """Return data as a located value; if the location is unknown, the location of the enclosing value is used."""
     document.count_value()
     start, end = place = places.values.get(path, around)
     if isinstance(data, dict):
@@ -91,7 +91,7 @@ def _value(
 
 
 class _TomlLocations:
-    """The locations of keys and values, by their paths; tables in a list of tables have none."""
+    """The offsets of keys and values by key path. Keys in an array of tables (`[[name]]`) have no offsets."""
 
     def __init__(self, text: str) -> None:
         self.keys: dict[_KeyPath, _Offsets] = {}
@@ -121,17 +121,17 @@ class _TomlLocations:
         return match[0] if match else ""
 
     def _skip(self) -> int:
-        """Skip blanks and comments; return the position after them."""
+        """Skip whitespace and comments; return the position after them."""
         self._skip_pattern(_BLANK)
         return self._at
 
     def _consume(self, sign: str) -> bool:
-        taken = self._text.startswith(sign, self._skip())
-        self._at += len(sign) if taken else 0
-        return taken
+        is_next = self._text.startswith(sign, self._skip())
+        self._at += len(sign) if is_next else 0
+        return is_next
 
     def _key(self, path: _KeyPath) -> _KeyPath:
-        """Skip a key with all its parts, below a path; return its path."""
+        """Skip a key with all its dotted parts in the table at *path*; return the path of the key."""
         while True:
             start = self._skip()
             quoted = self._skip_pattern(_STRING)

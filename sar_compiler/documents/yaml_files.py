@@ -20,14 +20,14 @@ from sar_compiler.tree.yaml_spans import SPLIT, YamlSpans, split_number
 
 
 class DataError(SarError):
-    """Python data that cannot be written to a file."""
+    """An error about Python data that cannot be written to a file."""
 
 
 def read_yaml(path: str | Path, kind: FileKind, empty_hint: str) -> Document:
-    """Read a file of a kind.
+    """Read a YAML file.
 
     Raises:
-        UnreadableFileError: If it does not exist or cannot be read.
+        UnreadableFileError: If the file does not exist or cannot be read.
         TreeError: As `parse_yaml`.
     """
     content = read_file(path, kind)
@@ -35,16 +35,16 @@ def read_yaml(path: str | Path, kind: FileKind, empty_hint: str) -> Document:
 
 
 def parse_yaml(data: bytes | str, path: str, empty_hint: str, folder: Path | None = None) -> Document:
-    """Read the content of a file.
+    """Parse the content of a YAML file.
 
     Args:
         data: The content.
-        path: Its name in findings.
+        path: The path shown in findings.
         empty_hint: The hint for an empty file.
-        folder: The folder that contained it when it was read, with links resolved.
+        folder: The folder that contained the file when it was read, with links resolved.
 
     Raises:
-        TreeError: If it is not YAML, empty, too large, or uses features beyond plain data.
+        TreeError: If the content is not YAML, empty or too large, or uses features beyond plain data.
     """
     document = Document(make_source(data, path, YamlSpans(), None, empty_hint, DOCUMENT), folder)
     events = YamlEvents(document.source)
@@ -58,7 +58,7 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str, folder: Path | Non
     if isinstance(events.next, yaml.DocumentStartEvent):
         mark = _start_offset(events.next)
         message, hint = (
-            "a second document begins here, but such a file has only one",
+            "a second document begins here, but the file may have only one",
             "move it to a separate file",
         )
         events.report_finding("second-document", message, mark, mark + 3, hint=hint)
@@ -68,7 +68,7 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str, folder: Path | Non
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes Python data: members of enumerations by their names, and repeated values without anchors."""
+    """Dumper of Python data that writes enumeration members by name, and repeated values without anchors."""
 
     def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002
         return True
@@ -80,23 +80,23 @@ for _type in (set, bytes):
     _Dumper.add_representer(_type, _Dumper.represent_undefined)
 
 
-def as_yaml(said: Mapping[str, object]) -> str:
-    """Return Python data as the text of a file."""
-    text: str = yaml.dump(dict(said), Dumper=_Dumper, allow_unicode=True, sort_keys=False, width=1000)
+def as_yaml(data: Mapping[str, object]) -> str:
+    """Return Python data as YAML text."""
+    text: str = yaml.dump(dict(data), Dumper=_Dumper, allow_unicode=True, sort_keys=False, width=1000)
     return text
 
 
-def document_from_data(said: Mapping[str, object], name: str, empty_hint: str) -> Document:
-    """Return Python data as the document of an equivalent file.
+def document_from_data(data: Mapping[str, object], name: str, empty_hint: str) -> Document:
+    """Return Python data as the document of an equivalent YAML file.
 
     Raises:
         DataError: If the data cannot be written to a file.
         TreeError: As `parse_yaml`.
     """
     try:
-        text = as_yaml(said)
+        text = as_yaml(data)
     except (yaml.representer.RepresenterError, RecursionError) as error:
-        what = repr(error.args[1]) if len(error.args) > 1 else "something that contains itself"
+        what = repr(error.args[1]) if len(error.args) > 1 else "an object that contains itself"
         raise DataError(
             f"{what} cannot be part of the {name}: use strings, numbers, True, False, lists and dictionaries"
         ) from None
@@ -122,9 +122,9 @@ def _value(events: YamlEvents, document: Document) -> Value:
                 message = SPLIT.format(split.written)
                 document.report("wrong-value", message, number, suggestion=split.meant, hint=split.hint)
             elif not key.text:
-                document.report("wrong-shape", f"a key must be a string, but this is {key.kind}", key)
+                document.report("wrong-shape", f"a key must be a string, but is {key.kind}", key)
             elif key.text in entries:
-                document.report("duplicate-key", f"'{key.text}' is written twice here", key)
+                document.report("duplicate-key", f"the key '{key.text}' is given twice in this mapping", key)
             else:
                 entries[key.text] = (key, inner)
         return Value.from_entries(start, events.pop().end_mark.index, entries.values())

@@ -1,7 +1,7 @@
-"""Loading of tree files: from a path to its findings, its binding and its compiled tree.
+"""Loading of tree files: reading, binding, checking and compiling them with the settings of their project.
 
-A `Workspace` has the user's settings, creates a `Project` for each configuration that it finds, and loads trees. All
-commands and all tests of a tree use it.
+A `Workspace` has the user's settings, creates a `Project` for each configuration that it finds, and loads tree files. All
+commands and all tests of trees use a `Workspace`.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""The user's additions to the configurations of projects."""
+"""The settings on the command line, which supplement the configurations of projects."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -8,20 +8,20 @@ if TYPE_CHECKING:
 
 
 class CommandLineSettings(NamedTuple):
-    """The user's additions to any project's configuration, which may refer to any file.
+    """The settings that supplement the configuration of every project; they may refer to any file.
 
     Attributes:
-        nodes: Leaves: import paths of modules, which may be in the current folder; modules; classes.
-        models: Palettes, which describe nodes that are not installed: files, or names of installed ones
+        nodes: The leaves: classes, modules, or import paths of modules, which may be in the current folder.
+        models: The palettes, which describe nodes that are not installed: paths of files, or names of installed palettes
             (`nav2:jazzy`).
         include_path: Further folders from which files may be included.
         trust: Whether the modules beside configurations may run, now and until they change.
-        registry: The registered nodes; None for the installed and named ones.
-        trees: Further tree files, searched for trees that a file lacks.
-        mission: The name of the mission, which overrides the requirements of the leaves; None if these determine it.
-        folders: Folders that the user has named; the files in one belong together, like those of a repository.
-        names: The tree files as the user has named them, for their findings.
-        is_isolated: Whether the surroundings of a file are ignored: configuration, palettes and trees around it.
+        registry: The registered nodes; None for the installed nodes and those in *nodes*.
+        trees: Further tree files, which are searched for trees that a file lacks.
+        mission: The name of the mission; None if the leaves of the tree determine the mission.
+        folders: Folders that the user has named; the files in such a folder belong together, like those of a repository.
+        names: The paths of tree files as the user has written them, for findings.
+        is_isolated: Whether to ignore the configuration, the palettes and the trees in the folders around a tree file.
     """
 
     nodes: "tuple[Named, ...]" = ()
@@ -37,7 +37,7 @@ class CommandLineSettings(NamedTuple):
 
     @property
     def palettes(self) -> tuple[str, ...]:
-        """The installed palettes."""
+        """The names of the installed palettes among `models`."""
         from sar_compiler.nodes.palettes import is_palette_name
 
         return tuple(str(each) for each in self.models if is_palette_name(str(each)))

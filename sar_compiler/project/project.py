@@ -1,4 +1,4 @@
-"""The settings of a project's tree files: its configuration, combined with the user's additions."""
+"""The settings of a project's tree files: the configuration, combined with the settings on the command line."""
 
 import contextlib
 import functools
@@ -28,16 +28,16 @@ from sar_compiler.tree.model import TreeFile
 
 
 class Project:
-    """The common settings of the tree files of one configuration.
+    """The common settings of all tree files with the same configuration.
 
     Attributes:
-        configuration: Their configuration.
+        configuration: The configuration of the tree files.
         checkout: The folder whose code is not trusted: the repository, or the configuration's folder.
-        files_around: The palettes and tree files around them that are used without being named.
-        used_palettes: Those of these palettes that were used, by their paths.
-        used_trees: Those of these tree files that were used, by their paths.
-        additions: The user's additions.
-        tree_set: The files that are searched for trees that a file lacks; None if there are none.
+        files_around: The palettes and tree files in the surrounding folders, which can be used without being named.
+        used_palettes: The paths of the surrounding palettes that were used.
+        used_trees: The paths of the surrounding tree files that were used.
+        additions: The settings on the command line.
+        tree_set: The files that are searched for trees that a file lacks; None if there are no such files.
     """
 
     def __init__(
@@ -115,11 +115,11 @@ class Project:
 
     @functools.cached_property
     def palettes(self) -> tuple[TreeFile, ...]:
-        """The palettes that are files, which describe nodes that are not installed.
+        """The palette files that the user or the configuration names.
 
         Raises:
             UnreadableFileError: If a file that the user has named does not exist or cannot be read.
-            TreeError: If one is malformed, or one that the configuration names cannot be read.
+            TreeError: If a file is malformed, or if a file that the configuration names cannot be read.
         """
         files = [path for path in self.additions.models if not is_palette_name(str(path))]
         read = [read_tree_file(path) for path in files]
@@ -141,7 +141,7 @@ class Project:
 
     @functools.cached_property
     def _palettes_around(self) -> tuple[TreeFile, ...]:
-        """The palettes around the files that are used without being named."""
+        """The well-formed palettes in the surrounding folders."""
         found = []
         for path in self.files_around.palettes:
             with contextlib.suppress(TreeError, UnreadableFileError):
@@ -149,7 +149,7 @@ class Project:
         return tuple(found)
 
     def palettes_for(self, forest: Forest) -> tuple[TreeFile, ...]:
-        """Return the palettes for a file: the named ones, and the nearest ones that describe unknown nodes.
+        """Return the palettes for a file: the named palettes, and the nearest surrounding palettes with missing nodes.
 
         Raises:
             TreeError, UnreadableFileError: As `palettes`.
@@ -170,12 +170,12 @@ class Project:
 
     @functools.cached_property
     def findings(self) -> list[Diagnostic]:
-        """The findings about the palettes, for any tree."""
+        """The findings about the named palettes, which are the same for every tree."""
         return self.configuration.decide(check_palettes(self.palettes, self.registry))
 
     @functools.cached_property
     def vocabulary(self) -> Registry:
-        """All nodes that can be used in a tree: the registered ones, and those that palettes describe.
+        """All nodes that can be used in a tree: registered nodes, and nodes that a palette describes.
 
         Raises:
             TreeError: If a palette has errors, or the configuration names modules that are not trusted.
@@ -187,7 +187,7 @@ class Project:
         return Registry([*self.registry.specs(), *described]) if described else self.registry
 
     def _set_files(self) -> Iterator[Path]:
-        """Yield the tree files that belong together.
+        """Yield the paths of the tree files in the project's set.
 
         Raises:
             UnreadableFileError: If a file or a folder that the configuration names does not exist or cannot be read.

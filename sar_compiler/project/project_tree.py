@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sar_compiler.compiler.sketch import Drawable
 
 FurtherCheck = Callable[["ProjectTree"], list[Diagnostic]]
-"""Returns the findings about a tree that need packages outside the core."""
+"""A function that returns findings about a tree, for checks that need packages outside the core."""
 
 
 class ProjectTree:
@@ -29,9 +29,9 @@ class ProjectTree:
     Args:
         path: The file.
         project: The settings of its project.
-        read: Reads one tree file.
-        note: Called with each surprise that is not an error.
-        further_checks: Returns findings in addition to those of the rules of `checks`.
+        read: A function that reads one tree file.
+        note: A function that receives the text of each note for the user.
+        further_checks: Functions that return findings in addition to those of the rules of `checks`.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
@@ -81,7 +81,7 @@ class ProjectTree:
 
     @property
     def tree_file(self) -> TreeFile | None:
-        """The content of the file itself; for a malformed file, its beginning or None."""
+        """The content of the file itself; for a malformed file, the content before the error, or None."""
         if self._forest is not None:
             return self._forest.main
         return self._beginning.tree_file if self._beginning is not None else None
@@ -102,7 +102,7 @@ class ProjectTree:
 
     @functools.cached_property
     def context(self) -> CheckContext:
-        """The file with the results of its analysis.
+        """The file and its includes with the analysis results that the rules share.
 
         Raises:
             SarError: As `Project.registry` and `palettes` do.
@@ -137,7 +137,7 @@ class ProjectTree:
         return project.configuration.decide(sorted(found, key=lambda each: each.span))
 
     def check(self) -> list[Diagnostic]:
-        """Return all findings about the palettes, the file and its includes, and those of the further checks.
+        """Return all findings about the palettes, the file and its includes, including those of the further checks.
 
         Raises:
             TreeError: If a palette is malformed, or the configuration names modules that are not trusted.
@@ -153,13 +153,13 @@ class ProjectTree:
         return [*self.project.findings, *self.findings]
 
     def binding(self, tree_id: str | None = None) -> Binding:
-        """Return a tree of the file, bound.
+        """Bind a tree of the file.
 
         Args:
-            tree_id: The tree; by default the one that the file executes.
+            tree_id: The ID of the tree; by default the main tree.
 
         Raises:
-            TreeError: If the tree does not exist, or there are errors; carries them.
+            TreeError: If the tree does not exist, or if there are errors, which the exception contains.
         """
         from sar_compiler.compiler import bind_main
 
@@ -167,17 +167,17 @@ class ProjectTree:
         return bind_main(self.forest, self.project.registry, tree_id, self.palettes)
 
     def require_no_errors(self) -> None:
-        """Raise the findings if there are errors.
+        """Raise the errors about the palettes, the file and its includes.
 
         Raises:
-            TreeError: If there are any.
+            TreeError: If there is at least one error.
         """
         errors = [each for each in self.tree_findings if each.severity is Severity.ERROR]
         if errors:
             raise TreeError(errors)
 
     def report_warnings(self, findings: Iterable[Diagnostic]) -> None:
-        """Report the warnings about a file that is used with the tree."""
+        """Pass the warnings about a file that is used with the tree, such as a scenario, to `note`."""
         for finding in findings:
             self.note(finding.render())
 
@@ -201,14 +201,14 @@ class ProjectTree:
         """Compile a tree for ticking.
 
         Args:
-            parameters: Keys of the root blackboard.
-            context: Objects that leaves require in their constructors, by their type; without a `Clock`, the steady
-                clock is used.
-            tree_id: The tree in the file; by default the one that the file executes.
+            parameters: The values of the mission parameters, by key of the root blackboard.
+            context: Objects that leaves require in their constructors, by type. Without a `Clock`, the steady clock is
+                used.
+            tree_id: The ID of the tree; by default the main tree.
 
         Raises:
-            TreeError: If there are errors, a key has no value or an invalid one, a leaf needs an object that is not
-                in *context*, or a constructor refuses its arguments.
+            TreeError: If there are errors, a key has no value or an invalid value, a leaf needs an object that is not
+                in *context*, or a constructor rejects its arguments.
         """
         from sar_compiler.compiler import compile_tree
 
@@ -217,15 +217,15 @@ class ProjectTree:
     def sketch(self, tree_id: str | None = None) -> "Drawable":
         """Return a tree of the file for a drawing, even if the file has errors.
 
-        A tree without errors is compiled as by `preview`. In any other tree, unknown nodes have no meaning, and
-        missing subtrees are folded.
+        A tree without errors is compiled as by `preview`. In a tree with errors, unknown nodes are drawn as placeholders,
+        and missing subtrees are collapsed.
 
         Args:
-            tree_id: The tree in the file; by default the one that the file executes, or the first that no other one
-                uses.
+            tree_id: The ID of the tree; by default the main tree or, if the file names none, the first tree that no other
+                tree uses.
 
         Raises:
-            TreeError: If there is no such tree, the file is malformed, or its project's configuration has errors.
+            TreeError: If there is no such tree, the file is malformed, or the project's configuration has errors.
         """
         from sar_compiler.compiler.sketch import sketch_tree
         from sar_compiler.nodes.binding.nesting import find_main_tree

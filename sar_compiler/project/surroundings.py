@@ -1,8 +1,8 @@
-"""The surroundings of a tree file: its configuration, and the palettes and trees around it.
+"""The surroundings of a tree file: its configuration, and the palettes and trees in the folders around it.
 
 All commands, the language server and the tools of agents use this module, so that a file has the same surroundings
-everywhere. Files around are read only if a file uses a node that is not described, a name that may be an enumeration,
-or a tree that it lacks. A command reports the ones that were used.
+everywhere. Surrounding files are read only if a tree file uses a node that is not described, a name that may be an
+enumeration member, or a tree that the file lacks. A command reports the surrounding files that it has used.
 """
 
 import functools
@@ -25,18 +25,18 @@ from sar_compiler.tree.discovery import files_around, is_palette, is_tree_file
 
 _PACKAGE = "package.xml"
 _MOST_FILES = 20_000
-"""The maximum number of files that are examined in a large folder."""
+"""The maximum number of files that are examined in a folder and its subfolders."""
 
 
 class FilesAround:
     """The tree files and palettes below a folder, examined lazily.
 
-    Links that leave the folder, and files of other users than the folder's owner, are left out.
+    Links out of the folder are ignored. So are files that belong neither to the folder's owner nor to this user or root.
 
     Args:
         folder: The folder, with links resolved; None for no files.
-        is_root: Whether it is the root of a project, so that its subfolders are searched, and its files may include
-            each other.
+        is_root: Whether the folder is the root of a project, so that its subfolders are searched, and its files may
+            include each other.
     """
 
     def __init__(self, folder: Path | None, *, is_root: bool = True) -> None:
@@ -57,12 +57,12 @@ class FilesAround:
 
     @functools.cached_property
     def trees(self) -> tuple[Path, ...]:
-        """The tree files, in the order of their paths."""
+        """The tree files, sorted by path."""
         return tuple(path for path in self._files if is_tree_file(path, is_sought=True))
 
     @functools.cached_property
     def palettes(self) -> tuple[Path, ...]:
-        """The files that only describe nodes, and Groot2's projects, in the order of their paths."""
+        """The files and Groot2 projects that only describe nodes, sorted by path."""
         return tuple(path for path in self._files if is_palette(path))
 
 
@@ -73,9 +73,9 @@ class FileSurroundings(NamedTuple):
     """The surroundings of a tree file.
 
     Attributes:
-        configuration: Its configuration.
+        configuration: The configuration that applies to the tree file.
         checkout: The folder whose code is not trusted: the repository, or the configuration's folder.
-        files: The tree files and palettes around it.
+        files: The tree files and palettes in the surrounding folders.
     """
 
     configuration: Configuration
@@ -92,20 +92,20 @@ def find_surroundings(
 ) -> FileSurroundings:
     """Return the surroundings of a tree file.
 
-    The files around it are those of its repository. Without a repository, they are those of the outermost of these
-    folders: the folder of its configuration, of its ROS package, or the current folder if the file is in it.
-    Otherwise they are those in the file's own folder. A folder that the user names and that contains all of these
-    replaces them. A folder that this process may not read is never used.
+    The surrounding files are the files of the tree file's repository. Without a repository, they are the files of the
+    outermost of these folders: the configuration's folder, the folder of the ROS package, and the current folder if
+    the tree file is in it. Without any of these, they are the files in the tree file's own folder. A folder in *folders*
+    that contains all of these folders replaces them. A folder that this process may not read is never used.
 
     Args:
         path: The tree file.
         folders: Folders that the user has named, or that an editor has open.
         passed_over: As for `configuration_for`.
-        is_isolated: Whether to ignore the configuration and the files around.
+        is_isolated: Whether to ignore the configuration and the surrounding files.
 
     Raises:
         TreeError: If the configuration has errors.
-        UnreadableFileError: If it cannot be read.
+        UnreadableFileError: If the configuration cannot be read.
     """
     place = real_path(path)
     if is_isolated:
@@ -135,7 +135,7 @@ def _roots_of(place: Path, configuration: Configuration) -> Iterable[Path]:
         yield configuration.path.parent
     yield from (each for each in place.parents if is_there(each / _PACKAGE))
     here = real_path(Path.cwd())
-    # Files in these folders belong to several projects, or to several people.
+    # The files in these folders may belong to several projects or to several people.
     shared = here in (Path(here.anchor), real_path(Path.home())) or here.stat().st_mode & stat.S_IWOTH
     if not shared:
         yield here

@@ -1,9 +1,9 @@
-"""Modules named by a configuration beside it, which are imported only in their trusted version.
+"""Import of the modules that a configuration names and that are in its folder, in the version that the user trusts.
 
-Trust applies to a path and its content: the configuration file, and every file of the packages (or the modules) that
-it names. A digest identifies all of it, and a file of that name in the user's state folder records the trust. Any
-change results in another digest. Only the files covered by it are imported, from their source. Compiled modules,
-which may differ from the source beside them, are ignored, and so are modules next to the named ones.
+Trust applies to the paths and contents of the configuration file and of every file of the packages (or modules) that it
+names. One digest identifies all of them, and a file named after the digest in the user's state folder records the trust.
+Any change results in another digest. Only the files that the digest covers are imported. Bytecode files, which may
+differ from the source, are ignored, and so are modules beside the named modules.
 """
 
 import hashlib
@@ -32,7 +32,7 @@ _COMPILED = "__pycache__"
 
 
 class TrustError(SarError):
-    """Trust cannot be recorded."""
+    """An error if trust cannot be recorded."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class ConfigurationCode:
 
     Attributes:
         configuration: The configuration file.
-        packages: The names of the packages and modules beside it.
-        digests: The SHA-256 of the configuration and of each of their files, as they were read once. A module is run
-            only if it is unchanged when it is imported.
+        packages: The names of the top-level packages and modules in the folder of the configuration.
+        digests: The SHA-256 digests of the configuration and of each file of the packages. Source code runs only if its
+            digest is still the same when it is imported.
     """
 
     configuration: Path
@@ -52,9 +52,9 @@ class ConfigurationCode:
 
     @classmethod
     def from_configuration(cls, configuration: Path, modules: Iterable[str]) -> "ConfigurationCode":
-        """Return the code of the modules that a configuration names.
+        """Read the code of the modules that a configuration names.
 
-        Links to files elsewhere are left out, and therefore not imported either.
+        Links to files outside of the configuration's folder are left out, so those files cannot be imported.
         """
         mark_unrepeatable()  # a file added to a package ends the trust
         packages = frozenset(module.partition(".")[0] for module in modules)
@@ -93,7 +93,7 @@ class ConfigurationCode:
         return trust_folder() / digest.hexdigest()
 
     def make_importable(self) -> None:
-        """Allow the import of these modules, with precedence over equally named ones."""
+        """Allow the import of these modules, with precedence over other modules of the same names."""
         if not any(isinstance(each, _Finder) and each.content == self for each in sys.meta_path):
             sys.meta_path.insert(0, _Finder(self))
 
@@ -117,10 +117,10 @@ class _Finder(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return the spec of a module; None if it is not part of this content.
+        """Return the spec of a module; None if the module is in none of the trusted packages.
 
         Raises:
-            ModuleNotFoundError: If it did not exist when the others were trusted.
+            ModuleNotFoundError: If the module was not part of its package when the package was trusted.
         """
         del target
         if fullname.partition(".")[0] not in self.content.packages:
@@ -147,10 +147,10 @@ class _SourceLoader(SourceFileLoader):
         self._digests = digests
 
     def get_code(self, fullname: str) -> CodeType:
-        """Compile the source; compiled files are ignored.
+        """Compile the source of a module; bytecode files are ignored.
 
         Raises:
-            ImportError: If it has changed since it was trusted.
+            ImportError: If the source has changed since it was trusted.
         """
         source = self.get_filename(fullname)
         code = read_file(source, MODULE).all_bytes()

@@ -1,4 +1,4 @@
-"""Loads tree files, each with the settings of its project."""
+"""Loading of tree files, each with the settings of its project."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -19,14 +19,14 @@ _MOST_NAMED = 5
 
 @dataclass(eq=False, repr=False)
 class Workspace:
-    """Loads tree files, each with the settings of its project.
+    """Loader of tree files, each with the settings of its project.
 
     Attributes:
-        additions: The user's additions.
-        read: Reads one tree file; an editor provides the text of open ones.
-        note: Called once for each thing that is ignored for safety.
-        further_checks: Returns findings for `ProjectTree.check` in addition to those of the rules of `checks`.
-        read_for_sets: Reads one file of a set of trees, which all files of a project share; None for `read`.
+        additions: The settings on the command line.
+        read: A function that reads one tree file; an editor provides the text of open files.
+        note: A function that receives each note for the user once, for example about a file that is ignored for safety.
+        further_checks: Functions that return findings for `ProjectTree.check`, in addition to those of the rules.
+        read_for_sets: A function that reads one file of a project's set of trees; None for `read`.
     """
 
     additions: CommandLineSettings = CommandLineSettings()  # noqa: RUF009 - immutable
@@ -39,7 +39,7 @@ class Workspace:
     _noted: set[str] = field(default_factory=set, init=False)
 
     def load(self, tree: str | Path) -> ProjectTree:
-        """Load a tree.
+        """Load a tree file by path or name.
 
         Args:
             tree: The path of a tree file, or the name of a shipped tree.
@@ -60,14 +60,14 @@ class Workspace:
         return ProjectTree(path, self.project_of(path), self.read, self.report_once, self.further_checks)
 
     def current_project(self) -> Project:
-        """Return the project of tree files in the current folder; see `project_of`."""
+        """Return the project to which a tree file in the current folder belongs; see `project_of`."""
         return self.project_of(Path("a tree file"))
 
     def project_of(self, path: Path) -> Project:
         """Return the project of a tree file.
 
         Raises:
-            UnreadableFileError: If its configuration cannot be read.
+            UnreadableFileError: If the project's configuration cannot be read.
             TreeError: If the configuration has errors.
         """
 
@@ -96,26 +96,26 @@ class Workspace:
         return self._projects.values()
 
     def reload_sets(self) -> None:
-        """Reload the files of all sets at the next request, because some have changed."""
+        """Reload the files of all sets at the next request for a tree, because files have changed."""
         for project in self._projects.values():
             project.reload_set()
 
     def report_use(self) -> None:
-        """Report the palettes and trees around the loaded files that were used without being named."""
+        """Report the surrounding palettes and tree files that were used without being named."""
         palettes = {path for each in self.projects for path in each.used_palettes}
         trees = {path for each in self.projects for path in each.used_trees}
         for text in use_notes(palettes, trees):
             self.report_once(text)
 
     def report_once(self, text: str) -> None:
-        """Report a note, unless it was reported before."""
+        """Report a note, unless the same note was reported before."""
         if text not in self._noted:
             self._noted.add(text)
             self.note(text)
 
 
 def use_notes(palettes: Collection[Path], trees: Collection[Path]) -> Iterator[str]:
-    """Yield notes on the palettes and the trees that were used without being named."""
+    """Yield notes about the palettes and tree files that were used without being named."""
     for what, paths in (("nodes are described by", palettes), ("trees are taken from", trees)):
         if paths:
             more = f" and {len(paths) - _MOST_NAMED} more" if len(paths) > _MOST_NAMED else ""

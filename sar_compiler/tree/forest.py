@@ -436,7 +436,7 @@ class _Loader:
         """Report an include without the attribute `path`; a single unknown attribute is probably meant as `path`."""
         strange = [name for name in element.attributes if name not in ("path", "ros_pkg")]
         if len(strange) == 1:
-            message = f"<{INCLUDE_TAG}> has no attribute '{strange[0]}'; it has path, ros_pkg"
+            message = f"<{INCLUDE_TAG}> has no attribute '{strange[0]}' (known: path, ros_pkg)"
             finding = element.finding("unknown-attribute", message, name=strange[0], suggestion="path")
             self.findings.append(finding)
             return

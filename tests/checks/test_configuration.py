@@ -129,16 +129,16 @@ def test_a_mistake_is_found_where_it_stands(tree, name):
     [
         (
             "[language]\nbtcpp = 4.8",
-            "'btcpp' is one of 4.8, 4.9, 4.10, but 4.8 without quotes is a number",
+            "'btcpp' must be one of 4.8, 4.9, 4.10, but 4.8 without quotes is a number",
             "did you mean '\"4.8\"'?",
         ),
         (
             "[language]\nbtcpp = 4.8.2  # Jazzy's",
-            "not TOML: Expected newline or end of document after a statement",
+            "not valid TOML: Expected newline or end of document after a statement",
             'write strings in quotes: "4.8.2"',
         ),
-        ("nodes = leaves", "not TOML: Invalid value", 'write strings in quotes: "leaves"'),
-        ("nodes = [true]", "an item of 'nodes' is a string, but true without quotes is true or false", None),
+        ("nodes = leaves", "not valid TOML: Invalid value", 'write strings in quotes: "leaves"'),
+        ("nodes = [true]", "an item of 'nodes' must be a string, but true without quotes is true or false", None),
     ],
 )
 def test_missing_quotes_are_told_as_what_is_missing(tree, text, message, advice):

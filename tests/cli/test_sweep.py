@@ -160,7 +160,7 @@ def test_runs_that_would_all_be_the_same_are_refused(capsys):
     ("arguments", "words"),
     [
         (["--set", "zones_lft=1"], "no leaf of this tree declares a fact 'zones_lft'"),
-        (["--set", "zones_left=many"], "the fact 'zones_left' is an integer, but this is 'many'"),
+        (["--set", "zones_left=many"], "the fact 'zones_left' must be an integer, but is 'many'"),
         (["--count", "Go arived"], "did you mean 'arrived'?"),
         (["--scenario", "no.yaml"], "cannot read no.yaml"),
         (

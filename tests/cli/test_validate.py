@@ -188,7 +188,7 @@ def test_a_mistake_in_the_configuration_is_said_once_and_no_tree_is_looked_at(fo
     (folder / "sar.toml").write_text("[finding]\n", encoding="utf-8")
     status, out, _ = run(capsys, "tree.xml", "tree.xml")
     assert status == 1
-    assert out.startswith("sar.toml:1:2: error[unknown-key]: the configuration has no 'finding'")
+    assert out.startswith("sar.toml:1:2: error[unknown-key]: the configuration has no key 'finding'")
     assert out.count("error[") == 1
 
 

@@ -69,23 +69,23 @@ def test_several_missing_keys_of_a_mapping_are_one_finding():
     ("text", "message", "advice"),
     [
         ("leaves: {A: {after: 1s}}", "the outcome of a leaf needs 'outcome'", "for example outcome: SUCCESS"),
-        ("leaves: {A: }", "'A' is a mapping, a list or a string, but this is nothing", ""),
+        ("leaves: {A: }", "'A' must be a mapping, a list or a string, but is empty", ""),
         (
             "ticks: '5'",
-            "'ticks' is an integer of at least 1, but 5 in quotes is a string",
+            "'ticks' must be an integer of at least 1, but 5 in quotes is a string",
             "write 5, without quotes",
         ),
         (
             "period: soon",
-            "'period' is a duration above 0, but this is 'soon'",
+            "'period' must be a duration above 0, but is 'soon'",
             "for example 4s, 500ms or 2min",
         ),
         (
             "expect: {root: SUCESS}",
-            "'root' is one of SUCCESS, FAILURE, RUNNING, SKIPPED, but this is 'SUCESS'",
+            "'root' must be one of SUCCESS, FAILURE, RUNNING, SKIPPED, but is 'SUCESS'",
             "did you mean 'SUCCESS'?",
         ),
-        ("expect: {count: {A starts: few}}", "but this is 'few'", "for example 2, at least 2 or at most 2"),
+        ("expect: {count: {A starts: few}}", "but is 'few'", "for example 2, at least 2 or at most 2"),
     ],
 )
 def test_a_finding_says_what_is_wanted_and_what_to_write(text, message, advice):

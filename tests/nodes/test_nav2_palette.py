@@ -47,7 +47,7 @@ class TestTheDistributions:
     def test_a_port_is_known_where_its_node_has_it(self):
         body = '<RoundRobin wrap_around="true"><IsStuck/></RoundRobin>'
         assert said(body, "main") == []
-        assert said(body) == ["<RoundRobin> has no attribute 'wrap_around'; it has name, oneshot"]
+        assert said(body) == ["<RoundRobin> has no attribute 'wrap_around' (known: name, oneshot)"]
         body = '<Wait error_code_id="{e}"/>'
         assert len(said(body)) == 1
         assert said(body, "kilted") == said(body, "main") == []

@@ -141,10 +141,10 @@ def test_a_picture_with_colours_and_transparency_is_averaged(tmp_path: Path) -> 
     ("changes", "problem"),
     [
         ({"origin": "[0, 0, 1]"}, r"m.yaml:4:16: error\[wrong-value\]: an item of 'origin' is a yaw of 0"),
-        ({"origin": "[0, 0]"}, r"m.yaml:4:9: .*'origin' is \[x, y, yaw\], but this is a list"),
-        ({"mode": "scale"}, "m.yaml:2:7: .*'mode' is one of trinary, but this is 'scale'"),
-        ({"negate": "maybe"}, "m.yaml:5:9: .*'negate' is one of 0, 1, false, true, but this is 'maybe'"),
-        ({"resolution": "0"}, "m.yaml:3:13: .*'resolution' is a number from 0.001 to 1000, but this is '0'"),
+        ({"origin": "[0, 0]"}, r"m.yaml:4:9: .*'origin' must be \[x, y, yaw\], but is a list"),
+        ({"mode": "scale"}, "m.yaml:2:7: .*'mode' must be one of trinary, but is 'scale'"),
+        ({"negate": "maybe"}, "m.yaml:5:9: .*'negate' must be one of 0, 1, false, true, but is 'maybe'"),
+        ({"resolution": "0"}, "m.yaml:3:13: .*'resolution' must be a number from 0.001 to 1000, but is '0'"),
         ({"free_thresh": ""}, "the description of a map needs 'free_thresh'"),
     ],
 )

@@ -136,30 +136,30 @@ MISTAKES: list[tuple[str, int, int, str, str, str]] = [
     ),
     (ROBOT, 1, 1, "missing-key", "a world needs 'walls'", ""),
     ("robot: {x: 0}\nwalls: []\n", 1, 1, "missing-key", "'robot' needs 'y' and 'radius'", ""),
-    (ROBOT + "walls: []\nzons: {}\n", 3, 1, "unknown-key", "a world has no 'zons'; it has robot", "zones"),
-    (ROBOT + "wals: []\n", 2, 1, "unknown-key", "a world has no 'wals'", "walls"),
-    (ROBOT + "walls: []\nwalls: []\n", 3, 1, "duplicate-key", "'walls' is written twice here", ""),
-    (ROBOT + "walls: 3\n", 2, 8, "wrong-shape", "'walls' is a list of walls, but this is '3'", ""),
+    (ROBOT + "walls: []\nzons: {}\n", 3, 1, "unknown-key", "a world has no key 'zons' (known: robot", "zones"),
+    (ROBOT + "wals: []\n", 2, 1, "unknown-key", "a world has no key 'wals'", "walls"),
+    (ROBOT + "walls: []\nwalls: []\n", 3, 1, "duplicate-key", "the key 'walls' is given twice in this mapping", ""),
+    (ROBOT + "walls: 3\n", 2, 8, "wrong-shape", "'walls' must be a list of walls, but is '3'", ""),
     (ROBOT + "walls: [3]\n", 2, 9, "wrong-shape", "'walls' is a mapping of x, y, size_x, size_y, yaw", ""),
     (
         ROBOT + "walls:\n  - {x: 1, y: 1, size_x: 0, size_y: 1}\n",
-        *(3, 26, "wrong-value", "'size_x' is a number above 0, at most 1000000, but this is '0'", ""),
+        *(3, 26, "wrong-value", "'size_x' must be a number above 0, at most 1000000, but is '0'", ""),
     ),
     (
         ROBOT + "walls:\n  - {x: .nan, y: 1, size_x: 1, size_y: 1}\n",
-        *(3, 9, "wrong-value", "'x' is a number of at most 1000000, but this is '.nan'", ""),
+        *(3, 9, "wrong-value", "'x' must be a number of at most 1000000, but is '.nan'", ""),
     ),
     (
         ROBOT + "walls: []\nzones: {a: {x: nan, y: '1'}}\n",
-        *(3, 16, "wrong-value", "'x' is a number of at most 1000000, but this is 'nan'", ""),
+        *(3, 16, "wrong-value", "'x' must be a number of at most 1000000, but is 'nan'", ""),
     ),
     (
         ROBOT + "walls: []\nzones: {a: {x: 1, y: '1'}}\n",
-        *(3, 23, "wrong-value", "'y' is a number of at most 1000000, but 1 in quotes is a string", ""),
+        *(3, 23, "wrong-value", "'y' must be a number of at most 1000000, but 1 in quotes is a string", ""),
     ),
     (
         ROBOT + "walls: []\ndebris:\n  - {shape: bx, x: 1}\n",
-        *(4, 13, "wrong-value", "'shape' is one of box, cylinder, but this is 'bx'", "box"),
+        *(4, 13, "wrong-value", "'shape' must be one of box, cylinder, but is 'bx'", "box"),
     ),
     (
         ROBOT + "walls: []\ndebris:\n  - {hape: box, x: 1}\n",
@@ -167,7 +167,7 @@ MISTAKES: list[tuple[str, int, int, str, str, str]] = [
     ),
     (
         ROBOT + "walls: []\ndebris:\n  - {shape: cylinder, x: 1, y: 1, radius: 1, yaw: 0}\n",
-        *(4, 46, "unknown-key", "a cylinder has no 'yaw'", ""),
+        *(4, 46, "unknown-key", "a cylinder has no key 'yaw'", ""),
     ),
     (
         ROBOT + "walls: []\ndebris:\n  - {shape: box, x: 1, y: 1, radius: 1, size_x: 1}\n",
@@ -177,7 +177,7 @@ MISTAKES: list[tuple[str, int, int, str, str, str]] = [
         ROBOT + "walls:\n  - {x: 0.3, y: 0, size_x: 0.2, size_y: 1}\n",
         *(1, 1, "wrong-value", "the robot would start in an obstacle", ""),
     ),
-    (ROBOT + "walls: []\nmap: ''\n", 3, 7, "missing-value", "'map' is a path, but this is the string ''", ""),
+    (ROBOT + "walls: []\nmap: ''\n", 3, 7, "missing-value", "'map' must be a path, but is the string ''", ""),
 ]
 
 

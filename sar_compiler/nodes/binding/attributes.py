@@ -299,7 +299,7 @@ class AttributeBinder:
             self._collector.add("conflicting-attributes", message, element, name=name, **advice)
             return None
         known = [parameter.name for parameter in spec.attributes] + [ONESHOT]
-        message = f"<{bound.spec.tag}> has no attribute '{name}'; it has {join_with_commas(known)}"
+        message = f"<{bound.spec.tag}> has no attribute '{name}' (known: {join_with_commas(known)})"
         if name.startswith("_"):
             near = self.typo_in_note(name)
             if near == name:

@@ -299,7 +299,7 @@ def _model(element: Element, collector: FindingCollector) -> NodeModel | None:
     kind = _KINDS.get(element.tag)
     if kind is None and element.tag != SUBTREE_TAG:
         known = [*_KINDS, SUBTREE_TAG, ENUM_TAG]
-        message = f"<{element.tag}> is not allowed in a <{MODEL_TAG}>; it has {', '.join(known)}"
+        message = f"<{element.tag}> is not allowed in a <{MODEL_TAG}> (known: {', '.join(known)})"
         near = collector.guesses.nearest(element.tag, known)
         collector.add("wrong-model", message, element, suggestion=near)
         return None
@@ -400,7 +400,7 @@ def compare_models(models: NodeModels, registry: Registry, collector: FindingCol
                 _compare_port(model, port, parameter, collector)
                 _check_default(port, _written_type(parameter), collector)
             elif specs:
-                message = f"<{model.tag}> has no port '{port.name}'; it has {', '.join(known)}"
+                message = f"<{model.tag}> has no port '{port.name}' (known: {', '.join(known)})"
                 near = collector.guesses.nearest(port.name, known)
                 collector.add("model-mismatch", message, port.element, value="name", suggestion=near)
             else:

@@ -186,7 +186,7 @@ def test_a_property_of_nothing_but_leaves_that_the_tree_does_not_have_is_left_ou
             "properties:\n  p: {never: [[A]]}",
             "2:15",
             "wrong-shape",
-            "an item of 'never' is an event, but this is a list",
+            "an item of 'never' must be an event, but is a list",
         ),
         (
             "properties:\n  p: {never: A starts, while: n == 1}",
@@ -207,10 +207,10 @@ def test_a_property_of_nothing_but_leaves_that_the_tree_does_not_have_is_left_ou
             "properties:\n  p: {never: A starts}\n  p: {never: B starts}",
             "3:3",
             "duplicate-key",
-            "written twice",
+            "given twice",
         ),
         ("facts: {zone: 1}", "1:9", "unknown-fact", "no leaf of this tree declares"),
-        ("properties: [a]", "1:13", "wrong-shape", "'properties' is a mapping, but this is a list"),
+        ("properties: [a]", "1:13", "wrong-shape", "'properties' must be a mapping, but is a list"),
         ("", "1:1", "empty-file", "write properties:"),
     ],
 )
