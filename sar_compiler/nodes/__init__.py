@@ -1,1 +1,1 @@
-"""The registry of controls, decorators and leaves."""
+"""Specs of controls, decorators and leaves: registration, binding to tree files, schemas and models."""

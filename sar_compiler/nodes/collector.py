@@ -1,4 +1,4 @@
-"""A rule's view of a node, and the collection of findings."""
+"""The view of a node that attribute rules receive, and the collection of findings."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 
 
 class NodeView(Protocol):
-    """The view of a node for the functions of this package; see `BoundNode`."""
+    """The properties of a `BoundNode` that the functions of this package use."""
 
     @property
     def element(self) -> Element:
-        """The element."""
+        """The node's element."""
 
     @property
     def tag(self) -> str:
-        """Its registered tag."""
+        """The node's registered tag."""
 
     @property
     def name(self) -> str:
@@ -30,15 +30,15 @@ class NodeView(Protocol):
 
     @property
     def values(self) -> Mapping[str, object]:
-        """The values written for constructor parameters."""
+        """The parsed values of the attributes, by constructor parameter."""
 
     @property
     def keys(self) -> Mapping[str, str]:
-        """The blackboard keys written for constructor parameters."""
+        """The blackboard keys in the attributes, by constructor parameter."""
 
     @property
     def children(self) -> "Sequence[NodeView]":
-        """Its children."""
+        """The node's children."""
 
     @property
     def is_leaf(self) -> bool:
@@ -46,23 +46,23 @@ class NodeView(Protocol):
 
     @property
     def is_reactive(self) -> bool:
-        """Whether it re-evaluates all its children in every tick."""
+        """Whether the node re-evaluates all its children in every tick."""
 
     @property
     def counts(self) -> tuple[str, ...]:
-        """Its ports whose values are numbers of its children."""
+        """The node's ports whose values are numbers of children."""
 
     def value(self, name: str) -> object:
-        """Return the value of an attribute, or its default; None if the value is known only at runtime."""
+        """Return the value or default of an attribute; None if the value is known only at runtime."""
 
 
 def file_of(element: Element, seen_from: Element) -> str:
-    """Return a phrase that names an element's file; empty if it is the file of *seen_from*."""
+    """Return ` of FILE` for an element's file; an empty string if *seen_from* is in the same file."""
     return "" if element.source is seen_from.source else f" of {element.source.path}"
 
 
 def text_of_output(code: str, element: Element, attribute: str, text: str) -> Diagnostic:
-    """Return the finding about a constant in place of an output's key."""
+    """Return the finding about an output port that is set to a constant instead of a key."""
     message = f"{attribute}: an output needs a blackboard key, but '{text}' is not a key"
     key = text.strip(" ").removeprefix("$").removeprefix("{").removesuffix("}")
     suggestion = f"{{{key}}}" if key.isidentifier() else None
@@ -71,13 +71,13 @@ def text_of_output(code: str, element: Element, attribute: str, text: str) -> Di
 
 
 class FindingCollector:
-    """A collection of findings, in the order in which they are reported.
+    """A collector of findings.
 
     Attributes:
-        findings: The findings.
-        guesses: Suggestions for misspelt names.
-        btcpp: The version of BehaviorTree.CPP that is configured for the trees; None if none is configured.
-        version: The configured version, or the newest one.
+        findings: The findings, in the order in which they were added.
+        guesses: The suggestions for misspelt names.
+        btcpp: The version of BehaviorTree.CPP that is configured for the trees; None if no version is configured.
+        version: The configured version, or the newest version.
     """
 
     def __init__(self, btcpp: Version | None = None) -> None:
@@ -94,7 +94,7 @@ class FindingCollector:
         span: Span | None = None,
         **about: "Unpack[FindingDetails]",
     ) -> None:
-        """Add a finding about an element; the arguments are those of its method `finding`."""
+        """Add a finding about an element; see `Element.finding` for the arguments."""
         self.findings.append(element.finding(code, message, span, **about))
 
     def report_rejected_since(
@@ -105,9 +105,9 @@ class FindingCollector:
         span: Span | None = None,
         **about: "Unpack[FindingDetails]",
     ) -> None:
-        """Report an error of newer versions of BehaviorTree.CPP, if the trees target one of these versions."""
+        """Report content that BehaviorTree.CPP rejects since a version, if the trees target that version or a newer one."""
         if self.version >= change.since:
-            refused = f"BehaviorTree.CPP rejects that since {change.release}"
+            refused = f"BehaviorTree.CPP rejects this since {change.release}"
             older = f'declare an older version in sar.toml: [language] btcpp = "{OLDEST}"'
             about["hint"] = f"{about['hint']}, or {older}"
             cause = about.get("common_cause")
@@ -117,7 +117,7 @@ class FindingCollector:
     def wrong_value(
         self, element: Element, attribute: str, error: ConversionError, code: str = "wrong-value"
     ) -> None:
-        """Report an attribute's text that is not a value of its type."""
+        """Report an attribute's text that is not a valid value of the attribute's type."""
         span = (
             element.value_part_span(attribute, *error.place) if error.place else element.value_span(attribute)
         )

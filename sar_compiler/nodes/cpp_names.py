@@ -22,7 +22,7 @@ _ALIASES = {
     "size_t": "uint64_t",
 }
 _NORMAL = frozenset({"", "bool", TEXT, ANY, STATUS, REAL, INT, LONG, UNSIGNED_INT})
-"""Names that are normal forms, as nearly all are."""
+"""Names in normal form, which most types have."""
 _STD = r"\bstd::(?=(?:u?int\d+_t|size_t)\b)"
 _TEXT_IN_FULL = r"std::basic_string<char(?:,std::char_traits<char>)?(?:,std::allocator<char>)?>"
 _ALLOCATOR = r",std::allocator<[^<>]*(?:<[^<>]*>[^<>]*)*>"
@@ -32,10 +32,10 @@ _INTEGER_WORDS = rf"{_WORD}(?: {_WORD})*"
 
 @functools.lru_cache(maxsize=1024)
 def normalize(name: str) -> str:
-    """Return the normal form of a type's name; empty for a port of any type.
+    """Return the normal form of a C++ type name; an empty string for a port of any type.
 
-    Aliases and compiler-specific spellings have one normal form: `unsigned` and `uint32_t`, `std::string` and
-    `std::__cxx11::basic_string<char, ...>`.
+    Aliases and compiler-specific spellings have the same normal form. For example, `uint32_t` becomes `unsigned int`, and
+    `std::__cxx11::basic_string<char, ...>` becomes `std::string`.
     """
     if name in _NORMAL:
         return name
@@ -50,7 +50,7 @@ def normalize(name: str) -> str:
 
 
 def _integer(match: "re.Match[str]") -> str:
-    """Return the fixed-width name of an integer type that is written in words."""
+    """Return the normal form of an integer type that is written in words, such as `unsigned long`."""
     words = match[0].split()
     sign = "u" if "unsigned" in words else ""
     if "char" in words:

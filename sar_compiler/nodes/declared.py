@@ -1,4 +1,4 @@
-"""Leaves as data: a JSON file with the declarations of a package's leaves.
+"""Leaf specs in a JSON file, which contains the declarations of a package's leaves.
 
 Trees with such leaves are checked without importing their classes. `sar-compile nodes --format specs` writes the file.
 """
@@ -44,11 +44,11 @@ _PLAIN_FIELDS = ("tag", "kind", "effects", "facts", "reads", "writes", "doc")
 
 
 class UndeclarableError(SarError):
-    """A leaf cannot be written as data."""
+    """An error about a leaf whose spec cannot be written as JSON."""
 
 
 def declared_leaves(path: Path) -> list[NodeSpec]:
-    """Return the leaves of a file written by `sar-compile nodes --format specs`, for a module's `SPECS`.
+    """Load the leaf specs for a module's `SPECS` from a file that `sar-compile nodes --format specs` has written.
 
     Args:
         path: The file, in the package of the leaves.
@@ -57,10 +57,10 @@ def declared_leaves(path: Path) -> list[NodeSpec]:
 
 
 def specs_as_json(specs: Iterable[NodeSpec]) -> str:
-    """Return leaves as JSON for such a file, one leaf a line.
+    """Return leaf specs as JSON for `declared_leaves`, one leaf per line.
 
     Raises:
-        UndeclarableError: If a leaf cannot be written as data; the message names it.
+        UndeclarableError: If a spec cannot be written as JSON. The message names the leaf.
     """
     return "[\n{}\n]\n".format(",\n".join(map(_line, specs)))
 
@@ -69,7 +69,7 @@ def _line(spec: NodeSpec) -> str:
     try:
         return json.dumps(_as_data(spec), default=_as_text)
     except TypeError as error:
-        raise UndeclarableError(f"<{spec.tag}> cannot be declared as data: {error}") from None
+        raise UndeclarableError(f"<{spec.tag}> cannot be written as JSON: {error}") from None
 
 
 def _as_data(spec: NodeSpec) -> dict[str, object]:
@@ -89,7 +89,7 @@ def _as_data(spec: NodeSpec) -> dict[str, object]:
 
 
 def _changed_fields(thing: Any) -> dict[str, object]:
-    """Return the fields of a data class whose values are not the defaults."""
+    """Return the fields of a data class instance whose values differ from the defaults."""
     return {
         each.name: value
         for each in fields(thing)
@@ -106,14 +106,14 @@ def _as_text(value: object) -> object:
 
 
 def _type_as_data(value_type: ValueType) -> object:
-    """Return the name of a type, or the name with the plausible numbers.
+    """Return the name of a value type; for a type with a plausible range, a list of the name and the range.
 
     Raises:
-        TypeError: If the name does not identify the type.
+        TypeError: If the name alone does not identify the type.
     """
     plain = value_type._replace(usual=None)
     try:
-        # Types are compared by their displayed attributes: functions that convert alike are not equal.
+        # Types are compared by name and label, because equivalent conversion functions are not equal.
         is_known = _type(plain.name)[:2] == plain[:2]
     except (KeyError, ValueError):
         is_known = False
@@ -149,7 +149,7 @@ def _spec(data: Mapping[str, Any]) -> NodeSpec:
         data.get("facts", {}),
         tuple(data.get("reads", ())),
         tuple(data.get("writes", ())),
-        # A file uses few of the installed leaves.
+        # The parameters are parsed late, because a file uses few of the installed leaves.
         signature=Signature(partial(_parameters, data["parameters"]), data.get("doc", "")),
     )
 

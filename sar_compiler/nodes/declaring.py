@@ -1,14 +1,14 @@
-"""Declarations of nodes whose class is named by its import path.
+"""Specs of nodes whose classes are named by import path.
 
-A spec names the class and describes all constructor parameters that a tree file or a mission provides, except for
-the name and the children. A tree is then checked without importing the class::
+A spec names the class and describes all constructor parameters for which a tree file or a mission provides values, except
+for the name and the children. Trees can then be checked without importing the class::
 
     node_spec(
         Kind.DECORATOR,
         "Delay",
         "sar_compiler.runtime.kernel.timing:DelayNode",
         "Waits before it ticks its child for the first time.",
-        input_port("delay_msec", MILLISECONDS, "How long to wait, in milliseconds."),
+        input_port("delay_msec", MILLISECONDS, "The waiting time, in milliseconds."),
         CLOCK,
     )
 
@@ -26,7 +26,7 @@ from sar_compiler.runtime.outcomes import Fact, Outcome
 NAME = Parameter(
     "name", ParameterRole.NAME, required=False, value_type=require_value_type(str), doc="The node's name."
 )
-"""The parameter for the name, which every node has."""
+"""The parameter for the name of a node, which every constructor has."""
 CHILDREN = Parameter("children", ParameterRole.CHILDREN, required=True)
 CHILD = Parameter("child", ParameterRole.CHILD, required=True)
 """The parameters for the children of controls and the child of decorators."""
@@ -40,10 +40,10 @@ def signature(
     """Return the signature of a node.
 
     Args:
-        kind: The kind of node, which determines the parameter for its children.
+        kind: The kind of the node, which determines the parameter for the children.
         doc: The node's description, in a sentence or two.
-        *parameters: The parameters except for the name and the children, in their order.
-        fixed: Parameters whose value the tag implies.
+        *parameters: The constructor parameters in order, except for the name and the children.
+        fixed: The values of parameters that the tag implies, by name.
         factory: The import path of a function that creates the node instead of the class.
     """
     described = {each.name: each for each in (NAME, *_STRUCTURE.get(kind, ()), *parameters)}
@@ -63,14 +63,14 @@ def node_spec(
     """Return the spec of a node.
 
     Args:
-        kind: The kind of node.
-        tag: Its tag.
-        path: The import path of its class (`module:name`), or of its node in the kernel.
-        doc: Its description, in a sentence or two.
-        *parameters: The parameters except for the name and the children, in their order.
-        fixed: The parameters whose value the tag implies.
+        kind: The kind of the node.
+        tag: The node's tag.
+        path: The import path of the class (`module:name`), or of the node in the kernel.
+        doc: The node's description, in a sentence or two.
+        *parameters: The constructor parameters in order, except for the name and the children.
+        fixed: The values of parameters that the tag implies, by name.
         factory: The import path of a function that creates the node instead of the class.
-        **more: Further fields of the spec; by default it has all outcomes but SKIPPED.
+        **more: Further fields of the spec; `statuses` defaults to all statuses except SKIPPED.
     """
     signed = signature(kind, doc, *parameters, fixed=fixed, factory=factory)
     return NodeSpec(tag, path, kind, signature=signed, **{"statuses": _STATUSES, **more})
@@ -90,21 +90,21 @@ def leaf_spec(  # noqa: PLR0913 - the declarations of a leaf
     semantics: Semantics = Semantics(),  # noqa: B008 - frozen
     rule: "Rule | None" = None,
 ) -> NodeSpec:
-    """Return the spec of a leaf whose tag is the name of its class.
+    """Return the spec of a leaf whose tag equals the name of its class.
 
     Args:
         path: The import path of the class (`module:name`).
         doc: The leaf's description, in a sentence or two.
-        *parameters: The parameters of the constructor except for the name, in their order.
-        outcomes: Its outcomes in a run without a robot.
-        kind: An action or a condition.
-        effects: Its effect on the world, in a few words.
-        uses: The resources that it needs outside the tree.
-        facts: The facts that its outcomes use, with their initial values.
-        reads: Further facts that its behaviour depends on.
-        writes: Further facts that it changes.
-        semantics: How it uses the keys in its attributes, if their ports do not declare it.
-        rule: Function that reports conflicting attributes.
+        *parameters: The constructor parameters in order, except for the name.
+        outcomes: The leaf's outcomes in a run without a robot.
+        kind: The kind: `ACTION` or `CONDITION`.
+        effects: The leaf's effect on the world, in a few words.
+        uses: The resources outside the tree that the leaf needs.
+        facts: The facts that the outcomes use, with their initial values.
+        reads: Further facts on which the leaf's behaviour depends.
+        writes: Further facts that the leaf changes.
+        semantics: The leaf's use of the keys in its attributes, if the ports do not declare it.
+        rule: A function that reports conflicting attributes.
     """
     return NodeSpec(
         path.rpartition(":")[2],
@@ -127,10 +127,10 @@ def attribute(keyword: str, kind: object, doc: str, default: object = ...) -> Pa
     """Return a parameter whose value is fixed when the tree is compiled.
 
     Args:
-        keyword: The name in the constructor; the attribute has no trailing `_`.
-        kind: The type of its values, as an annotation or a `ValueType`.
-        doc: Its description.
-        default: The default value; without it the attribute is required.
+        keyword: The name in the constructor. The attribute's name lacks a trailing `_`.
+        kind: The type of the values, as an annotation or a `ValueType`.
+        doc: The description.
+        default: The default value; without a default, the attribute is required.
     """
     return _parameter(
         keyword, kind if isinstance(kind, ValueType) else require_value_type(kind), None, doc, default
@@ -138,7 +138,7 @@ def attribute(keyword: str, kind: object, doc: str, default: object = ...) -> Pa
 
 
 def input_port(keyword: str, kind: object, doc: str, default: object = ...) -> Parameter:
-    """Return an input port; see `attribute`. The type `object` allows any value."""
+    """Return an input port; see `attribute` for the arguments. The type `object` allows any value."""
     return _port(Direction.INPUT, keyword, kind, doc, default)
 
 
@@ -156,21 +156,21 @@ def handed_over(keyword: str, target: type | str, doc: str, *, required: bool = 
     """Return a parameter for an object that the mission provides.
 
     Args:
-        keyword: Its name.
-        target: The object's class, marked by `mission_context`, or its import path.
-        doc: Its description.
-        required: Whether the node requires it; otherwise the default is None.
+        keyword: The parameter's name.
+        target: The object's class, which `mission_context` marks, or the import path of the class.
+        doc: The description.
+        required: Whether the node requires the object; otherwise the default is None.
     """
     return Parameter(keyword, ParameterRole.CONTEXT, required, target_or_path=target, doc=doc)
 
 
 def reference(keyword: str, path: str, doc: str) -> Parameter:
-    """Return a parameter for another leaf of the tree, which the file names.
+    """Return a parameter for another leaf of the tree, which the tree file names.
 
     Args:
-        keyword: Its name.
-        path: The import path of the leaf's class.
-        doc: Its description.
+        keyword: The parameter's name.
+        path: The import path of the other leaf's class.
+        doc: The description.
     """
     return Parameter(keyword, ParameterRole.REFERENCE, required=True, target_or_path=path, doc=doc)
 
@@ -178,7 +178,7 @@ def reference(keyword: str, path: str, doc: str) -> Parameter:
 SCOPE = handed_over(
     "scope", "sar_compiler.runtime.blackboard:Scope", "The scope in which keys are looked up."
 )
-ENUMS = handed_over("enums", "sar_compiler.runtime.variables:Enums", "The names that stand for numbers.")
+ENUMS = handed_over("enums", "sar_compiler.runtime.variables:Enums", "The named constants and their numbers.")
 CLOCK = handed_over("clock", "sar_compiler.runtime.clock:Clock", "The clock that measures the time.")
 
 

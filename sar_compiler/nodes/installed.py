@@ -1,12 +1,12 @@
 """Discovery of installed Python modules, excluding those in a tree file's folder.
 
-A checkout is data, and so is the current folder: validating foreign trees must not run foreign code. But
-`sys.path` may include these folders, through an empty part of `PYTHONPATH` or `python -m`, with packages and with
-apparent metadata of installed distributions. They are therefore excluded here, whatever `sys.path` contains.
+A checkout and the current folder are data, because validating trees of other people must not run their code. However,
+`sys.path` may contain these folders, through an empty part of `PYTHONPATH` or `python -m`. They may contain packages, and
+files that look like the metadata of installed distributions. This module therefore always excludes them.
 
-Included are the folders of the interpreter (a virtual environment may be in the checkout), the folder of this
-package, and the sourced ROS workspaces. The metadata of a distribution that was installed with `pip install -e`
-names the folder of its modules; by installing it, the user trusts that folder.
+The folders of the interpreter (a virtual environment may be in the checkout), the folder of this package, and the
+sourced ROS workspaces are included. The metadata of a distribution that was installed with `pip install -e` names the
+folder of its modules. The user trusts that folder by installing the distribution.
 """
 
 import functools
@@ -33,8 +33,8 @@ class EntryPoint(NamedTuple):
     """An entry point of an installed distribution.
 
     Attributes:
-        name: Its name.
-        value: Its target: `package.module` or `package.module:attribute`.
+        name: The name of the entry point.
+        value: The target: `package.module` or `package.module:attribute`.
     """
 
     name: str
@@ -42,12 +42,12 @@ class EntryPoint(NamedTuple):
 
     @property
     def module(self) -> str:
-        """The module of its target."""
+        """The module of the target."""
         return self.value.partition(":")[0].strip()
 
     @property
     def attr(self) -> str:
-        """The attribute of its target."""
+        """The attribute of the target; empty if the target is a module."""
         return self.value.partition(":")[2].strip()
 
 
@@ -62,7 +62,7 @@ def entry_points(group: str, checkout: Path | None = None) -> list[EntryPoint]:
 
 
 def ignored_entry_points(group: str, checkout: Path | None = None) -> list[tuple[EntryPoint, str]]:
-    """Return the entry points found only in the checkout or the current folder, with that folder."""
+    """Return the entry points that are found only in the checkout or the current folder, each with its folder."""
     installed = _installed_folders(checkout)
     found = [
         (entry_point, entry or os.curdir)
@@ -77,7 +77,7 @@ def ignored_entry_points(group: str, checkout: Path | None = None) -> list[tuple
 def pass_over(entries: Iterable[str]) -> None:
     """Record the entries that were removed from `sys.path` because they depend on the working directory.
 
-    Entries with installed packages are restored; the others are searched only for modules that the user names.
+    Entries with installed packages are restored. The remaining entries are searched only for modules that the user names.
     """
     given = [*entries]
     sys.path[:0] = given
@@ -86,7 +86,7 @@ def pass_over(entries: Iterable[str]) -> None:
 
 
 def allow_current_folder() -> None:
-    """Allow imports of user-specified modules from the current folder; installed modules take precedence."""
+    """Allow imports of modules that the user names from the current folder; installed modules take precedence."""
     with suppress(OSError):  # the folder may have been deleted
         for entry in (*_passed_over, str(Path.cwd())):
             if entry not in sys.path:
@@ -96,37 +96,39 @@ def allow_current_folder() -> None:
 def has_entry_point(module: str, group: str, checkout: Path | None = None) -> bool:
     """Return, without an import, whether a module's installed package has an entry point of a group.
 
-    Other modules were not written for import on a file's request: importing them may run a test suite, or worse.
+    Other modules are not meant to be imported at the request of a file. Importing them could run any code.
 
     Args:
-        module: Its import path.
+        module: The module's import path.
         group: The group.
         checkout: A folder whose content is not regarded as installed, in addition to the current folder.
     """
     top, *rest = module.split(".")
     offered = {each.module for each in entry_points(group, checkout)}
-    if not all(part.isidentifier() for part in (top, *rest)) or not _shares(offered, top):
+    if not all(part.isidentifier() for part in (top, *rest)) or not _is_parent_package(top, offered):
         return False
     with _restrict_imports(checkout):
         specs = ((finder, finder.find_spec(top, None)) for finder in sys.meta_path)
         finder, spec = next((found for found in specs if found[1] is not None), (None, None))
-        if spec is None or (spec.loader is None and not _shares(offered, ".".join((top, *rest[:1])))):
-            # Distributions of different authors may share a namespace.
+        subpackage = ".".join((top, *rest[:1]))
+        if spec is None or (spec.loader is None and not _is_parent_package(subpackage, offered)):
+            # Distributions of different authors may share a namespace package.
             return False
         if checkout is None or finder is not PathFinder:
             return True
         places = map(Path, spec.submodule_search_locations or [spec.origin or ""])
-        return not any(_is_entered_from_above(place, rest, checkout.resolve()) for place in places)
+        return not any(_is_checkout_a_package(place, rest, checkout.resolve()) for place in places)
 
 
-def _shares(modules: Iterable[str], package: str) -> bool:
+def _is_parent_package(package: str, modules: Iterable[str]) -> bool:
+    """Return whether at least one of some modules is a package or is in it."""
     return any(f"{module}.".startswith(f"{package}.") for module in modules)
 
 
-def _is_entered_from_above(top: Path, rest: list[str], checkout: Path) -> bool:
-    """Return whether a module is in a checkout below a folder of `sys.path`.
+def _is_checkout_a_package(top: Path, rest: list[str], checkout: Path) -> bool:
+    """Return whether a module is in a checkout that is below a folder of `sys.path`.
 
-    Such a folder, for example a user's folder of checkouts, makes each checkout a package.
+    If that folder contains several checkouts, for example, Python treats each checkout as a package.
     """
     folder = top.parent.resolve()
     return (folder / top.name).joinpath(*rest).is_relative_to(checkout) and not folder.is_relative_to(
@@ -138,20 +140,20 @@ def import_installed(module: str, checkout: Path | None = None) -> ModuleType:
     """Import a module and its imports from installed packages only.
 
     Raises:
-        ImportError: If it is not installed.
+        ImportError: If the module or one of its imports is not installed.
     """
     with _restrict_imports(checkout):
         return importlib.import_module(module)
 
 
 def _entry_points(group: str, path: Iterable[str]) -> dict[tuple[str, str], EntryPoint]:
-    """Return the entry points of a group by distribution and name; of equally named distributions, the first is used."""
+    """Return the entry points of a group by distribution and name; the first of several equal distributions is used."""
     found: dict[tuple[str, str], EntryPoint] = {}
     seen: set[str] = set()
     for name, text in _metadata(path, "entry_points.txt"):
         if group in text and name not in seen:
             seen.add(name)
-            found.update({(name, each.name): each for each in _in_group(text, group)})
+            found.update({(name, each.name): each for each in _parse_group(text, group)})
     return found
 
 
@@ -165,9 +167,9 @@ def _metadata(path: Iterable[str], file: str) -> Iterator[tuple[str, str]]:
 
 @functools.cache
 def _metadata_in(folder: str, _as_it_is: tuple[int, int], file: str) -> list[tuple[str, str]]:
-    """Return the metadata of the distributions in a folder, by name.
+    """Return the name and the content of a metadata file for each distribution in a folder.
 
-    They are read here because importing `importlib.metadata` takes longer than checking most trees.
+    `importlib.metadata` is not used, because importing it takes longer than checking most trees.
     """
     with os.scandir(folder) as entries:
         names = sorted(entry.name for entry in entries if entry.name.endswith(_METADATA))
@@ -181,7 +183,7 @@ def _metadata_in(folder: str, _as_it_is: tuple[int, int], file: str) -> list[tup
     return found
 
 
-def _in_group(text: str, group: str) -> Iterator[EntryPoint]:
+def _parse_group(text: str, group: str) -> Iterator[EntryPoint]:
     section = ""
     for line in map(str.strip, text.splitlines()):
         if line.startswith("["):
@@ -207,7 +209,7 @@ def _installed_folders(checkout: Path | None) -> list[str]:
 
 @functools.cache
 def _resolve(folder: str) -> Path:
-    """Return a folder without links, which takes a moment for each part of its path."""
+    """Return the path of a folder with links resolved; cached, because each part of the path takes a system call."""
     return Path(folder).resolve()
 
 
@@ -255,13 +257,13 @@ def _importable(checkout: Path | None) -> list[str]:
 
 
 def _editable_folder(origin: str) -> Path | None:
-    """Return the folder of a distribution that was installed with `pip install -e`; None for any other."""
+    """Return the folder of a distribution that was installed with `pip install -e`; None for other distributions."""
     from urllib.parse import unquote, urlsplit
 
     with suppress(ValueError, KeyError, TypeError, AttributeError):
-        said = json.loads(origin)
-        if said["dir_info"].get("editable"):
-            path = unquote(urlsplit(said["url"]).path)
+        data = json.loads(origin)
+        if data["dir_info"].get("editable"):
+            path = unquote(urlsplit(data["url"]).path)
             # On Windows the drive follows a slash.
             return Path(path.lstrip("/") if os.name == "nt" else path).resolve()
     return None

@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from fractions import Fraction
 
 INTEGER = r"[+\-]?[0-9]+"
-"""A regular expression (for XSD and JSON Schema) of integers."""
+"""A regular expression for integers, also valid in XSD and JSON Schema."""
 REAL = r"[+\-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+\-]?[0-9]+)?"
-"""A regular expression of numbers."""
+"""A regular expression for numbers."""
 _COUNT = r"([0-9]+(\.[0-9]*)?|\.[0-9]+)"
 WITH_UNIT = rf"{_COUNT}(ms|s|min)"
-"""A regular expression of durations with a unit."""
+"""A regular expression for durations with a unit."""
 DURATION = rf"{WITH_UNIT}?"
-"""A regular expression of durations of which a plain number has a default unit."""
+"""A regular expression for durations, including plain numbers in a default unit."""
 HOW_LONG = "write a number with ms, s or min, for example 500ms, 1.5s or 2min"
 
 _MILLISECONDS = {"ms": 1, "s": 1000, "min": 60_000}
@@ -33,11 +33,11 @@ _DURATIONS = {
     "h": ("60", "min"),
 }
 _DIGITS = 5
-# More than a number in one unit has in another one; a fraction of a circle may have infinitely many digits.
+"""The number of significant digits to which an infinite decimal is rounded: 90 degrees are 1.5708 radians."""
+# More digits than a finite decimal has after a conversion between units; radians are infinite decimals.
 _MOST_DIGITS = 20
-"""The number of digits of an infinite decimal: 90 degrees are 1.5708 radians."""
 LONGEST = 100
-"""The most digits of a number; a robot needs no more."""
+"""The maximum number of characters of a number."""
 _AMBIGUOUS = r"\s*([+\-]?[1-9][0-9]{0,2}),([0-9]{3})\s*([^\W\d_]*)\s*"
 _THOUSANDS = r"[+\-]?[1-9][0-9]{0,2}(?:,[0-9]{3}){2,}(?:\.[0-9]+)?"
 _UNDERSCORES = r"[+\-]?[0-9]+(?:_[0-9]+)+(?:\.[0-9]+)?"
@@ -47,12 +47,12 @@ _SPACED = r"([+\-]?[0-9.,][0-9.,_eE+\-]*?)\s*([^\W\d_]+(?:/[^\W\d_]+)?|[°%])"
 
 
 class PlausibleRange(NamedTuple):
-    """The plausible numbers for a node that accepts others as well.
+    """The plausible numbers for an attribute or a unit, which may accept other numbers as well.
 
     Attributes:
-        least: The smallest one.
-        most: The largest one.
-        is_open: Whether the smallest one itself is excluded.
+        least: The smallest plausible number.
+        most: The largest plausible number.
+        is_open: Whether *least* itself is excluded.
     """
 
     least: float
@@ -73,14 +73,14 @@ class PlausibleRange(NamedTuple):
 
 
 class Unit(NamedTuple):
-    """A unit of numbers that files write without it.
+    """A unit in which files contain plain numbers.
 
     Attributes:
-        words: Its name in a sentence.
-        others: The factor of each other unit of the same quantity; units of time are in `_DURATIONS`.
+        words: The name of the unit in a sentence.
+        others: The conversion factors of other units of the same quantity; units of time are in `_DURATIONS`.
         possible: The valid numbers.
-        usual: The plausible numbers; others get a warning.
-        mistaken: The symbol and name of the unit that an implausible number probably has; empty if none is likely.
+        usual: The plausible numbers; other numbers get a warning.
+        mistaken: The symbol and name of the unit that an implausible number probably has; empty if no unit is likely.
     """
 
     words: str
@@ -126,7 +126,7 @@ UNITS = {
         ("%", "percent"),
     ),
 }
-"""All units of numbers in trees, parameters and other files, with their plausible numbers."""
+"""All units of numbers in trees, parameters and other files, by symbol."""
 _KEYS = {
     "m": "x y geofence polygon sweep_width detection_range",
     "rad": "yaw",
@@ -138,18 +138,18 @@ _UNIT_OF_KEY = {key: unit for unit, keys in _KEYS.items() for key in keys.split(
 
 
 def unit_of_key(key: str) -> str:
-    """Return the unit of a numeric parameter (`initial_pose.yaw`: `rad`); empty if it has none."""
+    """Return the unit of a numeric parameter (`rad` for `initial_pose.yaw`); an empty string if it has no unit."""
     name = key.rpartition(".")[2]
     return _UNIT_OF_KEY.get(name) or (unit_suffix(name) if "_" in name else "")
 
 
 class ImplausibleNumber(NamedTuple):
-    """A number outside of the range of its unit.
+    """The finding about a number outside of the plausible range of its unit.
 
     Attributes:
         message: The error, as the end of a sentence.
-        hint: The probable intention with the replacement; empty if the number suggests none.
-        is_impossible: Whether it is invalid; otherwise it is implausible.
+        hint: The probable intention with the replacement; empty if the number suggests no replacement.
+        is_impossible: Whether the number is invalid; otherwise it is only implausible.
     """
 
     message: str
@@ -162,7 +162,7 @@ class ImplausibleNumber(NamedTuple):
 
 
 def find_implausible_number(number: float, unit: str) -> ImplausibleNumber | None:
-    """Return why a number is implausible in a unit; None if it is plausible, or the unit is unknown."""
+    """Explain why a number is implausible in a unit; return None if it is plausible, or the unit is unknown."""
     known = UNITS.get(unit)
     if known is None or number in known.usual:
         return None
@@ -177,7 +177,7 @@ def find_implausible_number(number: float, unit: str) -> ImplausibleNumber | Non
 
 
 def convert_mistaken(text: str, unit: str) -> str:
-    """Return the replacement for a number in a wrong unit: `write 1.5708 for 90 degrees`; empty if none is likely."""
+    """Return a hint for a number in a wrong unit: `90 degrees are 1.5708 rad: write 1.5708`; empty if none is likely."""
     known = UNITS.get(unit)
     if known is None or not known.mistaken[0] or (plain := intended_plain_number(text)) is None:
         return ""
@@ -190,7 +190,7 @@ def convert_mistaken(text: str, unit: str) -> str:
 
 
 def parse_milliseconds(text: str) -> "Decimal | None":
-    """Return the milliseconds of a duration with a unit; None for any other text."""
+    """Convert a duration with a unit to milliseconds; return None for any other text."""
     match = re.fullmatch(WITH_UNIT, text) if len(text) <= LONGEST else None
     if match is None:
         return None
@@ -200,13 +200,13 @@ def parse_milliseconds(text: str) -> "Decimal | None":
 
 
 def convert_duration(text: str, unit: str) -> str:
-    """Return a duration as a plain number in another unit; any other text unchanged."""
+    """Convert a duration with a unit to a plain number in another unit; return any other text unchanged."""
     milliseconds = parse_milliseconds(text) if unit in _MILLISECONDS else None
     return text if milliseconds is None else _plain_text(milliseconds / _MILLISECONDS[unit])
 
 
 def intended_number(text: str) -> str | None:
-    """Return the only possible meaning of a number in another notation (`1,5`, `1_000`, `0x10`); None if it is ambiguous."""
+    """Convert a number in another notation (`1,5`, `1_000`, `0x10`) to a plain number; return None if it is ambiguous."""
     text = text.strip()
     if len(text) > LONGEST or re.fullmatch(_AMBIGUOUS, text):
         return None
@@ -220,13 +220,13 @@ def intended_number(text: str) -> str | None:
 
 
 def intended_integer(text: str) -> str | None:
-    """Return the only possible integer in another notation (`1e3`, `2.0`); None if there is none."""
+    """Convert an integer in another notation (`1e3`, `2.0`) to a plain integer; return None for any other text."""
     plain = intended_plain_number(text)
     return plain if plain is not None and "." not in plain else None
 
 
 def intended_plain_number(text: str) -> str | None:
-    """Return the only possible meaning of a number, without an exponent; None if there is none."""
+    """Convert a number to a plain number without an exponent; return None if it is ambiguous, or not a number."""
     number = intended_number(text)
     if number is None:
         return None
@@ -237,7 +237,7 @@ def intended_plain_number(text: str) -> str | None:
 
 
 def intended_duration(text: str) -> str | None:
-    """Return the only possible duration in another notation (`5 sec`, `1,5s`, `2h`); None if there is none."""
+    """Convert a duration in another notation (`5 sec`, `1,5s`, `2h`) to a valid duration; return None for any other text."""
     match = re.fullmatch(_SPACED, text.strip()) if len(text) <= LONGEST else None
     spelt = _DURATIONS.get(UNIT_OF.get(match[2].lower(), "")) if match is not None else None
     number = intended_number(match[1]) if match is not None else None
@@ -250,11 +250,11 @@ def intended_duration(text: str) -> str | None:
 
 
 def number_hint(text: str, unit: str = "") -> str | None:
-    """Return a hint for a text that is not a number and has no certain replacement.
+    """Return a hint for a text that is not a number and has no unambiguous replacement.
 
     Args:
         text: The text.
-        unit: The expected unit; empty if it is unknown.
+        unit: The expected unit; empty if the unit is unknown.
     """
     match = re.fullmatch(_AMBIGUOUS, text)
     if match is not None:
@@ -274,9 +274,9 @@ def unit_name(unit: str) -> str:
 
 
 def convert_with_unit(text: str, unit: str) -> str | None:
-    """Return the only possible number for a text with a unit (`90deg` in rad); None if there is none.
+    """Convert a number, possibly with a unit (`90deg`), to a plain number in *unit*; return None if this is impossible.
 
-    An infinite decimal is rounded to five digits.
+    An infinite decimal is rounded to five significant digits.
     """
     match = re.fullmatch(_SPACED, text.strip()) if len(text) <= LONGEST else None
     if match is None:
@@ -302,7 +302,7 @@ def _conversion_factor(spelt: str, unit: str) -> "Fraction | None":
 
 
 def _round(value: "Fraction") -> str:
-    """Write a number with all its digits, or the first ones of an infinite decimal."""
+    """Return a number with all its digits, or rounded if it is an infinite decimal."""
     from decimal import Decimal
 
     short = Decimal(value.numerator) / Decimal(value.denominator)

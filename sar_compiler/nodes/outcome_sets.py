@@ -1,12 +1,12 @@
-"""Computation of a node's possible results from those of its children, for `Semantics.possible`.
+"""Computation of a node's possible results from the results of its children, for `Semantics.possible`.
 
-An outcome set is a number with a bit for each result. A function of this module takes a node, the sets of its
-children, and the flag *sure*. Without it, the function returns every result that a tick may have. With it, only
-those that occur in some run, provided that each child has each result of its own set in some run, independently of
-its siblings. The set of a child without a sure result is then empty.
+An outcome set is an integer with a bit for each result. A function of this module takes a node, the outcome sets of
+its children, and the flag *sure*. If *sure* is False, the function returns every result that a tick may have. If it is
+True, it returns only the results that certainly occur in some run, provided that each child has each result of its set
+in some run, independently of its siblings. The set of a child without a certain result is then empty.
 
-A result that depends on a key or on a script with variables may be any, and each is regarded as sure, because the author
-expects all of them. A constant has a single result.
+A result that depends on a key, or on a script with variables, may be any result. All are regarded as certain, because the
+author expects all of them. A constant has a single result.
 """
 
 import math
@@ -26,59 +26,59 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.collector import NodeView
 
 S, F, R, K = 1, 2, 4, 8
-"""SUCCESS, FAILURE, RUNNING and skipped."""
+"""The bits of SUCCESS, FAILURE, RUNNING and SKIPPED."""
 ALL = S | F | R | K
 BITS = {"SUCCESS": S, "FAILURE": F, "RUNNING": R, "SKIPPED": K}
 WORD_OF = {bit: word for word, bit in BITS.items()}
 RESULTS = (S, F, R, K)
 ALLOWED, SURE = False, True
-"""The results to collect: all that a tick may have, or only those that certainly occur in some run."""
+"""The values of *sure*: collect all results that a tick may have, or only those that certainly occur in some run."""
 
 Number: TypeAlias = Callable[["NodeView"], float | None]
-"""A function that reads a number from a node's attributes; None if it is not known before the run."""
+"""A function that reads a number from a node's attributes; it returns None if the number is known only at runtime."""
 Possible: TypeAlias = Callable[["NodeView", Sequence[int], bool], int]
 
-# Counting enumerates all combinations; with more children they are only estimated.
+# The maximum number of children of which all combinations of results are enumerated; with more, they are estimated.
 _MOST_COUNTED = 12
 
 
 def bit_of(status: "Status | int") -> int:
-    """Return the set of one status, where INVALID means skipped; a set is returned unchanged."""
+    """Convert a status to an outcome set; INVALID stands for SKIPPED. A set is returned unchanged."""
     return status if isinstance(status, int) else BITS.get(status.name, K)
 
 
 def bits(outcomes: Iterable[str]) -> int:
-    """Return the set of the results with some letters."""
+    """Convert the names of results to an outcome set."""
     return union(BITS[outcome] for outcome in outcomes)
 
 
 def union(sets: Iterable[int]) -> int:
-    """Return the union of sets."""
+    """Return the union of outcome sets."""
     return reduce(or_, sets, 0)
 
 
 def intersection(sets: Iterable[int]) -> int:
-    """Return the intersection of sets: the results that all children may have."""
+    """Return the intersection of outcome sets: the results that all children may have."""
     return reduce(and_, sets, ALL)
 
 
 def swap(outcomes: int) -> int:
-    """Return a set with success and failure swapped."""
+    """Return an outcome set with SUCCESS and FAILURE swapped."""
     return outcomes & (R | K) | (F if outcomes & S else 0) | (S if outcomes & F else 0)
 
 
 def unknown(_bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
-    """Return the set of an unknown node."""
+    """Return the outcome set of a node about which nothing is known."""
     return 0 if sure else ALL
 
 
 def in_order(goes_on: int, *, pauses: bool = False, keeps_place: bool = False) -> Possible:
-    """Return the function of a node that ticks its children in order.
+    """Return the function for a node that ticks its children in order.
 
     Args:
         goes_on: The result after which the next child is ticked: `S` for a sequence, `F` for a selector.
-        pauses: Whether it returns RUNNING between two children.
-        keeps_place: Whether, after a restart, it begins with the child that ended it or was running.
+        pauses: Whether the node returns RUNNING between two children.
+        keeps_place: Whether the node, after a restart, begins with the child that ended it or was running.
     """
     return partial(_sequential_outcomes, goes_on, pauses, keeps_place)
 
@@ -93,10 +93,10 @@ def _sequential_outcomes(
 
 
 def _before_restarts(bound: "NodeView", children: Sequence[int]) -> Sequence[int]:
-    """Return the sets of children, except for those that an earlier sibling may interrupt in each tick.
+    """Return the sets of children; empty sets for the children that an earlier sibling may interrupt in each tick.
 
-    A leaf can end in any tick. A branch of several nodes may have to run for some ticks first, in which a reactive
-    node resets the children after it: these may never end.
+    A leaf can end in any tick. A branch of several nodes may have to run for some ticks first. In these ticks, a reactive
+    node resets the children after the branch, so those may never end.
     """
     running = [
         not child.is_leaf and bool(known & R) for child, known in zip(bound.children, children, strict=True)
@@ -113,21 +113,21 @@ def _sequence(children: Sequence[int], sure: bool, pauses: bool, keeps_place: bo
             found |= R
         if not child & (S | K):
             return found
-    # A node that begins in the middle is not skipped as a whole, even if all remaining children are.
+    # A node that begins in the middle is not skipped, even if all remaining children are skipped.
     goes_back = keeps_place and union(children[1:]) & (F if sure else F | R)
     succeeds = goes_back or union(children) & S
     return found | (S if succeeds else 0) | intersection(children) & K
 
 
 def branches(_bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a node whose first child decides which of the next two is ticked."""
+    """Return the outcome set of an `IfThenElse`, whose first child decides which of the next two children is ticked."""
     asked, then, *otherwise = children
     found = asked & (R | K)
     return found | (then if asked & S else 0) | ((otherwise[0] if otherwise else F) if asked & F else 0)
 
 
 def selection(bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a switch, which ticks the child whose case equals a variable, or the last child."""
+    """Return the outcome set of a `Switch`, which ticks the child whose case equals the variable, or the last child."""
     names = ("variable", *(f"case_{number}" for number in range(1, len(children))))
     variable, *cases = (bound.values.get(name) for name in names)
     if variable is None or None in cases:
@@ -137,7 +137,7 @@ def selection(bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
 
 
 def attempt(_bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a node that ticks its last child when one of the others has failed, and then fails."""
+    """Return the outcome set of a `TryCatch`, which ticks its last child after another child has failed, and then fails."""
     *tried, caught = children
     found = _sequence(tried, sure, pauses=False, keeps_place=False)
     ends = (caught & R) | (F if caught & ~R else 0)
@@ -145,7 +145,7 @@ def attempt(_bound: "NodeView", children: Sequence[int], sure: bool) -> int:
 
 
 def counting_results(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a parallel that ends as soon as enough children have succeeded or failed."""
+    """Return the outcome set of a parallel that ends as soon as enough children have succeeded or failed."""
     wanted, failures = bound.value("success_count"), bound.value("failure_count")
     if len(children) > _MOST_COUNTED or not (isinstance(wanted, int) and isinstance(failures, int)):
         return _estimate(children, sure)
@@ -161,7 +161,7 @@ def counting_results(bound: "NodeView", children: Sequence[int], sure: bool) -> 
 
 
 def parallel_all(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a parallel that waits for all its children before it counts."""
+    """Return the outcome set of a parallel that waits for all its children before it counts their results."""
     failures, count = bound.value("max_failures"), len(children)
     if count > _MOST_COUNTED or not isinstance(failures, int):
         return _estimate(children, sure)
@@ -184,8 +184,9 @@ def _count_all(children: Sequence[int], at_once: Decision, at_the_end: Decision)
 
     Args:
         children: The sets of the children.
-        at_once: The result for the numbers of children that have succeeded, failed and been skipped so far; 0 to continue.
-        at_the_end: The result for these numbers after all children were ticked.
+        at_once: Function that returns the result for the numbers of children that have succeeded, failed and been
+            skipped so far; 0 if the node continues.
+        at_the_end: Function that returns the result for these numbers after all children were ticked.
     """
     found, counts = 0, {(0, 0, 0)}
     for child in children:
@@ -207,12 +208,12 @@ def _threshold(wanted: int, count: int) -> int:
 
 
 def _estimate(children: Sequence[int], sure: bool) -> int:
-    """Estimate the results of counting if there are too many combinations to enumerate."""
+    """Estimate the outcome set of a parallel with too many children to enumerate the combinations of their results."""
     return intersection(children) & R if sure else ALL
 
 
 def parallel_by_policy(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of py_trees' Parallel, which decides after all its children were ticked."""
+    """Return the outcome set of py_trees' `Parallel`, which decides after all its children were ticked."""
     policy = bound.value("policy")
     if policy is None:
         return unknown(bound, children, sure)
@@ -229,12 +230,12 @@ def parallel_by_policy(bound: "NodeView", children: Sequence[int], sure: bool) -
 
 
 def passing_results(_bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a decorator that returns its child's result."""
+    """Return the outcome set of a decorator that returns its child's result."""
     return children[0]
 
 
 def mapping_results(turns: dict[int, int]) -> Possible:
-    """Return the function of a decorator that replaces some results of its child."""
+    """Return the function for a decorator that replaces some results of its child."""
     return partial(_mapped_results, tuple(turns.get(each, each) for each in RESULTS))
 
 
@@ -245,26 +246,26 @@ def _mapped_results(turned: tuple[int, ...], bound: "NodeView", children: Sequen
 
 
 def _sure_if_interrupted(bound: "NodeView", child: int) -> int:
-    """Return the certain results of a child that its decorator resets in each running tick.
+    """Return the certain results of a child that its decorator resets whenever it returns RUNNING.
 
-    A leaf can end in any tick; a branch of several nodes may have to run for some ticks first.
+    A leaf can end in any tick. A branch of several nodes may have to run for some ticks first.
     """
     return child & R if child & R and not bound.children[0].is_leaf else child
 
 
 def with_own_results(own: int, _bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a decorator with results in addition to its child's."""
+    """Return the outcome set of a decorator that adds results to those of its child."""
     return children[0] | own
 
 
 def run_once(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that is skipped once its child has ended."""
+    """Return the outcome set of a `RunOnce`, which may be skipped once its child has ended."""
     skips = bound.value("then_skip") is True if sure else bound.value("then_skip") is not False
     return children[0] | (K if skips and children[0] & (S | F) else 0)
 
 
 def guard(condition: str, bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that returns another result while its condition is false."""
+    """Return the outcome set of a decorator that returns another result while its condition is false."""
     otherwise = _attribute_results(bound, "else", F, sure)
     holds = constant_condition(bound.values.get(condition))
     if holds is None:
@@ -273,7 +274,7 @@ def guard(condition: str, bound: "NodeView", children: Sequence[int], sure: bool
 
 
 def rounds(count: Number, again: int, bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that repeats its child a number of times after a result, `S` or `F`."""
+    """Return the outcome set of a decorator that ticks its child again after the result *again*, `count` times in all."""
     child, most = children[0], count(bound)
     if most is None:
         return child & ~again if sure else child | again | R
@@ -285,7 +286,7 @@ def rounds(count: Number, again: int, bound: "NodeView", children: Sequence[int]
 
 
 def time_limit(limit_sec: Number, bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that fails when its child has run for too long, in seconds."""
+    """Return the outcome set of a decorator that fails when its child has run for longer than `limit_sec`."""
     child, limit = children[0], limit_sec(bound)
     if limit is not None and limit <= 0:
         child = _sure_if_interrupted(bound, child) if sure else child
@@ -296,7 +297,7 @@ def time_limit(limit_sec: Number, bound: "NodeView", children: Sequence[int], su
 
 
 def loop(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that ticks its child once for each item of a queue."""
+    """Return the outcome set of a decorator that ticks its child once for each item of a queue."""
     child, queue = children[0], bound.value("queue")
     empty = _attribute_results(bound, "if_empty", S, sure)
     if queue == "":
@@ -307,12 +308,12 @@ def loop(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
 
 
 def each_item(_bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of py_trees' ForEach, whose list is never in the file."""
+    """Return the outcome set of py_trees' `ForEach`, whose list is never in the tree file."""
     return children[0] & (F | R) if sure else ALL
 
 
 def awaiting_results(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that runs until its child returns a given status, then succeeds."""
+    """Return the outcome set of a decorator that runs until its child returns a given status, then succeeds."""
     wanted = BITS.get(str(bound.value("status")))
     if wanted is None:
         return unknown(bound, children, sure)
@@ -321,7 +322,7 @@ def awaiting_results(bound: "NodeView", children: Sequence[int], sure: bool) -> 
 
 
 def queue_results(bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
-    """Return the set of a leaf whose results are in the file."""
+    """Return the outcome set of a leaf that lists its statuses in the attribute `queue`."""
     queue, eventually = bound.value("queue"), bound.value("eventually")
     if not isinstance(queue, list) or "eventually" in bound.keys:
         return unknown(bound, (), sure)
@@ -329,25 +330,25 @@ def queue_results(bound: "NodeView", _children: Sequence[int], sure: bool) -> in
 
 
 def ticks_counted(bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
-    """Return the set of a leaf that runs for some ticks, then returns the file's status."""
+    """Return the outcome set of a leaf that runs for some ticks, then returns its attribute `completion_status`."""
     end = BITS.get(str(bound.value("completion_status")))
     return unknown(bound, (), sure) if end is None else R | end
 
 
 def number(bound: "NodeView", name: str) -> float | None:
-    """Return the value of a constant numeric attribute; None for any other."""
+    """Return the value of a constant numeric attribute; None for other attributes."""
     value = bound.value(name)
     return value if isinstance(value, (int, float)) else None
 
 
 def milliseconds(bound: "NodeView", name: str) -> float | None:
-    """Return the value of a constant attribute in milliseconds, converted to seconds; None for any other."""
+    """Return the value of a constant attribute in milliseconds, converted to seconds; None for other attributes."""
     value = number(bound, name)
     return None if value is None else value / 1000
 
 
 def _attribute_results(bound: "NodeView", attribute: str, default: int, sure: bool) -> int:
-    """Return the results that an attribute names; *default* if it is not written."""
+    """Return the outcome set for the status in an attribute; *default* if the attribute is not written."""
     if attribute not in bound.element.attributes:
         return default
     outcome = bound.values.get(attribute)
@@ -355,10 +356,10 @@ def _attribute_results(bound: "NodeView", attribute: str, default: int, sure: bo
 
 
 def constant_condition(condition: object) -> bool | None:
-    """Return the value of a condition that does not depend on its variables; None for any other."""
+    """Return the value of a condition that does not depend on its variables; None for other conditions."""
     return constant_truth(condition) if isinstance(condition, Script) else None
 
 
 def condition_of_leaf(name: str, bound: "NodeView", _children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a leaf that succeeds if its condition is true, and otherwise fails."""
+    """Return the outcome set of a leaf that succeeds if its condition is true, and fails otherwise."""
     return {None: S | F, True: S, False: F}[constant_condition(bound.values.get(name))]

@@ -9,27 +9,27 @@ from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
 
 SELF = "self"
-"""The placeholder for the node's own name."""
+"""The placeholder for the leaf's own name."""
 NOBODY = "nobody"
-"""The replacement for a node's name if an optional reference is not written."""
+"""The replacement for the name of a referenced node if the optional reference is not written."""
 _PLACEHOLDER = r"\{(\w+)\}"
 _FACT = r"([A-Za-z_]|\{\w+\})([A-Za-z0-9_]|\{\w+\})*"
 _NO_WORD = r"[^A-Za-z0-9_]"
 
 
 def outcomes_of(outcomes: Collection[str]) -> tuple[Outcome, ...]:
-    """Return the outcomes of a leaf whose declaration has only statuses."""
+    """Return the outcomes of a leaf that declares only statuses, or declares nothing."""
     known = outcomes or ("SUCCESS", "FAILURE", "RUNNING")
     return tuple(Outcome(status) for status in STATUSES if status in known)
 
 
 def is_fact_name(text: str) -> bool:
-    """Return whether a text is the name of a fact: a variable of scripts, perhaps with placeholders."""
+    """Return whether a text is a valid fact name: a variable name of scripts, possibly with placeholders."""
     return re.fullmatch(_FACT, text) is not None
 
 
 def placeholders(text: str) -> list[str]:
-    """Return the names of the placeholders in a script or in the name of a fact."""
+    """Return the names of the placeholders in a script or fact name."""
     return re.findall(_PLACEHOLDER, text)
 
 
@@ -41,20 +41,20 @@ def fill_outcome(outcome: Outcome, names: Mapping[str, str]) -> Outcome:
 
 
 def fill_placeholders(text: str, names: Mapping[str, str]) -> str:
-    """Return a text with its placeholders replaced by identifiers; unknown ones are kept."""
+    """Return a text with its placeholders replaced by identifiers; unknown placeholders stay unchanged."""
     return re.sub(_PLACEHOLDER, lambda match: names.get(match[1], match[0]), text)
 
 
 def number_text(value: object) -> str:
-    """Return the replacement of a placeholder for an integer, which is also valid after a minus sign."""
+    """Return an integer as the replacement of a placeholder; negative numbers are in parentheses, in case a `-` precedes."""
     return f"({value})" if str(value).startswith("-") else str(value)
 
 
 def find_script_error(
     outcome: Outcome, known: Iterable[str] = (SELF,), numbers: Iterable[str] = ()
 ) -> tuple[str, str, ScriptError] | None:
-    """Find an outcome's first script that cannot be parsed; return its part, its text and the reason."""
-    # As long as its placeholder, so that locations in the error match those in the text.
+    """Find an outcome's first script that cannot be parsed; return the field (`when` or `then`), the text and the error."""
+    # Each replacement is as long as its placeholder, so that locations in the error match those in the text.
     names = {name: f"x{name}x" for name in known}
     names |= {name: f"({'1' * len(name)})" for name in numbers}
     for part, text in (("when", outcome.when), ("then", outcome.then)):
@@ -67,19 +67,19 @@ def find_script_error(
 
 
 class Identifiers:
-    """Names of nodes as unique identifiers."""
+    """Generator of unique identifiers from node names."""
 
     def __init__(self) -> None:
         self._taken: set[str] = set()
         self._last: dict[str, int] = {}
 
     def make_unique(self, name: str) -> str:
-        """Return an identifier for a node: its name, with `_` for characters not allowed in identifiers.
+        """Return an identifier for a node: its name, with `_` for characters that identifiers may not contain.
 
-        If an earlier node has it, a number is appended: `Drive`, `Drive_2`.
+        If an earlier node has this identifier, a number is appended: `Drive`, `Drive_2`.
         """
         word = re.sub(_NO_WORD, "_", name)
-        # A hundred thousand leaves of one name must not each try all numbers.
+        # The search begins at the last number, because a hundred thousand leaves may have the same name.
         number = self._last.get(word, 1)
         candidate = f"{word}_{number}" if number > 1 else word
         while candidate in self._taken:

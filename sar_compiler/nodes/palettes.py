@@ -1,8 +1,8 @@
 """Installed palettes of other programs' nodes, by name and version (`nav2:jazzy`).
 
 An entry point of the group `sar_compiler.palettes` names a module with `VERSIONS`, the known versions, and
-`specs(version)`, which returns the specs of the nodes of a version. The module is loaded like modules of leaves: only
-installed ones are used, and no file can choose them.
+`specs(version)`, which returns the node specs of a version. As with modules of leaves, only installed modules are
+imported, and no file can choose them.
 """
 
 import functools
@@ -17,28 +17,28 @@ from sar_compiler.tree.guessing import nearest
 
 ENTRY_POINTS = "sar_compiler.palettes"
 _OWN_PACKAGE = "sar_compiler.nodes."
-# A single letter before the colon is a drive of Windows.
+# A single letter before the colon is a Windows drive.
 _NAME = r"[A-Za-z][\w-]+:[\w.-]*"
 
 
 class PaletteError(SarError):
-    """A palette does not exist, or it cannot be loaded."""
+    """An error about a palette that does not exist or cannot be loaded."""
 
 
 class KnownSpec(NodeSpec):
-    """The spec of a node of another program whose behaviour is known in addition to its model."""
+    """The spec of another program's node whose behaviour is known in addition to its model."""
 
     provenance = Provenance.NAMED
-    """The declared outcomes and semantics are those of the node, and not guessed."""
+    """The declared outcomes and semantics are known, not assumed."""
 
 
 def is_palette_name(text: str) -> bool:
-    """Return whether a text names an installed palette and not a file: `nav2:jazzy`."""
+    """Return whether a text is the name of an installed palette, such as `nav2:jazzy`, and not a path."""
     return re.fullmatch(_NAME, text) is not None
 
 
 def load_palettes(names: Iterable[str], checkout: Path | None = None) -> list[NodeSpec]:
-    """Return the node specs of palettes; of two versions of one palette, the first is used.
+    """Return the node specs of palettes; if two versions of a palette are named, the first is used.
 
     Args:
         names: Names with versions, such as `nav2:jazzy`.
@@ -60,7 +60,7 @@ def palettes_containing(tag: str) -> list[str]:
 
 
 def palette_attributes(palette: str, tag: str) -> frozenset[str] | None:
-    """Return the attributes that one of this package's palettes declares for a tag; None if it does not contain the tag."""
+    """Return the attributes of a tag in one of this package's palettes; None if the palette does not contain the tag."""
     return _attributes().get(palette, {}).get(tag)
 
 
@@ -71,7 +71,7 @@ def palette_names() -> list[str]:
 
 @functools.cache
 def _attributes() -> Mapping[str, Mapping[str, frozenset[str]]]:
-    """Return the attributes of each tag in each palette."""
+    """Return the attributes of each tag, by palette name and tag, for all palettes of this package."""
     found = {}
     for each in entry_points(ENTRY_POINTS):
         if each.module.startswith(_OWN_PACKAGE):

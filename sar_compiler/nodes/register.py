@@ -1,4 +1,4 @@
-"""Registration of a class for a tag."""
+"""Registration of node classes for tags."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -15,7 +15,7 @@ from sar_compiler.runtime.outcomes import STATUSES, Fact, Outcome
 
 C = TypeVar("C", bound=type[Any])
 
-# A name of XML without a colon, which would mark a namespace.
+# An XML name without a colon, which would separate a namespace.
 _TAG = re.compile(r"[^\W\d][\w.-]*")
 
 
@@ -34,22 +34,22 @@ def register(  # noqa: PLR0913 - the declarations of a node
 ) -> Callable[[C], C]:
     """Register a class for a tag.
 
-    The decorator only marks the class. A registry that loads its module adds it (by the entry point
-    `sar_compiler.nodes`, or `--nodes package.module`).
+    The decorator only marks the class. A registry adds the class when it loads the class's module, through the entry point
+    `sar_compiler.nodes` or through `--nodes package.module`.
 
     Args:
         tag: The tag in a tree file.
-        kind: The kind of node.
-        outcomes: What a tick can return: statuses, `runtime.skipping.SKIPPED` among them, or for a leaf labelled outcomes,
-            the most common one first. A leaf without them may return any status but SKIPPED.
-        effects: Its effect on the world, in a few words ("drives the robot"); empty if it has none.
-        uses: The actions, services and topics that it needs before the first tick.
-        facts: The facts that the scripts of these outcomes use, with their initial values.
-        reads: Further facts or blackboard keys that its behaviour depends on.
-        writes: Further facts or blackboard keys that it changes.
-        semantics: For a control or decorator: how it treats its children, for instance `Semantics.sequence()`.
-            Without it only the outcomes are known, and checks can conclude little.
-        child_count: For a control: the minimum and maximum number of children, None for no limit; at least 1 by default.
+        kind: The kind of the node.
+        outcomes: The outcomes of a tick: statuses, possibly `runtime.skipping.SKIPPED`, or labelled outcomes of a leaf,
+            the most common outcome first. A leaf without declared outcomes may return any status except SKIPPED.
+        effects: The node's effect on the world, in a few words ("drives the robot"); empty if it has no effect.
+        uses: The actions, services and topics that the node needs before the first tick.
+        facts: The facts that the scripts of the outcomes use, with their initial values.
+        reads: Further facts or blackboard keys on which the node's behaviour depends.
+        writes: Further facts or blackboard keys that the node changes.
+        semantics: How a control or decorator ticks its children, for example `Semantics.sequence()`. Without semantics,
+            only the outcomes are known, and checks can conclude little.
+        child_count: The minimum and maximum number of a control's children (None for no limit); by default at least 1.
 
     Returns:
         A decorator that returns the class, unchanged except for the mark.
@@ -58,7 +58,7 @@ def register(  # noqa: PLR0913 - the declarations of a node
         RegistrationError: If an argument is invalid.
 
     Example:
-        A leaf that a file writes as `<Say message="hi"/>`::
+        A leaf for the element `<Say message="hi"/>`::
 
             @register("Say", kind=Kind.ACTION, outcomes={Status.SUCCESS})
             class Say(py_trees.behaviour.Behaviour):
@@ -98,7 +98,7 @@ def register(  # noqa: PLR0913 - the declarations of a node
 
 
 def _refuse(what: str, value: object, advice: str) -> NoReturn:
-    """Raise the error about a wrong argument."""
+    """Raise an error about a wrong argument."""
     raise RegistrationError(f"{what} {_quote(value)}{advice}")
 
 
@@ -145,11 +145,11 @@ def _child_count(tag: str, kind: Kind, count: object) -> tuple[int, int | None]:
 
 
 _FUNCTIONS = ("possible", "gates", "rounds", "limit_sec", "wait_sec")
-"""The functions in a `Semantics` that checks call."""
+"""The fields of `Semantics` that contain functions, which checks call."""
 
 
 class _UserFunction:
-    """A user's function in a `Semantics`; errors and wrong results are reported with its class."""
+    """A wrapper of a user's function in a `Semantics`, which names the node class in errors and checks the result."""
 
     def __init__(self, whose: str, name: str, function: Callable[..., Any]) -> None:
         self._whose = whose
@@ -157,7 +157,7 @@ class _UserFunction:
         self._function = function
 
     def __call__(self, bound: Any, *others: Any) -> Any:
-        """Call the function, and check its result."""
+        """Call the function and check its result."""
         try:
             found = self._function(bound, *others)
         except Exception as error:
@@ -165,13 +165,13 @@ class _UserFunction:
             raise RegistrationError(message) from error
         if self._name == "possible" and not (isinstance(found, int) and 0 <= found <= ALL):
             raise RegistrationError(
-                f"{self._whose} returned {_quote(found)}; return an outcome set, for example that of a child"
+                f"{self._whose} returned {_quote(found)}; return an outcome set, for example the set of a child"
             )
         return found
 
 
 def _guard_functions(tag: str, cls: type[Any], semantics: Semantics) -> Semantics:
-    """Return semantics whose user-defined functions are guarded."""
+    """Return semantics whose user-defined functions are wrapped in `_UserFunction`."""
     guarded: dict[str, Any] = {}
     for name in _FUNCTIONS:
         function = getattr(semantics, name)
@@ -190,7 +190,7 @@ def _require_behaviour(tag: str, cls: object) -> None:
 
 
 def _outcomes(tag: str, outcomes: object) -> tuple[frozenset[str], tuple[Outcome, ...]]:
-    """Return the statuses, and all outcomes if one of them has more than a status."""
+    """Return the statuses, and the outcomes if at least one of them is an `Outcome`."""
     given = _members(tag, "outcomes", outcomes, "{Status.SUCCESS}")
     possible = tuple(_outcome(tag, each) for each in given)
     twice = [each.name for index, each in enumerate(possible) if each in possible[:index]]
@@ -211,7 +211,7 @@ def _outcome(tag: str, outcome: object) -> Outcome:
             f"<{tag}>: outcomes contains", outcome, f'; write Status.{meant}, or Outcome("SUCCESS", "label")'
         )
     if outcome.status not in STATUSES:
-        advice = f"; a status is one of {', '.join(STATUSES)}"
+        advice = f"; write one of {', '.join(STATUSES)}"
         _refuse(f"<{tag}>: outcomes contains an outcome with the status", outcome.status, advice)
     return outcome
 

@@ -21,13 +21,13 @@ from sar_compiler.tree.model import SUBTREE_TAG
 ENTRY_POINTS = "sar_compiler.nodes"
 
 Named = str | ModuleType | type
-"""Modules of leaves named by a user: an import path, a module, or a class."""
+"""The leaves that a user names: the import path of a module, a module, or a class."""
 
 _REGISTERS = re.compile(r"^@(\w+\.)*register\(", re.MULTILINE)
 
 
 class RegistryError(SarError):
-    """A module of leaves cannot be loaded, or two of them claim the same tag."""
+    """An error about a module of leaves that cannot be loaded, or about two classes with the same tag."""
 
 
 def is_marked(cls: type) -> bool:
@@ -36,7 +36,7 @@ def is_marked(cls: type) -> bool:
 
 
 class Registry:
-    """The tags that a tree file may use, with their meanings."""
+    """The tags that a tree file may use, with their specs."""
 
     def __init__(self, specs: Iterable[NodeSpec] = ()) -> None:
         self._specs: dict[str, list[NodeSpec]] = {}
@@ -45,13 +45,13 @@ class Registry:
             self.add(spec)
 
     def add(self, spec: NodeSpec) -> None:
-        """Add a tag or, for a variant, another meaning of it.
+        """Add the spec of a tag; a variant can be added to the other specs of its tag.
 
         Raises:
             RegistryError: If the tag is already registered for another class.
         """
         known = self._specs.setdefault(spec.tag, [])
-        if any(_is_same(other, spec) for other in known):
+        if any(_have_same_class(other, spec) for other in known):
             return
         if known and not spec.variant:
             classes = " and ".join(each.factory_path.replace(":", ".") for each in (known[0], spec))
@@ -59,16 +59,16 @@ class Registry:
         known.append(spec)
 
     def record_entry_point(self, tag: str, entry_point: str) -> None:
-        """Record that an installed entry point, and not the user, has added a tag."""
+        """Record that a tag comes from an installed entry point, not from the user."""
         self._installed.setdefault(tag, entry_point)
 
     def tags_like(self, tags: Iterable[str]) -> list[str]:
-        """Return the tags to suggest for a file; unused installed modules are excluded."""
+        """Return the tags to suggest for a file that uses *tags*; tags of installed modules that it does not use are excluded."""
         used = {self._installed.get(tag) for tag in tags}
         return [tag for tag in self._specs if tag not in self._installed or self._installed[tag] in used]
 
     def add_module(self, module: ModuleType) -> int:
-        """Add every class of a module that is marked by `register`, and its `SPECS`; return their number."""
+        """Add the classes of a module that `register` has marked, and the module's `SPECS`; return the number of specs."""
         classes = [value for value in vars(module).values() if isinstance(value, type) and is_marked(value)]
         specs = [*(vars(cls)[MARK] for cls in classes), *getattr(module, "SPECS", ())]
         for spec in specs:
@@ -76,10 +76,10 @@ class Registry:
         return len(specs)
 
     def add_class(self, cls: type) -> None:
-        """Add a class that is marked by `register`.
+        """Add a class that `register` has marked.
 
         Raises:
-            RegistryError: If it is not marked, or its tag is already registered for another class.
+            RegistryError: If the class is not marked, or its tag is already registered for another class.
         """
         if not is_marked(cls):
             name = f"{cls.__module__}.{cls.__qualname__}"
@@ -88,7 +88,7 @@ class Registry:
 
     @property
     def tags(self) -> KeysView[str]:
-        """All tags."""
+        """All registered tags."""
         return self._specs.keys()
 
     def __contains__(self, tag: str) -> bool:
@@ -103,26 +103,26 @@ class Registry:
         return self.variants(tag)[0]
 
     def get(self, tag: str) -> NodeSpec | None:
-        """Return the primary meaning of a tag, or None if the tag is unknown."""
+        """Return the first spec of a tag; None if the tag is unknown."""
         return next(iter(self.variants(tag)), None)
 
     def variants(self, tag: str) -> list[NodeSpec]:
-        """Return all meanings of a tag; the written attributes select one.
+        """Return all specs of a tag; the attributes of an element select one of them.
 
         Raises:
-            RegistrationError: If the constructor of one of them cannot be written in a tree file.
+            RegistrationError: If the constructor of one of the classes has a parameter that a tree file cannot express.
         """
         found = self._specs.get(tag, [])
         for spec in found:
-            spec.parameters  # noqa: B018 - report errors in its constructor if the tag is used
+            spec.parameters  # noqa: B018 - reports errors of the constructor if the tag is used
         return [*found]
 
     def by_tag(self) -> dict[str, list[NodeSpec]]:
-        """Return all meanings of every tag, in the order of the tags."""
+        """Return all specs by tag, in alphabetical order."""
         return {tag: self.variants(tag) for tag in sorted(self._specs)}
 
     def specs(self) -> list[NodeSpec]:
-        """Return the registered specs, for another registry."""
+        """Return the registered specs, for example for another registry."""
         return [spec for variants in self._specs.values() for spec in variants]
 
     def without_tags(self, tags: Collection[str]) -> "Registry":
@@ -133,7 +133,7 @@ class Registry:
         return left
 
     def current_tag(self, former_tag: str) -> str | None:
-        """Return the current name of an earlier version's tag, or None."""
+        """Return the current tag of a node that had another tag in an earlier version, or None."""
         return next((spec.tag for spec in self.specs() if former_tag in spec.former_tags), None)
 
     def nearest(self, tag: str) -> str | None:
@@ -151,16 +151,16 @@ def load_registry(
     """Create the registry of all installed and all requested nodes.
 
     Args:
-        named: Modules of leaves or their import paths, named by the user, which may be in the current folder, and
-            classes of leaves.
-        configured: Import paths from a configuration, which are installed or trusted.
+        named: The leaves that the user names: classes, modules, or import paths of modules, which may be in the current
+            folder.
+        configured: Import paths of modules from a configuration, which are installed or trusted.
         checkout: A folder whose content is not regarded as installed.
-        palettes: Names of installed palettes (`nav2:jazzy`); a class registered under the tag of one of their nodes
-            replaces that node.
+        palettes: Names of installed palettes (`nav2:jazzy`). A class that is registered for a tag of a palette replaces
+            the palette's node.
 
     Raises:
-        RegistryError: If a module cannot be imported or has no leaves; names it and the reason.
-        PaletteError: If there is no such palette.
+        RegistryError: If a module cannot be imported or has no leaves. The message names the module and the reason.
+        PaletteError: If a palette does not exist or cannot be loaded.
     """
 
     def import_it(module: str) -> ModuleType:
@@ -190,7 +190,7 @@ def load_registry(
 
 @functools.cache
 def language() -> list[NodeSpec]:
-    """Return the specs of the language's own nodes, and of `SubTree`."""
+    """Return the specs of the tree language's built-in nodes, including `SubTree`."""
     from sar_compiler.nodes.language import SPECS
 
     return SPECS
@@ -204,13 +204,13 @@ def subtree() -> NodeSpec:
 
 @functools.cache
 def language_variants(tag: str) -> Sequence[NodeSpec]:
-    """Return all meanings of a tag in the language, without other registrations."""
+    """Return all specs of a tag among the built-in nodes."""
     return [each for each in language() if each.tag == tag]
 
 
 @functools.cache
 def is_library_tag(tag: str) -> bool:
-    """Return whether the language has a tag that BehaviorTree.CPP lacks, for example of py_trees' nodes."""
+    """Return whether a tag is built-in, but not in BehaviorTree.CPP, such as the tags of py_trees nodes."""
     specs = language_variants(tag)
     return bool(specs) and not any(spec.semantics.counterpart.built_in for spec in specs)
 
@@ -232,7 +232,7 @@ def _add_import(registry: Registry, name: str, source: str, load: Callable[[str]
 
 
 def _as_module(path: Path) -> str:
-    """Return a hint for a file path that is given in place of a module's import path."""
+    """Return a hint that replaces a file path by a module's import path."""
     try:
         here = path.resolve().relative_to(Path.cwd())
     except (OSError, ValueError):
@@ -244,7 +244,7 @@ def _as_module(path: Path) -> str:
 
 
 def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
-    """Find the modules of a package that register leaves, by their source text, without importing them."""
+    """Yield the import paths of a package's modules that register leaves, found in the source text without an import."""
     for folder in map(Path, getattr(package, "__path__", ())):
         for path in sorted(folder.rglob("*.py")):
             parts = path.relative_to(folder).with_suffix("").parts
@@ -255,13 +255,13 @@ def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
 
 
 def registered_leaves(package: str) -> "Registry":
-    """Return only the leaves that a module or a package's modules register.
+    """Return a registry of only the leaves that a module, or the modules of a package, register.
 
     Args:
-        package: Its import path, named by the user.
+        package: The import path of the module or package, which the user names.
 
     Raises:
-        RegistryError: If it cannot be imported.
+        RegistryError: If a module cannot be imported.
     """
     allow_current_folder()
     found, root = Registry(), _import(package, "--nodes", importlib.import_module)
@@ -278,10 +278,10 @@ def _import(name: str, source: str, load: Callable[[str], ModuleType]) -> Module
     except (Exception, SystemExit) as error:  # a user's module may raise anything
         wrong = error.msg if isinstance(error, SyntaxError) else error
         text = f"the module of leaves '{name}' ({source}) cannot be imported: {type(error).__name__}: {wrong}"
-        raise RegistryError(f"{_place_of(error)}{text}") from error
+        raise RegistryError(f"{_location_of(error)}{text}") from error
 
 
-def _place_of(error: BaseException) -> str:
+def _location_of(error: BaseException) -> str:
     """Return `file:line:column: ` of an error in a user's module; empty if the module was not found."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{as_written(Path(error.filename))}:{error.lineno or 1}:{error.offset or 1}: "
@@ -297,8 +297,8 @@ def _place_of(error: BaseException) -> str:
     return f"{as_written(Path(last.filename))}:{last.lineno}:{column}: "
 
 
-def _is_same(first: NodeSpec, second: NodeSpec) -> bool:
-    """Return whether two specs have the same class, without importing it."""
+def _have_same_class(first: NodeSpec, second: NodeSpec) -> bool:
+    """Return whether two specs have the same class, without importing the class."""
     if first.is_by_path or second.is_by_path:
         return first.factory_path == second.factory_path
     return first.class_or_path is second.class_or_path

@@ -1,6 +1,6 @@
 """Parsing of ROS message fields in attributes of tree files: YAML in which `{key}` is a blackboard key.
 
-Only the text is parsed here, without ROS; `ros_interfaces` puts the values into messages.
+This module parses only the text, without ROS. `ros_interfaces` fills messages with the values.
 """
 
 import dataclasses
@@ -22,7 +22,7 @@ _PATH = re.compile(r"[A-Za-z]\w*(\[[0-9]{1,6}\])?(\.[A-Za-z]\w*(\[[0-9]{1,6}\])?
 _EXAMPLE = "write fields, for example x: 1.5, y: {key}"
 
 PlaceInText: TypeAlias = tuple[int, int]
-"""The start and the end of a part of the text."""
+"""The start and end offsets of a part of the text."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class Scalar:
     """A single value.
 
     Attributes:
-        text: The text.
+        text: The text of the scalar.
         value: The YAML value: a number, a bool, a string, bytes or None.
-        place: Its location; None for a value that comes from the blackboard.
+        place: The location of the scalar in the text; None for a value from the blackboard.
     """
 
     text: str
@@ -50,7 +50,7 @@ class Scalar:
 
 @dataclass(frozen=True)
 class FieldList:
-    """A list."""
+    """A list of values."""
 
     items: "tuple[FieldValue, ...]"
     place: PlaceInText | None = None
@@ -58,11 +58,11 @@ class FieldList:
 
 @dataclass(frozen=True)
 class MessageFields:
-    """Fields by name, each with the location of its name.
+    """Message fields by name, each with the location of the name.
 
     Attributes:
-        fields: The fields.
-        text: The whole written text, for the outermost fields.
+        fields: The value and the location of each field.
+        text: The whole written text; empty for fields within other fields.
     """
 
     fields: "Mapping[str, tuple[FieldValue, PlaceInText | None]]"
@@ -75,7 +75,7 @@ class MessageFields:
 
 @dataclass(frozen=True)
 class MessageReference:
-    """A message, or a part of one, from a blackboard key."""
+    """A message from a blackboard key, or a part of such a message."""
 
     message: object
     place: PlaceInText | None = None
@@ -85,7 +85,7 @@ FieldValue: TypeAlias = KeyReference | Scalar | FieldList | MessageFields | Mess
 
 
 def keys_of(value: FieldValue) -> Iterator[str]:
-    """Yield the keys in some fields, including repetitions."""
+    """Yield the blackboard keys in a value, including repetitions."""
     if isinstance(value, KeyReference):
         yield value.name
     elif isinstance(value, FieldList):
@@ -97,11 +97,11 @@ def keys_of(value: FieldValue) -> Iterator[str]:
 
 
 def value_of(found: object, place: PlaceInText | None = None) -> FieldValue:
-    """Return a blackboard value as a message value: numbers, strings, lists, mappings, or messages.
+    """Convert a blackboard value (a number, a string, a list, a mapping or a message) to a `FieldValue`.
 
     Args:
         found: The value.
-        place: The location of its key.
+        place: The location of the blackboard key in the text.
     """
     if found is None or isinstance(found, (bool, int, float, str, bytes)):
         return Scalar(str(found), found, place)
@@ -119,13 +119,13 @@ def value_of(found: object, place: PlaceInText | None = None) -> FieldValue:
 
 
 def read_fields(text: str) -> MessageFields:
-    """Parse fields, with or without braces around them.
+    """Parse message fields, with or without braces around them.
 
     The text is YAML as for `ros2 service call`, with two additions: `{key}` in place of a value is a blackboard key, and
     commas may separate the outermost fields without braces.
 
     Raises:
-        ConversionError: If it is not YAML, or not fields; contains the location.
+        ConversionError: If the text is not YAML, or does not consist of fields. The error contains the location.
     """
     if len(text) > _MOST_CHARACTERS:
         raise ConversionError(
@@ -135,7 +135,7 @@ def read_fields(text: str) -> MessageFields:
         return MessageFields({}, text=text)
     depth = max(itertools.accumulate((each in "[{") - (each in "]}") for each in text))
     if depth > _DEEPEST:
-        raise ConversionError("it is nested too deeply")
+        raise ConversionError("the text is nested too deeply")
     node, shift = _compose_yaml(mask(text))
     found = _Reader(text, shift).node_value(node)
     if not isinstance(found, MessageFields):
@@ -144,8 +144,8 @@ def read_fields(text: str) -> MessageFields:
 
 
 def _compose_yaml(text: str) -> tuple[yaml.Node, int]:
-    """Return the parsed YAML of a text, and the number of characters added in front of the text."""
-    # First unchanged, as ROS parses it. Without braces, `a: 1, b: 2` is not YAML.
+    """Return the parsed YAML of a text, and the number of characters added before the text."""
+    # The text is first parsed unchanged, as in ROS. Without braces, `a: 1, b: 2` is not YAML.
     try:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except (yaml.YAMLError, ValueError):
@@ -174,11 +174,11 @@ def _excerpt(text: str) -> str:
 
 
 class _Reader:
-    """Converts YAML nodes to values.
+    """Converter of YAML nodes to values.
 
     Args:
         text: The text as written.
-        shift: The number of characters added in front of it for the YAML parser.
+        shift: The number of characters added before the text for the YAML parser.
     """
 
     def __init__(self, text: str, shift: int) -> None:
@@ -190,7 +190,7 @@ class _Reader:
         """Return the value of a node and its descendants."""
         place = self._location(node)
         if id(node) in self._seen:
-            # An alias of a list of aliases would be a value of any size.
+            # Aliases of lists of aliases could create a value of any size.
             raise ConversionError(
                 "a YAML alias (*) is not allowed here", hint="repeat the value", place=place
             )
@@ -204,12 +204,12 @@ class _Reader:
         except (yaml.YAMLError, ValueError) as error:
             problem = getattr(error, "problem", None) or error
             raise ConversionError(
-                f"'{node.value}' is not a value: {problem}", hint="write it in quotes", place=place
+                f"'{node.value}' is not a value: {problem}", hint="put it in quotes", place=place
             ) from error
         return Scalar(unmask(node.value), unmask(found) if isinstance(found, str) else found, place)
 
     def _key(self, node: yaml.MappingNode, place: PlaceInText) -> KeyReference | None:
-        """Return the key if a mapping has the form `{x}`; None for any other mapping."""
+        """Return the key if a mapping has the form `{x}`; None for other mappings."""
         if len(node.value) != 1 or not node.flow_style:
             return None
         name, nothing = node.value[0]
@@ -229,7 +229,7 @@ class _Reader:
                 raise ConversionError("a field must have a name", hint=_EXAMPLE, place=at)
             field = unmask(name.value)
             if field in found:
-                raise ConversionError(f"'{field}' is written twice", hint="delete one of the two", place=at)
+                raise ConversionError(f"'{field}' is given twice", hint="delete one of the two", place=at)
             found[field] = self.node_value(inner), at
         return MessageFields(found, place)
 
@@ -240,14 +240,14 @@ class _Reader:
 
 @dataclass(frozen=True)
 class FieldPath:
-    """A field of a message, or of a message in it: `pose.position.x`, `results[0].successful`."""
+    """The path of a field in a message: `pose.position.x`, `results[0].successful`."""
 
     text: str
     place: PlaceInText | None = None
 
     @property
     def steps(self) -> "Iterator[tuple[str, int | None]]":
-        """The names of the fields, each with the number of an element of a list."""
+        """The field names of the path, each with the index of a list element, or None."""
         for step in self.text.split("."):
             name, _, number = step.partition("[")
             yield name, int(number[:-1]) if number else None
@@ -257,10 +257,10 @@ class FieldPath:
 
 
 def read_path(text: str) -> FieldPath | None:
-    """Parse the path of a field; None for an empty text.
+    """Parse the path of a field; return None for an empty text.
 
     Raises:
-        ConversionError: If it is not a path.
+        ConversionError: If the text is not a field path.
     """
     if not text:
         return None
@@ -273,10 +273,10 @@ def read_path(text: str) -> FieldPath | None:
 
 @dataclass(frozen=True)
 class Destinations:
-    """Fields of a received message, and the keys that they are written to.
+    """Fields of a received message, and the keys to which they are written.
 
     Attributes:
-        keys: The key of each field.
+        keys: The fields, each with its key.
         text: The whole written text.
     """
 
@@ -291,7 +291,7 @@ def read_destinations(text: str) -> Destinations:
     """Parse fields with their keys: `error_code: {code}, error_msg: {message}`.
 
     Raises:
-        ConversionError: If a field is invalid or has no key; contains the location.
+        ConversionError: If a field is invalid or has no key. The error contains the location.
     """
     return Destinations(tuple(_destinations(read_fields(text), "")), text)
 
@@ -331,7 +331,7 @@ FIELDS = ValueType(
     keys_in=_keys_in,
     takes_braces=True,
 )
-"""The type of the fields that are sent: of a request, a goal or a message."""
+"""The type of attributes with the fields of a request, goal or message to send."""
 DESTINATIONS = ValueType(
     "destinations",
     "a map from fields to keys",
@@ -342,6 +342,6 @@ DESTINATIONS = ValueType(
     keys_in=_destination_keys,
     takes_braces=True,
 )
-"""The type of received fields, each with a key."""
+"""The type of attributes with fields of a received message, each with a key."""
 FIELD_PATH = ValueType("field.path", "a field", read_path, python=FieldPath, cpp="std::string", example="")
-"""One field."""
+"""The type of attributes with the path of one field."""

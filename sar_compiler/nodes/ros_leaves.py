@@ -1,4 +1,4 @@
-"""Leaves for any ROS action, service or topic, without Python code: `--model ros:jazzy`."""
+"""Specs of leaves for any ROS action, service or topic, without Python code: `--model ros:jazzy`."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
@@ -30,30 +30,30 @@ from sar_compiler.tree.model import Element
 VERSIONS = ("jazzy",)
 _HERE = "sar_compiler.ros.leaves.attribute_leaves"
 _WRITES = KeyRole(AccessKind.WRITE)
-_SENDS = "The fields of the {} as YAML: `{}`. `{{key}}` inserts the value of a key. Or the key of a message."
+_SENDS = "The fields of the {0} as YAML: `{1}`. `{{key}}` inserts the value of a key. Or a key that contains the whole {0}."
 _VALUE = output_port("value", object, "The key to which the value is written.", None)
-_SERVER = attribute("server_timeout_sec", Seconds, "Time to wait for a server, in seconds.", 10.0)
+_SERVER = attribute("server_timeout_sec", Seconds, "Time to wait for the server, in seconds.", 10.0)
 _SCOPE = handed_over("scope", SCOPE.target_path, SCOPE.doc, required=False)
 _RESULT = ("value", "fields")
 _NEVER: tuple[str, ...] = ()
 
 
 def _field(of: str, example: str) -> Any:
-    doc = f"The field of the {of} to write to `value`, such as `{example}`; empty for all of it."
+    doc = f"The field of the {of} to write to `value`, such as `{example}`; empty for the whole {of}."
     return attribute("field", FIELD_PATH, doc, None)
 
 
 def _fields(keyword: str, of: str, example: str) -> Any:
-    doc = f"{of.capitalize()} fields to store, each with its key: `{example}`."
+    doc = f"The fields of the {of} to store, each with a key: `{example}`."
     return attribute(keyword, DESTINATIONS, doc, None)
 
 
 def _check(kind: str, **parts: str) -> Callable[[NodeView, FindingCollector], None]:
-    """Return the rule that checks a leaf's type, fields and values if ROS is installed.
+    """Return a rule that checks the type, the fields and the values of a leaf if ROS is installed.
 
     Args:
         kind: The kind of interface: `action`, `srv` or `msg`.
-        **parts: The attributes with fields, each with its part of the interface; empty for the message itself.
+        **parts: The part of the interface (such as `Request`) for each attribute with fields; empty for the message itself.
     """
 
     def rule(bound: NodeView, collector: FindingCollector) -> None:
@@ -77,7 +77,7 @@ def _check(kind: str, **parts: str) -> Callable[[NodeView, FindingCollector], No
 
 
 def _find_fields_error(value: object, cls: Any) -> InterfaceError | None:
-    """Return the error in an attribute that lists fields of a message class."""
+    """Return the error in an attribute that contains fields of a message class; None if there is no error."""
     try:
         if isinstance(value, MessageFields):
             MessageFiller().fill(cls(), value)
@@ -114,11 +114,13 @@ def _advice(error: InterfaceError) -> Advice:
 _SPECS = (
     leaf_spec(
         f"{_HERE}:RosService",
-        "Call a service: SUCCESS after its response, unless the response reports a failure.",
+        "Calls a service. Returns SUCCESS after the response, unless the response reports a failure.",
         input_port("service", str, "The service's name."),
-        attribute("type_", str, "Its type, such as `std_srvs/srv/SetBool`."),
+        attribute("type_", str, "The service's type, such as `std_srvs/srv/SetBool`."),
         input_port("request", FIELDS, _SENDS.format("request", "data: true"), None),
-        attribute("success", FIELD_PATH, "A field of the response that must be true; empty for none.", None),
+        attribute(
+            "success", FIELD_PATH, "The field of the response that must be true; empty for no check.", None
+        ),
         _field("response", "location.x"),
         _VALUE,
         _fields("fields", "response", "location.x: {x}, location.y: {y}"),
@@ -138,9 +140,9 @@ _SPECS = (
     ),
     leaf_spec(
         f"{_HERE}:RosAction",
-        "Send a goal to an action: RUNNING until it has ended, SUCCESS if it has succeeded.",
+        "Sends a goal to an action server. Returns RUNNING until the goal has ended, and SUCCESS if it has succeeded.",
         input_port("action", str, "The action's name."),
-        attribute("type_", str, "Its type, such as `nav2_msgs/action/Wait`."),
+        attribute("type_", str, "The action's type, such as `nav2_msgs/action/Wait`."),
         input_port("goal", FIELDS, _SENDS.format("goal", "time: {sec: 5}"), None),
         _field("result", "error_code"),
         _VALUE,
@@ -164,28 +166,28 @@ _SPECS = (
     ),
     leaf_spec(
         f"{_HERE}:RosTopic",
-        "Check for a message on a topic: SUCCESS if there is one. Stores fields of the latest message.",
+        "Checks for a message on a topic. Returns SUCCESS if there is a message, and stores fields of the latest message.",
         input_port("topic", str, "The topic's name."),
-        attribute("type_", str, "Its type, such as `sensor_msgs/msg/BatteryState`."),
+        attribute("type_", str, "The topic's type, such as `sensor_msgs/msg/BatteryState`."),
         _field("message", "pose.position.x"),
         _VALUE,
         _fields("fields", "message", "pose.position.x: {x}"),
         attribute(
             "max_age_sec",
             Seconds,
-            "Maximum age of a message in seconds of the node's clock; 5 by default, unlimited with `transient_local`.",
+            "Maximum age of a message, in seconds of the node's clock. The default is 5, or unlimited with `transient_local`.",
             None,
         ),
         attribute(
             "qos",
             Literal["sensor_data", "reliable", "transient_local"],
-            "`sensor_data`, `reliable`, or `transient_local` for messages published earlier.",
+            "The QoS: `sensor_data`, `reliable`, or `transient_local` to receive messages published earlier.",
             "sensor_data",
         ),
         attribute(
             "waits",
             bool,
-            "Return RUNNING while there is no message (true), or FAILURE (false).",
+            "Whether to return RUNNING while there is no message; otherwise the leaf returns FAILURE.",
             default=False,
         ),
         _SCOPE,
@@ -201,23 +203,28 @@ _SPECS = (
     ),
     leaf_spec(
         f"{_HERE}:RosPublish",
-        "Publish a message: SUCCESS when it is sent, RUNNING until there is a subscriber.",
+        "Publishes a message. Returns RUNNING until there is a subscriber, and SUCCESS when the message is sent.",
         input_port("topic", str, "The topic's name."),
-        attribute("type_", str, "Its type, such as `std_msgs/msg/String`."),
+        attribute("type_", str, "The topic's type, such as `std_msgs/msg/String`."),
         input_port("message", FIELDS, _SENDS.format("message", "data: hello"), None),
         attribute(
             "qos",
             Literal["reliable", "sensor_data", "transient_local"],
-            "`reliable`, `sensor_data`, or `transient_local` to reach later subscribers, too.",
+            "The QoS: `reliable`, `sensor_data`, or `transient_local` to reach later subscribers as well.",
             "reliable",
         ),
         attribute(
             "waits",
             bool,
-            "Return RUNNING until there is a subscriber; with `transient_local` it never waits.",
+            "Whether to return RUNNING until there is a subscriber. With `transient_local`, the leaf never waits.",
             default=True,
         ),
-        attribute("timeout_sec", Seconds, "Time to wait for a subscriber, in seconds; then FAILURE.", 5.0),
+        attribute(
+            "timeout_sec",
+            Seconds,
+            "Time to wait for a subscriber before FAILURE is returned, in seconds.",
+            5.0,
+        ),
         _SCOPE,
         effects="publishes a message",
         outcomes=(
@@ -229,16 +236,24 @@ _SPECS = (
     ),
     leaf_spec(
         f"{_HERE}:RosTransform",
-        "Look up the pose of a frame in another one: SUCCESS if `/tf` has the transforms, RUNNING while it does not.",
+        "Looks up the pose of a frame in another frame. Returns SUCCESS if `/tf` has the transforms, otherwise RUNNING.",
         input_port("target_frame", str, "The reference frame, such as `map`."),
         input_port("source_frame", str, "The frame to locate, such as `base_link`."),
         attribute(
             "max_age_sec", Seconds, "Maximum age of the transforms, in seconds of the node's clock.", 5.0
         ),
-        attribute("timeout_sec", Seconds, "Time to wait for them, in seconds; then FAILURE.", 5.0),
-        *(output_port(axis, float, f"The key for {axis}, in metres.", None) for axis in "xyz"),
-        output_port("yaw", float, "The key for the rotation about z, in rad.", None),
-        *(output_port(f"q{part}", float, f"The key for the quaternion's {part}.", None) for part in "xyzw"),
+        attribute(
+            "timeout_sec",
+            Seconds,
+            "Time to wait for the transforms before FAILURE is returned, in seconds.",
+            5.0,
+        ),
+        *(output_port(axis, float, f"The key to write {axis} to, in metres.", None) for axis in "xyz"),
+        output_port("yaw", float, "The key to write the rotation about z to, in radians.", None),
+        *(
+            output_port(f"q{each}", float, f"The key to write the quaternion's {each} to.", None)
+            for each in "xyzw"
+        ),
         uses=(Use.transforms(),),
         outcomes=(
             Outcome("SUCCESS", "known", writes=("x", "y", "z", "yaw", "qx", "qy", "qz", "qw")),
@@ -250,6 +265,6 @@ _SPECS = (
 )
 
 
-def specs(version: str) -> Sequence[NodeSpec]:  # noqa: ARG001 - they are the same in each
+def specs(version: str) -> Sequence[NodeSpec]:  # noqa: ARG001 - the leaves are the same in each distribution
     """Return the specs of the leaves for a ROS 2 distribution."""
     return _SPECS

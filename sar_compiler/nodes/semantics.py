@@ -1,7 +1,7 @@
 """The semantics of a node, independent of its class, for checks, conversions and palettes.
 
-The registration of a node declares here how it ticks its children and how it uses their results. Nothing else
-in the project depends on a node's tag.
+A node's registration declares how the node ticks its children and how it uses their results. No other code of the
+project depends on a node's tag.
 """
 
 import math
@@ -27,19 +27,19 @@ class Order(Enum):
     """The order in which a node ticks its children."""
 
     IN_ORDER = "in order"
-    """One after the other, as long as each returns `Semantics.goes_on` or is skipped."""
+    """One child after the other, as long as each returns `Semantics.goes_on` or is skipped."""
     TOGETHER = "together"
-    """All of them in every tick, until enough have ended."""
+    """All children in every tick, until enough of them have ended."""
     CHOSEN = "chosen"
-    """By its own decision, for instance one of several branches."""
+    """The children that the node selects, for example one of several branches."""
 
 
 class Gate(NamedTuple):
-    """The condition under which a child is ticked.
+    """The results of siblings that are required before a child is ticked.
 
     Attributes:
-        children: The indices of the children; at least one of them must have had such a result.
-        outcomes: The results, an outcome set.
+        children: The indices of the siblings; at least one of them must have had one of the results.
+        outcomes: The results, as an outcome set.
     """
 
     children: tuple[int, ...]
@@ -51,16 +51,16 @@ class AccessKind(Enum):
 
     READ = "read"
     PEEK = "peek"
-    """Read, but not required: the key may be unwritten."""
+    """Read if the key has a value; the key may be unwritten."""
     WRITE = "write"
     CHANGE = "change"
-    """A script's `=` and the like: the key must have been written, or have a port."""
+    """Written by an operator such as `=` in a script; the key must have been written before, or have a port."""
     BOTH = "both"
-    """A port with both directions: its node may read first, or write first."""
+    """Used by a port with both directions; the node may read first or write first."""
     FIXED = "fixed"
-    """Read when the tree is compiled: a parameter of the mission, or a constant."""
+    """Read when the tree is compiled; the key is a mission parameter or has a constant value."""
     NONE = "none"
-    """No access: the key is only removed."""
+    """Neither read nor written, but removed."""
 
 
 class KeyRole(NamedTuple):
@@ -69,7 +69,7 @@ class KeyRole(NamedTuple):
     Attributes:
         kind: The kind of access.
         by_name: Whether a text without braces is also the name of a key.
-        indirect: Whether a key in braces holds the name of the key to use.
+        indirect: Whether the key in braces contains the name of the key that the node uses.
     """
 
     kind: AccessKind
@@ -78,7 +78,7 @@ class KeyRole(NamedTuple):
 
 
 NO_HINT = "register a node of that name in C++"
-"""The remedy for a node without a counterpart, unless another is given."""
+"""The default remedy for a node without a counterpart."""
 
 
 class Counterpart(NamedTuple):
@@ -86,9 +86,9 @@ class Counterpart(NamedTuple):
 
     Attributes:
         built_in: Whether BehaviorTree.CPP has a node of this tag.
-        rewrite: Function that rewrites a node for BehaviorTree.CPP; None if the tag is kept.
+        rewrite: A function that rewrites the node for BehaviorTree.CPP; None if the node keeps its tag.
         hint: The remedy if there is no counterpart; empty if a C++ library provides the same node.
-        since: The version that introduced the node of this tag (`nodes.btcpp`); empty if all have it.
+        since: The version that introduced the node (see `nodes.btcpp`); empty if all versions have it.
     """
 
     built_in: bool = False
@@ -102,30 +102,30 @@ def _no_gates(_bound: "NodeView") -> Mapping[int, Gate]:
 
 
 class Semantics(NamedTuple):
-    """How a node treats its children, time, and the blackboard.
+    """How a node ticks its children, and how it uses time and the blackboard.
 
-    `Semantics.sequence()` and the like cover most controls and decorators.
+    `Semantics.sequence()` and the other class methods cover most controls and decorators.
 
     Attributes:
-        possible: Its outcome set as a function of its children's (`nodes.outcome_sets`); None if only the registered
-            outcomes are known.
-        order: The order in which it ticks its children.
-        goes_on: The result of a child after which the next one is ticked, for `Order.IN_ORDER`: `S` or `F`.
-        gates: The children that are ticked only after certain results of others, by their indices.
-        reactive: Whether it re-evaluates all its children in every tick; an attribute `memory` may decide this instead.
-        steady: Whether each of its runs ticks the child, at once or after a delay, independently of the blackboard.
-        changes: The results of its child that it does not pass on.
-        repeats: The results of its child after which it restarts the child.
-        rounds: The number of times that it runs its child to an end; None for a node that does not count.
-        once: Whether its child is executed only once in the whole run.
-        limit_sec: The time limit of its child in seconds, `math.inf` for no limit; None for a node without a limit.
-        wait_sec: Its own time in seconds: of a leaf until it ends, of a decorator until its child starts; None if unknown.
-        resumes: Whether it continues at its former place after a restart, or waits for other nodes.
-        with_memory: The tag of its non-reactive counterpart, which ticks only the child that was running.
-        keys: Its use of the keys of some of its ports.
-        copies: The port of a key whose value it writes, with its type, to its other key; empty if it does not.
-        counts: The ports whose values are numbers of its children; negative ones are counted from the end.
-        counterpart: Its counterpart in BehaviorTree.CPP.
+        possible: A function that computes the node's outcome set from the sets of its children (`nodes.outcome_sets`);
+            None if only the registered outcomes are known.
+        order: The order in which the node ticks its children.
+        goes_on: For `Order.IN_ORDER`, the result of a child after which the next child is ticked: `S` or `F`.
+        gates: A function that returns, by child index, the results of siblings that are required before a child is ticked.
+        reactive: Whether the node re-evaluates all its children in every tick, unless an attribute `memory` decides this.
+        steady: Whether each run of the node ticks the child, at once or after a delay, independently of the blackboard.
+        changes: The results of the child that the node does not pass on.
+        repeats: The results of the child after which the node restarts the child.
+        rounds: A function that returns how often the node lets its child complete; None for a node that does not count.
+        once: Whether the child is executed only once in the whole run.
+        limit_sec: A function that returns the child's time limit in seconds (`math.inf`: no limit); None without a limit.
+        wait_sec: A function that returns the time, in seconds, until a leaf ends or a decorator starts its child, if known.
+        resumes: Whether the node continues at its former child after a restart, or waits for other nodes.
+        with_memory: The tag of the node's non-reactive counterpart, which ticks only the child that was running.
+        keys: The access to the keys of ports, by port, where it differs from the port's direction.
+        copies: The port whose key's value the node copies, with its type, to its other key; empty if it copies nothing.
+        counts: The ports whose values are numbers of children; negative numbers are counted from the end.
+        counterpart: The node's counterpart in BehaviorTree.CPP.
     """
 
     possible: Possible | None = None
@@ -154,9 +154,9 @@ class Semantics(NamedTuple):
         """Return the semantics of a node that ticks its children in order until one does not succeed.
 
         Args:
-            reactive: Whether it re-evaluates all its children in every tick.
-            pauses: Whether it returns RUNNING between two children.
-            keeps_place: Whether it begins with the failed child after a restart.
+            reactive: Whether the node re-evaluates all its children in every tick.
+            pauses: Whether the node returns RUNNING between two children.
+            keeps_place: Whether the node begins with the failed child after a restart.
         """
         possible = outcome_sets.in_order(S, pauses=pauses, keeps_place=keeps_place)
         return cls(possible, Order.IN_ORDER, S, reactive=reactive, resumes=keeps_place)
@@ -166,8 +166,8 @@ class Semantics(NamedTuple):
         """Return the semantics of a node that ticks its children in order until one does not fail.
 
         Args:
-            reactive: Whether it re-evaluates all its children in every tick.
-            pauses: Whether it returns RUNNING between two children.
+            reactive: Whether the node re-evaluates all its children in every tick.
+            pauses: Whether the node returns RUNNING between two children.
         """
         return cls(outcome_sets.in_order(F, pauses=pauses), Order.IN_ORDER, F, reactive=reactive)
 
@@ -176,8 +176,8 @@ class Semantics(NamedTuple):
         """Return the semantics of a node that ticks its children in parallel.
 
         Args:
-            possible: Its outcome set as a function of its children's, if known.
-            counts: Its ports that are numbers of children.
+            possible: A function that computes the node's outcome set from the sets of its children; None if unknown.
+            counts: The ports whose values are numbers of children.
         """
         return cls(possible, Order.TOGETHER, counts=counts)
 
@@ -186,7 +186,7 @@ class Semantics(NamedTuple):
         """Return the semantics of a decorator that replaces some results of its child.
 
         Args:
-            turns: The replacements by result, as statuses or outcome sets of one; other results are passed on.
+            turns: The replacement of each result, as statuses or single-result outcome sets; other results are passed on.
         """
         by_bit = {outcome_sets.bit_of(old): outcome_sets.bit_of(new) for old, new in turns.items()}
         return cls(outcome_sets.mapping_results(by_bit), steady=True, changes=outcome_sets.union(by_bit))
@@ -198,12 +198,12 @@ class Semantics(NamedTuple):
 
     @classmethod
     def restarts_child(cls, after: "Status | int", rounds: Number | str) -> "Semantics":
-        """Return the semantics of a decorator that restarts its child after one of its results, and then runs.
+        """Return the semantics of a decorator that restarts its child after a certain result, and then returns RUNNING.
 
         Args:
-            after: That result, a status or an outcome set: SUCCESS for one that repeats, FAILURE for one that retries.
-            rounds: The attribute with the largest number of rounds, -1 for no limit; or a function of the node that
-                returns the number, `math.inf` for no limit, None if it is not known before the run.
+            after: The result, as a status or outcome set: SUCCESS for a decorator that repeats, FAILURE for a retry.
+            rounds: The attribute with the maximum number of rounds (-1 for no limit), or a function of the node that
+                returns the number: `math.inf` for no limit, None if the number is known only at runtime.
         """
         end = outcome_sets.bit_of(after)
         count = partial(_rounds_in, rounds) if isinstance(rounds, str) else rounds
@@ -216,30 +216,30 @@ class Semantics(NamedTuple):
         """Return the semantics of a decorator that fails when its child has run for too long.
 
         Args:
-            limit: The attribute with the limit in seconds; or a function of the node that returns it, `math.inf` for
-                none, None if it is not known before the run.
+            limit: The attribute with the limit in seconds, or a function of the node that returns the limit: `math.inf`
+                for no limit, None if the limit is known only at runtime.
         """
         limit_sec = partial(outcome_sets.number, name=limit) if isinstance(limit, str) else limit
         return cls(partial(outcome_sets.time_limit, limit_sec), steady=True, changes=R, limit_sec=limit_sec)
 
     @property
     def is_sequence(self) -> bool:
-        """Whether it ticks its children in order until one does not succeed."""
+        """Whether the node ticks its children in order until one does not succeed."""
         return self.order is Order.IN_ORDER and self.goes_on == S
 
     @property
     def is_selector(self) -> bool:
-        """Whether it ticks its children in order until one does not fail."""
+        """Whether the node ticks its children in order until one does not fail."""
         return self.order is Order.IN_ORDER and self.goes_on == F
 
     def always_ends_with_child(self, bound: "NodeView") -> bool:
-        """Return whether it starts its child at once, and continues only when the child has ended."""
+        """Return whether the node ticks its child in each run, and cannot succeed before the child has ended."""
         if not self.steady or self.possible is None:
             return False
         return self.possible(bound, [R], ALLOWED) in (R, R | F)
 
     def end_results(self, bound: "NodeView") -> int:
-        """Return the results of its only child after which it can end, as an outcome set."""
+        """Return the outcome set of the single child's results after which the node can end."""
         if self.possible is None:
             return outcome_sets.ALL
         ends = (outcome for outcome in RESULTS if self.possible(bound, [outcome], ALLOWED) & ~R)
@@ -247,7 +247,7 @@ class Semantics(NamedTuple):
 
 
 def _rounds_in(attribute: str, bound: "NodeView") -> float | None:
-    """Convert a number of rounds from BehaviorTree.CPP's notation, in which -1 means endless."""
+    """Return the number of rounds in an attribute in BehaviorTree.CPP's notation, in which -1 means no limit."""
     count = outcome_sets.number(bound, attribute)
     if count is None:
         return None

@@ -1,4 +1,4 @@
-"""The declaration of a node, from `register`, a constructor or a model."""
+"""The spec of a node, from `register`, a constructor or a model."""
 
 import functools
 import importlib
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 class RegistrationError(SarError):
-    """A class cannot be registered for a tag."""
+    """An error about a class that cannot be registered for a tag."""
 
 
 def path_of(thing: Any) -> str:
@@ -48,7 +48,7 @@ def load(path: str) -> Any:
 
     Raises:
         ImportError: If there is no such module.
-        AttributeError: If nothing in it has the name.
+        AttributeError: If the module does not define the name.
     """
     module, _, name = path.partition(":")
     return functools.reduce(getattr, name.split("."), importlib.import_module(module))
@@ -57,9 +57,9 @@ def load(path: str) -> Any:
 _PARENT = "sar_compiler.runtime.parents:EngineParent"
 _KERNEL = "sar_compiler.runtime.kernel."
 MARK = "__node_spec__"
-"""The attribute of a registered class that holds its spec."""
+"""The attribute of a registered class that contains its spec."""
 Rule: TypeAlias = "Callable[[NodeView, FindingCollector], None]"
-"""A function that reports errors in a node whose attributes are each valid."""
+"""A function that reports errors in a node's attributes, each of which is valid by itself."""
 
 
 class Kind(str, Enum):
@@ -72,11 +72,11 @@ class Kind(str, Enum):
 
     @property
     def is_leaf(self) -> bool:
-        """Whether such a node has no children."""
+        """Whether nodes of this kind have no children."""
         return self in (Kind.ACTION, Kind.CONDITION)
 
     def takes(self, children: int) -> bool:
-        """Return whether BehaviorTree.CPP accepts such a node with a number of children."""
+        """Return whether BehaviorTree.CPP accepts a node of this kind with a number of children."""
         if self is Kind.CONTROL:
             return children > 0
         return children == (0 if self.is_leaf else 1)
@@ -91,7 +91,7 @@ class Direction(str, Enum):
 
     @property
     def message_name(self) -> str:
-        """Its name in messages to the user."""
+        """The description of the direction in messages."""
         words = {Direction.INPUT: "input", Direction.OUTPUT: "output, takes a {key}"}
         return words.get(self, "input and output")
 
@@ -101,7 +101,7 @@ class SkipPossibility(Enum):
 
     NEVER = "never"
     FROM_CHILD = "from a child"
-    """If one of its children can be."""
+    """A tick can be skipped if a tick of a child can be skipped."""
     ALWAYS = "always"
 
 
@@ -117,7 +117,7 @@ class ParameterRole(Enum):
     CONTEXT = "context"
     """An object provided by the mission; not written in the file."""
     CHILD = "child"
-    """The one child of a decorator."""
+    """The single child of a decorator."""
     CHILDREN = "children"
     """The children of a control."""
 
@@ -129,9 +129,9 @@ class Provenance(Enum):
     NAMED = "a named distribution"
     """A palette with a name and a version (`nav2:jazzy`), which lists every port."""
     DESCRIBED = "a file"
-    """The model of a tree file, or of a repository's palette; such files omit ports that a node inherits."""
+    """A model in a tree file or in a repository's palette; such files omit ports that a node inherits."""
     FROM_USE = "its use"
-    """A palette from `sar-compile nodes --from-use`: used tags and ports, with guessed types and directions."""
+    """A palette from `sar-compile nodes --from-use`: tags and ports found in trees, with guessed types and directions."""
 
     @property
     def is_description(self) -> bool:
@@ -139,10 +139,10 @@ class Provenance(Enum):
         return self in (Provenance.DESCRIBED, Provenance.FROM_USE)
 
     def severity_of_unlisted(self, *, is_near: bool) -> Severity:
-        """Return the severity of an attribute that is not listed.
+        """Return the severity of a finding about an attribute that the spec does not list.
 
         Args:
-            is_near: Whether its name is similar to a listed one.
+            is_near: Whether the attribute's name is similar to a listed attribute.
         """
         if not self.is_description:
             return Severity.ERROR
@@ -195,15 +195,15 @@ class Parameter:
 
     Attributes:
         name: The attribute's name: the parameter's name without a trailing `_`.
-        role: Its role.
-        required: Whether a file (or, for the context, a mission) must provide it.
-        default: Its value if it is not written.
-        value_type: For an attribute: the type that converts its text to a value; `NO_VALUE` for others.
-        direction: For an attribute that is a port (`Input`, `Output`, `InOut`): the direction of its
-            values; None for a value that is fixed when the tree is compiled.
-        target_or_path: For a reference the class of the node, for the context the class of the object, or its import path.
-        doc: Its description, from the class's docstring.
-        keyword: Its name in the constructor, if different (`if_` for `if`).
+        role: The parameter's role.
+        required: Whether a file (or, for an object of the mission, the mission) must provide a value.
+        default: The value if the attribute is not written.
+        value_type: The type that converts an attribute's text to a value; `NO_VALUE` for a parameter without a text.
+        direction: The direction of the values of a port (`Input`, `Output`, `InOut`); None for a parameter that is
+            fixed when the tree is compiled.
+        target_or_path: The class of a referenced node or of an object of the mission, or the class's import path.
+        doc: The description, from the class's docstring.
+        keyword: The parameter's name in the constructor, if different (`if_` for `if`).
     """
 
     name: str
@@ -223,23 +223,23 @@ class Parameter:
 
     @functools.cached_property
     def target_path(self) -> str:
-        """The import path of the class; empty if there is none."""
+        """The import path of the class; empty if there is no class."""
         return _path(self.target_or_path)
 
     @property
     def target_name(self) -> str:
-        """The name of the class."""
+        """The name of the class of *target_or_path*."""
         return self.target_path.rpartition(":")[2].rpartition(".")[2]
 
     @property
     def help(self) -> str:
-        """Its description for editors, with the direction of a port."""
+        """The description for editors, with the direction of a port."""
         direction = f"{self.direction.message_name}.".capitalize() if self.direction else ""
         return f"{direction} {self.doc}".strip()
 
     @property
     def is_integer_parameter(self) -> bool:
-        """Whether it is an integer that is fixed at compile time."""
+        """Whether the parameter is an attribute with an integer that is fixed at compile time."""
         return (
             self.role is ParameterRole.ATTRIBUTE and self.direction is None and self.value_type.python is int
         )
@@ -285,10 +285,10 @@ class SkipSupport(NamedTuple):
 
     Attributes:
         possible: Whether a tick of the node can be skipped.
-        replacement: The spec of the node that replaces it if a child can be skipped.
+        replacement: The spec of the node that replaces this node if a child can be skipped.
         only_if: The attribute and value required for the node itself to skip a tick; None if there is no such
             requirement.
-        advice: An equivalent node that supports skipped children, if there is one.
+        advice: An equivalent node that supports skipped children; empty if there is none.
         is_handled: Whether the node supports skipped children although it is never skipped itself.
     """
 
@@ -303,11 +303,11 @@ class Signature(NamedTuple):
     """Declarations about a node's attributes that its constructor does not contain.
 
     Attributes:
-        described: All parameters by name, in their order (`nodes.declaring`), or their factory; None: read from the constructor.
-        doc: The node's description; empty for that of the class.
+        described: The parameters by name, in order, or a function that returns them; None to inspect the constructor.
+        doc: The node's description; empty to use the docstring of the class.
         fixed: Values that the tag implies (`ReactiveSequence`: `memory` is false), also of arguments without an attribute.
-        factory: The import path of the function that creates the node from its spec and arguments; empty for none.
-        from_use: Whether it was derived from the node's use.
+        factory: The import path of a function that creates the node from the spec and arguments; empty to call the class.
+        from_use: Whether the signature was derived from the use of the tag in trees.
     """
 
     described: Mapping[str, Parameter] | Callable[[], Mapping[str, Parameter]] | None = None
@@ -319,37 +319,35 @@ class Signature(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class NodeSpec:
-    """The meaning of a tag.
+    """The spec of a tag: the class, the attributes, the outcomes and the semantics of the node.
 
-    A registered class is declared by its constructor, which may name classes defined later and is therefore inspected at the
-    first access to `parameters`. A node of this project names its class by the import path and describes the
-    parameters itself, so that its trees are checked without importing it.
+    The parameters of a registered class are read from its constructor at the first access to `parameters`, because
+    annotations may name classes that are defined later. The specs of this project's nodes contain the class's import path and
+    the parameters, so that trees can be checked without importing the class.
 
     Attributes:
         tag: The tag in a tree file.
-        class_or_path: The class that the compiler instantiates, or its import path (`module:name`), or that of a node of the
-            kernel; None if only a model describes the node.
-        kind: The kind of node.
+        class_or_path: The class that the compiler instantiates, or the import path (`module:name`) of the class or of a
+            kernel node; None if the node has no class.
+        kind: The kind of the node.
         statuses: The names of the statuses that a tick can return.
-        effects: Its effect on the world, in a few words; empty if it has none.
-        uses: The resources that it needs outside the tree.
-        outcomes: For a leaf: its possible outcomes in a simulation; by default one for each status. For another node with a
-            stand-in: the outcomes of the world that the node queries.
-        facts: The facts that these outcomes use, with their initial values.
-        reads: Further facts or blackboard keys that its behaviour depends on.
-        writes: Further facts or blackboard keys that it changes.
-        semantics: Its treatment of its children, of time, and of the blackboard.
-        skipping: Its treatment of skipped ticks.
-        signature: Declarations about its attributes in addition to the constructor.
-        child_count: The minimum and maximum number of children (None: no limit); by default those of its
-            kind.
-        variant: Whether it is a further meaning of an existing tag: the attributes written in a file decide
-            between them.
-        former_tags: Its names in earlier versions of BehaviorTree.CPP and py_trees.
-        former_attributes: The attributes that it had in BehaviorTree.CPP 3, with their current names.
-        rule: Function that reports attributes that conflict with each other or the children.
-        stand_in: For a control or decorator without a class: the spec of its replacement in runs without a robot, which
-            queries a leaf that represents the world if there are outcomes.
+        effects: The node's effect on the world, in a few words; empty if it has no effect.
+        uses: The resources outside the tree that the node needs.
+        outcomes: For a leaf, the possible outcomes in a simulation; by default one for each status. For another node with a
+            stand-in, the outcomes of the leaf that represents the world.
+        facts: The facts that the outcomes use, with their initial values.
+        reads: Further facts or blackboard keys on which the node's behaviour depends.
+        writes: Further facts or blackboard keys that the node changes.
+        semantics: How the node ticks its children, and how it uses time and the blackboard.
+        skipping: How the node treats skipped ticks.
+        signature: Declarations about the attributes in addition to the constructor.
+        child_count: The minimum and maximum number of children (None: no limit); the default depends on the kind.
+        variant: Whether the spec is an alternative for an existing tag; the attributes in a file select one of them.
+        former_tags: The node's tags in earlier versions of BehaviorTree.CPP and py_trees.
+        former_attributes: The attributes in BehaviorTree.CPP 3, with their current names.
+        rule: A function that reports attributes that conflict with each other or with the children.
+        stand_in: For a control or decorator without a class, the spec of its replacement in runs without a robot. If there
+            are outcomes, the replacement queries a leaf that represents the world.
     """
 
     tag: str
@@ -380,10 +378,10 @@ class NodeSpec:
 
     @functools.cached_property
     def parameters(self) -> Mapping[str, Parameter]:
-        """The parameters of its constructor by name, in their order.
+        """The constructor parameters by name, in order.
 
         Raises:
-            RegistrationError: If the constructor cannot be written in a tree file; the message names the parameter.
+            RegistrationError: If a tree file cannot express one of the parameters. The message names the parameter.
         """
         described = self.signature.described
         if described is not None:
@@ -392,22 +390,22 @@ class NodeSpec:
 
     @functools.cached_property
     def doc(self) -> str:
-        """The first paragraph of the description."""
+        """The first paragraph of the node's description."""
         if self.signature.doc or self.is_by_path:
             return self.signature.doc
         return _documentation(self.cls)[0]
 
     @property
     def is_by_path(self) -> bool:
-        """Whether its class is given as an import path."""
+        """Whether the class is given as an import path."""
         return isinstance(self.class_or_path, str)
 
     @functools.cached_property
     def cls(self) -> type[Any] | None:
-        """Its class, imported if necessary; None if only a model describes it.
+        """The node's class, imported if necessary; None if the node has no class.
 
         Raises:
-            AttributeError: If the installed py_trees does not have it.
+            AttributeError: If the installed version of py_trees does not have the class.
         """
         if not isinstance(self.class_or_path, str):
             return self.class_or_path
@@ -425,12 +423,12 @@ class NodeSpec:
 
     @functools.cached_property
     def class_path(self) -> str:
-        """The import path of its class; empty if there is none."""
+        """The import path of the node's class; empty if the node has no class."""
         return _path(self.class_or_path)
 
     @functools.cached_property
     def maker(self) -> Callable[..., Any] | None:
-        """The function that creates its instances, imported if necessary: its own factory, or the class."""
+        """The function that creates instances of the node (the factory or the class), imported if necessary."""
         if self.signature.factory:
             return functools.partial(load(self.signature.factory), self)
         if not self._is_of_kernel:
@@ -442,13 +440,13 @@ class NodeSpec:
 
     @property
     def factory_path(self) -> str:
-        """The import path of the factory; empty if there is none."""
+        """The import path of the factory, or of the class without a factory; empty if the node has neither."""
         return self.signature.factory or self.class_path
 
     def is_class_of(self, parameter: Parameter) -> bool:
-        """Return whether a reference may name such a node: its class is that of the parameter or a subclass.
+        """Return whether a reference may name this node, because its class is the parameter's class or a subclass of it.
 
-        If both classes are named by their paths, they are compared without importing them: neither derives from the other.
+        If both classes are given as import paths, only the paths are compared: none of these classes derives from another.
         """
         if self.is_by_path and isinstance(parameter.target_or_path, str):
             return self.class_path == parameter.target_path
@@ -456,7 +454,7 @@ class NodeSpec:
 
     @property
     def misreads_skips(self) -> bool:
-        """Whether it treats a skipped child as an interruption, and this project has no replacement class."""
+        """Whether the node treats a skipped child as an interruption, and this project has no replacement for it."""
         if self.kind.is_leaf or self.is_only_described:
             return False
         if self.is_by_path:
@@ -468,56 +466,56 @@ class NodeSpec:
 
     @functools.cached_property
     def _ancestry(self) -> frozenset[str]:
-        """The import paths of its class and its base classes; empty if the installed py_trees lacks the class."""
+        """The import paths of the class and its base classes; empty if the installed py_trees lacks the class."""
         with suppress(AttributeError):
             return frozenset(map(path_of, self.cls.__mro__)) if self.cls is not None else frozenset()
         return frozenset()
 
     @functools.cached_property
     def absent_methods(self) -> tuple[str, ...]:
-        """The abstract methods of its class; an abstract class cannot be instantiated."""
+        """The abstract methods of the class, which prevent its instantiation."""
         return tuple(sorted(() if self.is_by_path else getattr(self.cls, "__abstractmethods__", ())))
 
     @property
     def provenance(self) -> Provenance:
-        """The source of this spec; named palettes have their own (`palettes.KnownSpec`)."""
+        """The source of this spec; `palettes.KnownSpec` overrides it for named palettes."""
         if not self.is_foreign:
             return Provenance.INSTALLED
         return Provenance.FROM_USE if self.signature.from_use else Provenance.DESCRIBED
 
     @property
     def is_only_described(self) -> bool:
-        """Whether only a model describes it, without a class or a palette with more information."""
+        """Whether only a model in a file describes the node, not a class or a named palette."""
         return self.provenance.is_description
 
     def with_port(self, unlisted: Parameter) -> "NodeSpec":
-        """Return the spec of a described node with a further port."""
+        """Return a copy of this spec with a further port."""
         described = {**self.parameters, unlisted.name: unlisted}
         return replace(self, signature=self.signature._replace(described=described))
 
     @property
     def is_foreign(self) -> bool:
-        """Whether another program executes it: there is no class."""
+        """Whether the node has no class, because another program executes it."""
         return self.class_or_path is None
 
     @property
     def has_world_leaf(self) -> bool:
-        """Whether a leaf represents the world around it in runs without a robot."""
+        """Whether a leaf represents the world that the node queries in runs without a robot."""
         return not self.kind.is_leaf and bool(self.outcomes)
 
     @functools.cached_property
     def implied_values(self) -> Mapping[str, object]:
-        """The parameters whose value the tag implies."""
+        """The values that the tag implies, by parameter name."""
         return self.signature.fixed
 
     def fixed_value_names(self, parameter: Parameter) -> list[str]:
-        """Return the texts that a file may contain for a parameter whose value the tag implies."""
+        """Return the texts that are equal to the value that the tag implies for a parameter."""
         kind, value = parameter.value_type, self.implied_values[parameter.name]
         return [text for text in kind.choices if kind.convert(text) == value]
 
     @functools.cached_property
     def references(self) -> list[Parameter]:
-        """The parameters that refer to other nodes."""
+        """The parameters whose attributes name other nodes."""
         return [
             parameter for parameter in self.parameters.values() if parameter.role is ParameterRole.REFERENCE
         ]
@@ -537,7 +535,7 @@ class NodeSpec:
 
     @functools.cached_property
     def plain_defaults(self) -> dict[str, object]:
-        """The defaults of the fixed attributes."""
+        """The values of constant attributes that are not written: the value that the tag implies, or the default."""
         return {p.name: self.implied_values.get(p.name, p.default) for p in self.constant_attributes}
 
     @functools.cached_property
@@ -551,58 +549,58 @@ class NodeSpec:
 
     @functools.cached_property
     def handed_over(self) -> list[Parameter]:
-        """The parameters that the mission provides."""
+        """The parameters for objects that the mission provides."""
         return [p for p in self.parameters.values() if p.role is ParameterRole.CONTEXT]
 
     @functools.cached_property
     def needs_context(self) -> bool:
-        """Whether an instance needs more than its values and children."""
+        """Whether an instance depends on more than its attribute values and children, such as facts or other nodes."""
         around = self.references or self.handed_over or self.facts or self.reads or self.writes
         return bool(around) or self.is_foreign
 
     @functools.cached_property
     def takes_script(self) -> bool:
-        """Whether one of its attributes is a script."""
+        """Whether one of the attributes is a script."""
         return any(parameter.value_type.python is Script for parameter in self.parameters.values())
 
     @functools.cached_property
     def structure(self) -> str:
-        """The constructor's parameter for its children: `child` or `children`; empty for a leaf."""
+        """The constructor parameter for the children: `child` or `children`; empty for a leaf."""
         return {Kind.CONTROL: "children", Kind.DECORATOR: "child"}.get(self.kind, "")
 
     @functools.cached_property
     def skips_by_itself(self) -> bool:
         """Whether a tick can be skipped independently of the children.
 
-        Any leaf of BehaviorTree.CPP can return SKIPPED, but hardly any does (a precondition skips a node, not its own
-        tick). So a leaf that is only described is not assumed to, unless its declaration says so.
+        Every leaf of BehaviorTree.CPP can return SKIPPED, but hardly any does: a precondition skips a node before its tick.
+        A leaf that is only described is therefore assumed not to skip, unless `skipping` says otherwise.
         """
         leaf = self.kind.is_leaf and not self.is_only_described and "SKIPPED" in self.statuses
         return self.skipping.possible is SkipPossibility.ALWAYS or leaf
 
     @functools.cached_property
     def is_plain(self) -> bool:
-        """Whether an instance has only values, and no scripts."""
+        """Whether the node is a leaf whose instances depend only on attribute values that are not scripts."""
         is_special = self.references or self.needs_context or self.takes_script or self.skips_by_itself
         return self.kind.is_leaf and self.rule is None and not is_special
 
     @functools.cached_property
     def constructor_names(self) -> dict[str, str]:
-        """The parameters that have another name in the constructor."""
+        """The names in the constructor of the parameters whose attributes have another name."""
         return {p.name: p.keyword for p in self.parameters.values() if p.keyword}
 
     @property
     def attributes(self) -> list[Parameter]:
-        """The parameters that are written as attributes, in the constructor's order."""
+        """The parameters that are written as attributes, in the order of the constructor."""
         written = (ParameterRole.NAME, ParameterRole.ATTRIBUTE, ParameterRole.REFERENCE)
         return [parameter for parameter in self.parameters.values() if parameter.role in written]
 
 
 def _parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
-    """Return the parameters of the constructor of a node's class by attribute name, in their order.
+    """Return the constructor parameters of a node's class by attribute name, in order.
 
     Raises:
-        RegistrationError: If one cannot be written in a tree file, or the outcomes use unknown ones.
+        RegistrationError: If a tree file cannot express a parameter, or if the outcomes use unknown parameters.
     """
     constructor: Callable[..., Any] = spec.cls.__init__  # type: ignore[misc]
     try:
@@ -622,7 +620,7 @@ def _parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
 
 
 def _writable(constructor: Callable[..., Any]) -> Iterator[tuple[str, inspect.Parameter]]:
-    """Yield the parameters without `self`, and without `*args` and `**kwargs`."""
+    """Yield the parameters of a constructor without `self`, `*args` and `**kwargs`."""
     for name, parameter in list(inspect.signature(constructor).parameters.items())[1:]:
         if parameter.kind not in _VARIADIC:
             yield name, parameter
@@ -650,17 +648,17 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
     if value_type is not None:
         return Parameter(name, ParameterRole.ATTRIBUTE, value_type=value_type, direction=direction, **common)
     if is_class(target) and is_mission_context(target):
-        # Neither the parameter nor its placeholder is written in a tag.
+        # The parameter has no attribute, so its default is not used.
         return Parameter(name, ParameterRole.CONTEXT, target_or_path=target, **{**common, "default": None})
-    # Nodes that are only described are read without py_trees.
+    # Imported late, because specs of nodes that are only described are created without py_trees.
     from py_trees.behaviour import Behaviour
 
     if is_class(target) and issubclass(target, Behaviour):
         return Parameter(name, ParameterRole.REFERENCE, target_or_path=target, **common)
     raise RegistrationError(
-        f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} is annotated with {annotation!r}, which is "
-        "neither a value that can be written in a file (float, int, bool, str, an enum, Path, timedelta, a list "
-        "of such, or a port such as Input[float]) nor a leaf class nor marked with @mission_context"
+        f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} is annotated with {annotation!r}, which cannot be "
+        "written in a file. Use float, int, bool, str, an enum, Path, timedelta, a list of these, a port such as "
+        "Input[float], a leaf class, or a class marked with @mission_context"
     )
 
 
@@ -683,9 +681,9 @@ def _require_valid_outcomes(spec: NodeSpec, parameters: Mapping[str, Parameter])
     for outcome in spec.outcomes:
         for text in (outcome.when, outcome.then):
             _require_known_placeholders(spec, text, [*known, *numbers])
-        mistake = find_script_error(outcome, known, numbers)
-        if mistake is not None:
-            part, text, error = mistake
+        found = find_script_error(outcome, known, numbers)
+        if found is not None:
+            part, text, error = found
             raise RegistrationError(f"<{spec.tag}>: outcome '{outcome.name}': {part} '{text}': {error}")
 
 
@@ -698,7 +696,7 @@ def _require_known_placeholders(spec: NodeSpec, text: str, known: Sequence[str])
 
 
 def _carried_type(port: object) -> ValueType | None:
-    """Return the type of a port's values: `T` of `Input[T]`, any type for a bare `Input`."""
+    """Return the value type `T` of a port that is annotated with `Input[T]`; any type for `Input` alone."""
     carried = typing.get_args(port)[0] if typing.get_args(port) else object
     return ANYTHING if carried in (object, Any) else port_type_of(carried)
 
@@ -708,7 +706,7 @@ def _name_of(spec: NodeSpec) -> str:
 
 
 def _inherited_documentation(cls: type | None) -> dict[str, str]:
-    """Return the descriptions of parameters in the docstrings of a class and its bases, except for py_trees' own."""
+    """Return the descriptions of parameters in the docstrings of a class and its bases, except those in py_trees."""
     described: dict[str, str] = {}
     for base in reversed(cls.__mro__ if cls is not None else ()):
         if base is cls or not base.__module__.startswith("py_trees."):

@@ -40,7 +40,7 @@ from sar_compiler.tree.guessing import nearest
 T = TypeVar("T")
 
 _INT64 = range(-(2**63), 2**63)
-# The format of std::from_chars: in any case, and without a plus.
+# The format of std::from_chars for numbers without digits: upper or lower case, without a plus sign.
 _NO_DIGITS = r"-?([iI][nN][fF]([iI][nN][iI][tT][yY])?|[nN][aA][nN])"
 _NOT_BLANK = r"[\s\S]*\S[\s\S]*"
 _SEPARATOR = ";"
@@ -51,7 +51,7 @@ JSON = "json:"
 """The prefix of a JSON text, for ports that take any value."""
 _LARGEST_UNSIGNED = 2**32 - 1
 MOST_LISTED = 10
-"""The largest number of names that a message lists."""
+"""The maximum number of names that a message lists."""
 
 TRUTH_VALUES = {
     "true": True,
@@ -68,13 +68,13 @@ TRUTH_VALUES = {
 
 @dataclass(eq=False)
 class ConversionError(ValueError):
-    """A text is not a value of the required type.
+    """An error about a text that is not a value of the required type.
 
     Attributes:
-        message: The error, in the user's terms.
-        suggestion: The replacement, if it can be guessed.
-        hint: A short instruction, if there is no replacement.
-        place: The start and end of the wrong part of the text; None for all of it.
+        message: The description of the error, in the user's terms.
+        suggestion: The replacement text, if it can be guessed.
+        hint: A short instruction, if there is no replacement text.
+        place: The start and end of the wrong part of the text; None for the whole text.
     """
 
     message: str
@@ -87,24 +87,24 @@ class ConversionError(ValueError):
 
 
 class ValueType(NamedTuple):
-    """A type that an attribute can have.
+    """The type of an attribute's values.
 
     Attributes:
-        name: Its name in a schema.
-        label: Its name in a sentence, with its article: `an integer`.
-        convert: Function that converts a text to the value or raises `ConversionError`.
-        pattern: A regular expression (as XSD and JSON Schema both read it) of its texts; empty: any.
-        choices: All its texts, if they can be listed.
-        python: The type of its values; None for any.
-        cpp: Its name in a `TreeNodesModel`; empty for values of any type.
+        name: The name of the type in a schema.
+        label: The name of the type in a sentence, with an article: `an integer`.
+        convert: A function that converts a text to a value, or raises `ConversionError`.
+        pattern: A regular expression, valid in XSD and JSON Schema, for the valid texts; empty if it cannot restrict them.
+        choices: All valid texts, if they can be listed.
+        python: The Python type of the values; None for any type.
+        cpp: The name of the type in a `TreeNodesModel`; empty for values of any type.
         least: The smallest value, for integers with a limit.
         most: The largest value, for integers with a limit.
         example: The text of an example value.
-        names_key: Whether it is the name of a key: `{goal}` is then equivalent to `goal`.
-        keys_in: Function that returns the names of the keys in a value that is not itself a name; None for values without keys.
-        unit: For a duration, the unit of its plain numbers: `ms` or `s`.
-        usual: The plausible numbers, if others are valid as well.
-        takes_braces: Whether a value may have braces, too; a single name in braces is still a key.
+        names_key: Whether a value is the name of a key; `{goal}` is then equivalent to `goal`.
+        keys_in: A function that returns the keys in a value such as message fields; None if values contain no keys.
+        unit: The unit of plain numbers in a duration: `ms` or `s`.
+        usual: The plausible numbers, if other numbers are valid as well.
+        takes_braces: Whether a value may contain braces; a single name in braces is still a key.
     """
 
     name: str
@@ -124,7 +124,7 @@ class ValueType(NamedTuple):
     takes_braces: bool = False
 
     def key_in(self, text: str, port: str) -> str | None:
-        """Return the key that a port's text refers to, as `blackboard_key` does; None if it is a value."""
+        """Return the key to which a port's text refers, as `blackboard_key` does; None if the text is a value."""
         key = blackboard_key(text, port)
         if key is not None and self.takes_braces and not re.fullmatch(_NAME_OF_KEY, key):
             return None
@@ -138,11 +138,11 @@ class ValueType(NamedTuple):
     def fit(self, value: object) -> object:
         """Convert a value on the blackboard to this type.
 
-        Strings are read as in a file, numbers as if they were written there; an integer is accepted as a number,
+        Strings and numbers are converted as if they were written in a tree file. An integer is accepted as a number,
         and a number as an integer if no precision is lost.
 
         Raises:
-            ConversionError: If the value is invalid; the message names it.
+            ConversionError: If the value is invalid. The message contains the value.
         """
         fitted = self._as_python(value)
         if isinstance(fitted, int) and not self._is_in_range(fitted):
@@ -153,7 +153,9 @@ class ValueType(NamedTuple):
         return (self.least is None or self.least <= number) and (self.most is None or number <= self.most)
 
     def _as_python(self, value: object) -> object:
-        if self.python is None or (isinstance(value, self.python) and not _is_surprising(value, self.python)):
+        if self.python is None or (
+            isinstance(value, self.python) and not _is_bool_as_number(value, self.python)
+        ):
             return value
         if isinstance(value, str):
             return self.convert(value)
@@ -173,7 +175,7 @@ class ValueType(NamedTuple):
 
 
 def literal_value(text: str) -> int | float | str:
-    """Return the constant for a text passed to a subtree: a number if possible, otherwise a string."""
+    """Convert a text that is passed to a subtree to a number if possible; otherwise return the text."""
     if text.startswith("+"):
         return text
     if re.fullmatch(_NO_DIGITS, text):
@@ -186,23 +188,23 @@ def literal_value(text: str) -> int | float | str:
 
 
 def as_text(value: bool | float) -> str:
-    """Format a number as BehaviorTree.CPP does if a string is required."""
+    """Convert a number to a string as BehaviorTree.CPP does."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return str(value) if isinstance(value, int) else f"{value:f}"
 
 
-def _is_surprising(value: object, wanted: type) -> bool:
-    """Return whether Python accepts a surprising value for a type, such as True for a number."""
+def _is_bool_as_number(value: object, wanted: type) -> bool:
+    """Return whether a value is a bool, which Python accepts as a number, and the wanted type is another one."""
     return isinstance(value, bool) and wanted is not bool
 
 
 def join_with_commas(words: Collection[str], count: int | None = None) -> str:
-    """Return words separated by commas; for many words, the first ones and the number of the others.
+    """Return words separated by commas; for many words, the first words and the number of the remaining words.
 
     Args:
-        words: The words, or the first `MOST_LISTED` of them.
-        count: The total number, if these are not all.
+        words: All words, or the first `MOST_LISTED` words.
+        count: The total number of words, if *words* does not contain all.
     """
     more = (len(words) if count is None else count) - MOST_LISTED
     shown = ", ".join(itertools.islice(words, MOST_LISTED))
@@ -210,11 +212,11 @@ def join_with_commas(words: Collection[str], count: int | None = None) -> str:
 
 
 def blackboard_key(text: str, port: str = "") -> str | None:
-    """Return the key that a text such as `{goal}` refers to; None if the text is a literal.
+    """Return the key to which a text such as `{goal}` refers; None if the text is a literal.
 
     Args:
         text: The text.
-        port: The name of the port that it is written for, which `{=}` refers to.
+        port: The name of the port that contains the text, to which `{=}` refers.
     """
     if "{" not in text:  # nearly all texts
         return port or None if text.strip(" ") == "=" else None
@@ -227,18 +229,18 @@ def blackboard_key(text: str, port: str = "") -> str | None:
 
 
 def value_type_of(annotation: object) -> ValueType | None:
-    """Return the type of an annotated constructor parameter.
+    """Return the value type of an annotated constructor parameter.
 
     Args:
-        annotation: The resolved annotation; `Optional[T]` is treated as `T`, and `Annotated[T, value_type]` as that type.
+        annotation: The resolved annotation. `Optional[T]` is treated as `T`. `Annotated[T, value_type]` determines the type.
 
     Returns:
-        The type, or None if no text can become such a value.
+        The value type; None if a text cannot be converted to the annotated type.
     """
     annotation = strip_none(annotation)
-    said = _annotated_type(annotation)
-    if said is not None:
-        return said
+    annotated = _annotated_type(annotation)
+    if annotated is not None:
+        return annotated
     if is_class(annotation) and annotation in _PLAIN:
         return _PLAIN[annotation]
     if typing.get_origin(annotation) is list:
@@ -260,16 +262,16 @@ def value_type_of(annotation: object) -> ValueType | None:
 
 
 def port_type_of(annotation: object) -> ValueType | None:
-    """Return the type of a port's values; None if no text can become such a value."""
+    """Return the value type of a port; None if a text cannot be converted to the annotated type."""
     value_type = value_type_of(annotation)
     return _OF_PORTS.get(value_type.name, value_type) if value_type is not None else None
 
 
 def require_value_type(annotation: object) -> ValueType:
-    """Return the type of an annotation that must have one.
+    """Return the value type of an annotation.
 
     Raises:
-        TypeError: If it has none.
+        TypeError: If a text cannot be converted to the annotated type.
     """
     value_type = value_type_of(annotation)
     if value_type is None:
@@ -278,7 +280,7 @@ def require_value_type(annotation: object) -> ValueType:
 
 
 def type_of_cpp_name(name: str) -> ValueType | None:
-    """Return the type with a BehaviorTree.CPP name (in a `TreeNodesModel`); None for an unknown name."""
+    """Return the value type for a C++ type name in a `TreeNodesModel`; None for an unknown name."""
     name = normalize(name)
     if name.startswith(_VECTOR) and name.endswith(">"):
         item = _CPP_TYPES.get(name.removeprefix(_VECTOR).removesuffix(">"))
@@ -287,12 +289,12 @@ def type_of_cpp_name(name: str) -> ValueType | None:
 
 
 def port_type_of_cpp_name(name: str) -> ValueType:
-    """Return the type of a port that a model describes; an unknown type accepts any value, under its own name."""
+    """Return the value type of a port that a model describes; a type with an unknown name accepts any value."""
     return type_of_cpp_name(name) or ANYTHING._replace(cpp=normalize(name))
 
 
 def is_class(annotation: object) -> TypeGuard[type]:
-    """Return whether an annotation is a plain class; Python 3.10 treats `dict[str, int]` as one."""
+    """Return whether an annotation is a plain class; in Python 3.10, `dict[str, int]` is also an instance of `type`."""
     return isinstance(annotation, type) and typing.get_origin(annotation) is None
 
 
@@ -303,7 +305,7 @@ def _annotated_type(annotation: object) -> ValueType | None:
 
 
 def strip_none(annotation: object) -> object:
-    """Return `T` for `T | None` and for `Annotated[T, ...]` with foreign metadata; anything else unchanged."""
+    """Return `T` for `T | None`, and for `Annotated[T, ...]` without a `ValueType`; other annotations are unchanged."""
     if typing.get_origin(annotation) is Annotated and _annotated_type(annotation) is None:
         return strip_none(typing.get_args(annotation)[0])
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
@@ -322,7 +324,7 @@ def _boolean(text: str) -> bool:
 
 
 def parse_integer(text: str, least: float = -math.inf, most: float = math.inf) -> int:
-    """Return the integer that a text represents.
+    """Parse an integer.
 
     Args:
         text: The text.
@@ -351,7 +353,7 @@ def _parse_unsigned(text: str) -> int:
 def at_least(least: int) -> ValueType:
     """Return the type of integers with a lower limit.
 
-    It is used in an annotation: `attempts: Annotated[int, at_least(1)]`.
+    Use the type in an annotation: `attempts: Annotated[int, at_least(1)]`.
     """
     label = f"an integer, {least} or more"
     return ValueType(
@@ -369,18 +371,18 @@ def at_least(least: int) -> ValueType:
 def plausible_number(least: float, most: float = math.inf, *, is_open: bool = False) -> ValueType:
     """Return the type of numbers with a plausible range; other numbers cause a warning before the run.
 
-    It is used in an annotation: `share: Annotated[float, plausible_number(0, 1)]`.
+    Use the type in an annotation: `share: Annotated[float, plausible_number(0, 1)]`.
 
     Args:
         least: The smallest plausible number.
         most: The largest plausible number.
-        is_open: Whether the smallest one itself is excluded.
+        is_open: Whether *least* itself is excluded.
     """
     return _PLAIN[float]._replace(usual=PlausibleRange(least, most, is_open))
 
 
 def _sized_integer(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
-    """Return the type of C++ integers of a size; BehaviorTree.CPP rejects others."""
+    """Return the type of C++ integers of a size; BehaviorTree.CPP rejects integers outside of their range."""
     least, most = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if is_signed else (0, 2**bits - 1)
     label = f"an integer from {least} to {most}"
     convert = functools.partial(_parse_in_range, least, most, label)
@@ -395,7 +397,7 @@ def _parse_in_range(least: float, most: float, label: str, text: str) -> int:
 
 
 def _up_to(largest: int) -> str:
-    """Return a regular expression of the integers from 0 to *largest*, which has several digits."""
+    """Return a regular expression for the integers from 0 to *largest*, which must have several digits."""
     digits = str(largest)
     shorter = f"[0-9]{{1,{len(digits) - 1}}}"
     smaller = [
@@ -407,10 +409,10 @@ def _up_to(largest: int) -> str:
 
 
 def parse_real(text: str) -> float:
-    """Return the number that a text represents.
+    """Parse a finite number.
 
     Raises:
-        ConversionError: If the text is not a number, or it is too large for a float.
+        ConversionError: If the text is not a number, or if the number is too large for a float.
     """
     if not re.fullmatch(REAL, text):
         raise ConversionError(f"'{text}' is not a number", intended_number(text), number_hint(text))
@@ -456,7 +458,7 @@ def _milliseconds(text: str) -> int:
 def _duration_error(
     text: str, label: str, number: str | None, convert: Callable[[str], object]
 ) -> ConversionError:
-    """Return the error for a text that is not a duration, with the intended number if it lacks a unit."""
+    """Return the error for a text that is not a duration, with a suggested duration or number."""
     label = label.removeprefix("a duration (").removesuffix(")")
     message, hint = f"'{text}' is not a duration ({label})", number_hint(text)
     ambiguous = hint is not None and "comma" in hint
@@ -498,7 +500,7 @@ def _choose_text(names: tuple[str, ...], text: str) -> str:
 
 
 def _member(kind: type[enum.Enum], text: str) -> enum.Enum:
-    """Return the member of an enumeration for its name or integer."""
+    """Return the enumeration member with a name or an integer value."""
     members, texts = _texts_of(kind)
     return texts[text] if text in texts else members[_choose_text(tuple(members), text)]
 
@@ -515,7 +517,7 @@ def _members_by_number(members: Mapping[str, enum.Enum]) -> dict[str, enum.Enum]
 
 
 def list_type(item: ValueType) -> ValueType:
-    """Return the type of lists, written with semicolons between the items: `1;2;3`."""
+    """Return the type of lists whose items are separated by semicolons: `1;2;3`."""
     pattern = f"(({item.pattern})(;({item.pattern}))*)?" if item.pattern else ""
     article, _, noun = item.label.partition(" ")
     label = (
@@ -531,7 +533,7 @@ def list_type(item: ValueType) -> ValueType:
 
 
 def _list(item: ValueType, label: str, text: str) -> list[object]:
-    """Read items separated by semicolons, or a JSON list as BehaviorTree.CPP does for some types."""
+    """Parse items separated by semicolons, or a JSON list, which BehaviorTree.CPP accepts for some types."""
     if not text.startswith(JSON):
         return items_of(text, item.convert)
     items = _parse_any_value(text)
@@ -542,15 +544,15 @@ def _list(item: ValueType, label: str, text: str) -> list[object]:
 
 
 def items_of(text: str, convert: Callable[[str], T], *, blanks: bool = False) -> list[T]:
-    """Return the items of a text, which semicolons separate.
+    """Split a text at semicolons, and convert the items.
 
     Args:
-        text: The text; an empty one has no items.
-        convert: Function that converts the text of an item or raises `ConversionError`.
-        blanks: Whether blanks are allowed around an item.
+        text: The text; an empty text has no items.
+        convert: A function that converts the text of an item, or raises `ConversionError`.
+        blanks: Whether whitespace is allowed around an item.
 
     Raises:
-        ConversionError: If an item is invalid; contains its location.
+        ConversionError: If an item is invalid. The error contains the location of the item.
     """
     items, start = [], 0
     for part in text.split(_SEPARATOR) if text else ():
@@ -567,7 +569,7 @@ def items_of(text: str, convert: Callable[[str], T], *, blanks: bool = False) ->
 
 
 def _parse_any_value(text: str) -> object:
-    """Parse a text that begins with `json:` as JSON; any other remains a string."""
+    """Parse a text that begins with `json:` as JSON; return any other text unchanged."""
     if not text.startswith(JSON):
         return text
     try:
@@ -598,7 +600,7 @@ _PLAIN: dict[type, ValueType] = {
     ),
 }
 PLAIN = {value_type.name: value_type for value_type in _PLAIN.values()}
-"""The types of annotations that are classes, by their names."""
+"""The value types of plain Python classes, by name."""
 UNSIGNED = ValueType(
     "unsigned",
     f"an integer from 0 to {_LARGEST_UNSIGNED}",
@@ -609,11 +611,11 @@ UNSIGNED = ValueType(
     least=0,
     most=_LARGEST_UNSIGNED,
 )
-"""BehaviorTree.CPP's `unsigned`."""
+"""The type of BehaviorTree.CPP's `unsigned` integers."""
 REAL_NUMBER = ValueType(
     "real", "a number", _any_real, pattern=f"{REAL}|{_NO_DIGITS}", python=float, cpp="double"
 )
-"""The type of ports for real numbers, which may be `inf` or `nan` as in BehaviorTree.CPP; other attributes must be finite."""
+"""The type of ports for real numbers, which may be `inf` or `nan` as in BehaviorTree.CPP; in other attributes, they may not."""
 SECONDS = ValueType(
     "seconds",
     "a duration (seconds, or a number with ms, s or min)",
@@ -623,7 +625,7 @@ SECONDS = ValueType(
     cpp="double",
     unit="s",
 )
-"""Durations whose plain numbers are in seconds."""
+"""The type of durations whose plain numbers are in seconds."""
 MILLISECONDS = ValueType(
     "milliseconds",
     f"a duration (milliseconds from 0 to {_LARGEST_UNSIGNED}, or a number with ms, s or min)",
@@ -635,20 +637,20 @@ MILLISECONDS = ValueType(
     most=UNSIGNED.most,
     unit="ms",
 )
-"""Durations whose plain numbers are in milliseconds, as in BehaviorTree.CPP."""
+"""The type of durations whose plain numbers are in milliseconds, as in BehaviorTree.CPP."""
 Seconds: TypeAlias = Annotated[float, SECONDS]
 """The annotation of a parameter or port in seconds; a file can also write a number with a unit, such as `500ms`."""
 Milliseconds: TypeAlias = Annotated[int, MILLISECONDS]
 """The annotation of a parameter or port in whole milliseconds."""
 _condition = functools.partial(_script, allow_empty=False)
 CONDITION = ValueType("condition", "a script", _condition, pattern=_NOT_BLANK, python=Script, cpp=TEXT)
-"""The scripts of pre- and post-conditions, which must not be empty."""
+"""The type of scripts that must not be empty, such as preconditions."""
 ANYTHING = ValueType("anything", "a value", _parse_any_value)
-"""The type of a port for any object; not a type for plain parameters."""
+"""The type of a port for any object; plain parameters cannot have this type."""
 AS_WRITTEN = ValueType("anything", "a value", str)
-"""The type of a port for any object, which reads a text in the file as a string whatever its prefix."""
+"""The type of a port for any object; a text in the file is always a string, even if it begins with `json:`."""
 NO_VALUE = ValueType("", "", str, python=object, cpp=TEXT)
-"""Replaces the type of a parameter without values: of another node, or of an object of the mission."""
+"""The placeholder type of parameters without a text: references to nodes, and objects of the mission."""
 
 _OF_PORTS = {_PLAIN[float].name: REAL_NUMBER, list_type(_PLAIN[float]).name: list_type(REAL_NUMBER)}
 STATUSES = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")

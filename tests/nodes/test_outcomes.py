@@ -74,7 +74,7 @@ def test_a_control_has_no_answers():
         ({"outcomes": Outcome("SUCCESS")}, "write a list or tuple"),
         (
             {"outcomes": [Outcome("SUCESS")]},
-            "the status the string 'SUCESS'; a status is one of SUCCESS, FAILURE, RUNNING, SKIPPED",
+            "the status the string 'SUCESS'; write one of SUCCESS, FAILURE, RUNNING, SKIPPED",
         ),
         ({"outcomes": [Outcome("SUCCESS"), Outcome("SUCCESS")]}, "outcomes contains 'SUCCESS' twice"),
         ({"facts": ["left"]}, "facts is .*; write names and initial values"),

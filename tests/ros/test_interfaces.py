@@ -446,7 +446,7 @@ class TestKeys:
             ("a: &x [*x]", r"a YAML alias \(\*\) is not allowed here"),
             ("<<: {a: 1}", "a field must have a name"),
             ("? [a] : 1", "a field must have a name"),
-            ("a: 1, a: 2", "'a' is written twice"),
+            ("a: 1, a: 2", "'a' is given twice"),
             ("a: !!python/object/apply:os.system [ls]", None),
             ("a: !!python/name:os.system ''", "is not a value"),
             ("[" * 5000, "nested too deeply"),
@@ -492,7 +492,7 @@ class TestPaths:
         ("path", "said"),
         [
             ("pose.positon", "there is no field 'pose.positon'; did you mean 'position'?"),
-            ("pose.position.x.y", "there is no field 'pose.position.x.y'; it has no fields"),
+            ("pose.position.x.y", "there is no field 'pose.position.x.y'; the type has no fields"),
             ("covariance.x", "'covariance.x': the field that contains 'x' is a list"),
             ("covariance[36]", "'covariance' is double[36], which has no element 36"),
             ("pose[0]", "'pose' is geometry_msgs/Pose, not a list; write pose"),
@@ -516,8 +516,8 @@ class TestPaths:
     ("kind", "written", "said", "is_certain"),
     [
         ("srv", "std_srvs/srv/SetBol", "std_srvs/srv/SetBol is not installed; did you mean 'std_srvs/srv/SetBool'?", True),
-        ("srv", "std_srvs/msg/SetBool", "is a type of topics, but a type of services is expected; did you mean 'std_srvs/srv/SetBool'?", True),
-        ("srv", "std_srvs", "'std_srvs' is not a type; write package/srv/Name, such as std_srvs/srv/Trigger", True),
+        ("srv", "std_srvs/msg/SetBool", "is a type for topics, but a type for services is expected; did you mean 'std_srvs/srv/SetBool'?", True),
+        ("srv", "std_srvs", "'std_srvs' is not an interface type; write package/srv/Name, such as std_srvs/srv/Trigger", True),
         ("action", "std_srvs/action/Go", "the package 'std_srvs' has no action types", False),
         ("srv", "no_such_msgs/srv/X", "there is no interface package 'no_such_msgs' on this machine", False),
         ("action", "nav2_msgs/action/Teleport", "nav2_msgs/action/Teleport is not installed; install", False),
