@@ -107,12 +107,12 @@ class FindingCollector:
     ) -> None:
         """Report content that BehaviorTree.CPP rejects since a version, if the trees target that version or a newer one."""
         if self.version >= change.since:
-            refused = f"BehaviorTree.CPP rejects this since {change.release}"
+            refused = f", which BehaviorTree.CPP rejects since {change.release}"
             older = f'declare an older version in sar.toml: [language] btcpp = "{OLDEST}"'
             about["hint"] = f"{about['hint']}, or {older}"
             cause = about.get("common_cause")
-            about["common_cause"] = cause and Cause(f"{cause.text}; {refused}", cause.subject)
-            self.add("btcpp-version", f"{message}; {refused}", element, span, **about)
+            about["common_cause"] = cause and Cause(f"{cause.text}{refused}", cause.subject)
+            self.add("btcpp-version", f"{message}{refused}", element, span, **about)
 
     def wrong_value(
         self, element: Element, attribute: str, error: ConversionError, code: str = "wrong-value"

@@ -281,7 +281,7 @@ def test_a_note_that_reads_as_a_condition_is_a_warning(node, name):
     [finding] = [each for each in check(forest_of(text), default_registry()) if each.code != "unused-tree"]
     assert (finding.code, finding.severity) == ("unknown-attribute", Severity.WARNING)
     assert (finding.span.line, finding.span.column) == (2, node.index("{") + 1)
-    assert finding.hint == f"the conditions are {join_with_commas(CONDITIONS)}"
+    assert finding.hint == f"known conditions: {join_with_commas(CONDITIONS)}"
 
 
 LIKE_NOTES = {
@@ -289,10 +289,10 @@ LIKE_NOTES = {
     "_if": ("ready", 'write _skipIf="!(ready)"'),
     "_when": ("ready", 'write _skipIf="!(ready)"'),
     "_unless": ("ready", 'write _skipIf="ready"'),
-    "_precondition": ("ready", f"the conditions are {join_with_commas(CONDITIONS)}"),
-    "_condition": ("ready", f"the conditions are {join_with_commas(CONDITIONS)}"),
-    "_guard": ("ready == 1", f"the conditions are {join_with_commas(CONDITIONS)}"),
-    "_needs": ("ready", f"the conditions are {join_with_commas(CONDITIONS)}"),
+    "_precondition": ("ready", f"known conditions: {join_with_commas(CONDITIONS)}"),
+    "_condition": ("ready", f"known conditions: {join_with_commas(CONDITIONS)}"),
+    "_guard": ("ready == 1", f"known conditions: {join_with_commas(CONDITIONS)}"),
+    "_needs": ("ready", f"known conditions: {join_with_commas(CONDITIONS)}"),
     "_timeout": ("5", "put the node into a decorator: <Timeout>"),
     "_timeoutMs": ("5000", "put the node into a decorator: <Timeout>"),
     "_repeat": ("3", "put the node into a decorator: <Repeat>"),

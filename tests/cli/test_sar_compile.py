@@ -85,7 +85,7 @@ def test_json_has_the_fields_that_scripts_rely_on(capsys, broken):
             "code": "unknown-node",
             "message": "there is no node 'Sey'",
             "suggestion": None,
-            "hint": "list known nodes with sar-compile nodes; add a module of leaves with --nodes, or a palette with --model",
+            "hint": "list the known nodes with sar-compile nodes, or add a module with --nodes or a palette with --model",
             "cause": "unknown-node: there are no nodes of these names",
         }
     ]
@@ -176,7 +176,7 @@ def test_show_of_a_tree_by_its_id_does_not_ask_for_a_main_tree(capsys, tmp_path)
 def test_show_of_a_tree_that_is_not_in_the_file_is_wrong_usage(capsys):
     status, _, err = run(capsys, "show", "--tree", "Nope", SHIPPED)
     assert status == 2
-    assert err == "sar-compile: there is no tree 'Nope'; the file has SearchAndRescue\n"
+    assert err == "sar-compile: there is no tree 'Nope' (known: SearchAndRescue)\n"
 
 
 def test_nodes_lists_what_can_be_written(capsys):

@@ -156,7 +156,7 @@ def test_hints_are_data_too(capsys):
     write("a.xml", document("<Nothing/>"))
     _, out, _ = run(capsys, "--format", "json", "a.xml")
     (finding,) = json.loads(out)
-    assert (finding["suggestion"], finding["hint"][:16]) == (None, "list known nodes")
+    assert (finding["suggestion"], finding["hint"][:20]) == (None, "list the known nodes")
     for form in ("sarif", "github"):
         assert finding["hint"] in run(capsys, "--format", form, "a.xml")[1]
 

@@ -242,7 +242,7 @@ outcomes: {NavigateToZone: [{status: SUCCESS, when: battery > 0, then: battery -
         (["--set", "zones_left"], "'zones_left' is not FACT=VALUE"),
         (["--max-states", "none"], "'none' is not an integer above 0"),
         (["--properties", "nowhere.yaml"], "cannot read nowhere.yaml"),
-        (["--tree", "Other"], "sar-compile: there is no tree 'Other'; the file has"),
+        (["--tree", "Other"], "sar-compile: there is no tree 'Other' (known:"),
     ],
 )
 def test_wrong_usage_has_status_2(run, arguments, said):

@@ -197,7 +197,7 @@ def test_the_tree_asked_for_is_compiled_instead_of_the_main_tree(registry):
         '<BehaviorTree ID="B"><Failure/></BehaviorTree></root>'
     )
     assert compile_tree(bind_main(forest_of(text), registry, "B"), {}, {}).root.name == "Failure"
-    with pytest.raises(TreeError, match=r"missing-main-tree.*no tree 'C'; the file has A, B"):
+    with pytest.raises(TreeError, match=r"missing-main-tree.*no tree 'C' \(known: A, B\)"):
         bind_main(forest_of(text), registry, "C")
 
 

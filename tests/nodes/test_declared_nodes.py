@@ -235,7 +235,7 @@ def test_what_is_no_data_cannot_be_declared():
 
     registry = Registry()
     registry.add_class(Fast)
-    with pytest.raises(UndeclarableError, match="<Fast> cannot be declared as data: the type 'Speed'"):
+    with pytest.raises(UndeclarableError, match="<Fast> cannot be written as JSON: the type 'Speed'"):
         specs_as_json(registry)
 
 

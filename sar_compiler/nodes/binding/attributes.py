@@ -1,4 +1,4 @@
-"""Binding of an element's attributes: values, blackboard keys, conditions."""
+"""Binding of an element's attributes to values, blackboard keys and conditions."""
 
 import re
 from collections.abc import Callable, Collection, Sequence
@@ -29,34 +29,32 @@ from sar_compiler.tree.guessing import Guesses, unit_suffix
 from sar_compiler.tree.model import SUBTREE_TAG, Element
 
 ONESHOT = "oneshot"
-"""The attribute of any node that wraps it in a OneShot with the given policy."""
-ONESHOT_HELP = (
-    "Runs the node until it completes once, then repeats its result. If interrupted, the node starts over."
-)
+"""The attribute that wraps any node in a OneShot with the given policy."""
+ONESHOT_HELP = "Runs the node until it completes once, then returns the same result again. An interrupted node starts over."
 
 CONDITIONS = {
-    "_failureIf": "A condition: if it is true when the node would start, the node fails instead.",
-    "_successIf": "A condition: if it is true when the node would start, the node succeeds instead.",
-    "_skipIf": "A condition: if it is true when the node would start, the node is skipped.",
-    "_while": "A condition: while it is false, the node is skipped, and interrupted if it is running.",
+    "_failureIf": "If this condition is true when the node is about to start, the node fails instead.",
+    "_successIf": "If this condition is true when the node is about to start, the node succeeds instead.",
+    "_skipIf": "If this condition is true when the node is about to start, the node is skipped.",
+    "_while": "While this condition is false, the node is skipped. If the node is running, it is interrupted.",
     "_onSuccess": "A script that runs when the node has succeeded.",
     "_onFailure": "A script that runs when the node has failed.",
     "_onHalted": "A script that runs when the node is interrupted.",
     "_post": "A script that runs when the node has ended or is interrupted.",
 }
-"""The attributes of any node with scripts that run before and after it, with their descriptions."""
+"""The attributes for scripts that run before and after any node, with their descriptions."""
 
 AUTOREMAP = "_autoremap"
 """The attribute of a `SubTree` that remaps every key to the outer key of the same name."""
 
 NOTES = ("_description", "_uid", "_fullpath", "_collapsed", "_favorite", "_hardcoded", "_subtreeOnly")
-"""Attributes in which BehaviorTree.CPP and editors store notes, for schemas; others that begin with `_` are notes, too."""
+"""Attributes in which BehaviorTree.CPP and editors store notes, for schemas; all that begin with `_` can be notes."""
 _TEXT_NOTES = frozenset(
     {*NOTES, "_comment", "_note", "_notes", "_todo", "_doc", "_label", "_title", "_color", "_style"}
 )
-"""Notes that hold any text; others are checked for conditions."""
+"""Notes that may contain any text; other notes are checked for conditions."""
 _LIKE_CONDITION = r"_(?:(?:skip|fail|failure|success|while|on|post)[A-Z]\w*|(?:(?:only|run|do)_?)?[iI]f|unless|when|(?:pre|post)?_?[cC]onditions?)"
-"""Notes that look like conditions without being similar to one: `_skipWhen`, not `_skip_list`."""
+"""A regular expression for notes that are probably intended as conditions: `_skipWhen`, but not `_skip_list`."""
 _DECORATORS = {
     "timeout": "<Timeout>",
     "delay": "<Delay>",
@@ -70,29 +68,29 @@ _DECORATORS = {
     "forcesuccess": "<ForceSuccess>",
     "forcefailure": "<ForceFailure>",
 }
-"""Prefixes of notes that look like decorators, and the decorators."""
+"""The decorators that were probably intended by notes with certain names."""
 _LIKE_DECORATOR = r"(?i)_((?:timeout|delay|repeat|retry|retries|attempts|invert|negate|run_?once|force_?(?:success|failure)))"
 _NEGATED = frozenset({"_if", "_onlyIf", "_only_if", "_runIf", "_run_if", "_doIf", "_do_if", "_when"})
-"""Notes that define when a node runs, whereas `_skipIf` defines when it does not."""
+"""Notes with conditions under which a node runs, whereas `_skipIf` contains a condition under which it does not run."""
 
 
 OneShotPolicyName: TypeAlias = Literal["ON_COMPLETION", "ON_SUCCESSFUL_COMPLETION"]
-"""py_trees' policies, by their names."""
+"""The names of the py_trees policies for OneShot."""
 ONESHOT_TYPE = require_value_type(OneShotPolicyName)
-# Looked up once: in Python 3.11, access to a member of an enumeration is slow, and this is needed for every attribute.
+# Looked up once: in Python 3.11, access to an enumeration member is slow, and every attribute needs these.
 _NAME, _ATTRIBUTE, _REFERENCE = ParameterRole.NAME, ParameterRole.ATTRIBUTE, ParameterRole.REFERENCE
 _OUTPUT, _INOUT = Direction.OUTPUT, Direction.INOUT
 _BOOL_TYPE = require_value_type(bool)
 KIND_TAGS = frozenset(kind.value for kind in Kind)
-"""The tags of explicit forms."""
+"""The tags of nodes in explicit form."""
 _TEXTS = (str, None)
-"""The types of attributes that accept any text."""
+"""The Python types of attributes that accept any text."""
 _NAME_OF_KEY = r"(?a) *(?P<sign>\$?)(?P<open>[{(]?)(?P<name>@?[A-Za-z_]\w*)(?(open)[})]?) *"
 _UNCLOSED = r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *"
 
 
 class AttributeBinder:
-    """Binds the attributes of one element after the other."""
+    """Binder of the attributes of nodes."""
 
     def __init__(
         self, collector: FindingCollector, known_keys: Callable[[], Collection[str]] = tuple
@@ -102,7 +100,7 @@ class AttributeBinder:
         self._known_keys = known_keys
 
     def bind(self, bound: BoundNode, other_variants: Sequence[NodeSpec]) -> None:
-        """Bind every attribute of a node, and report those that are missing."""
+        """Bind every attribute of a node, and report missing attributes."""
         parameters = bound.spec.parameters
         meant: set[str | None] = set()
         unknown: list[str] = []
@@ -120,7 +118,7 @@ class AttributeBinder:
         for name in unknown:
             meant.add(self._report_unknown(bound, name, other_variants, is_only=len(unknown) == 1))
         for parameter in bound.spec.required_attributes:
-            # A misspelt attribute is not reported as missing, too.
+            # A misspelt attribute is not also reported as missing.
             if parameter.name not in meant:
                 self._require(bound, parameter, other_variants)
 
@@ -150,15 +148,15 @@ class AttributeBinder:
         elif name == "_unless" and _read_condition(text):
             hint = f'write _skipIf="{text}"'
         elif re.fullmatch(_LIKE_CONDITION, name) or self._has_condition(text):
-            hint = f"the conditions are {join_with_commas(CONDITIONS)}"
+            hint = f"known conditions: {join_with_commas(CONDITIONS)}"
         else:
             return
-        message = f"'{name}' has no effect: attributes that begin with '_' are ignored, except the conditions"
+        message = f"'{name}' has no effect: attributes that begin with '_' are ignored, except conditions"
         advice = Advice(hint=hint, severity=Severity.WARNING)
         self._collector.add("unknown-attribute", message, element, name=name, **advice)
 
     def _has_condition(self, text: str) -> bool:
-        """Return whether an ignored attribute's text is a key of the tree or a script with a condition's operator."""
+        """Return whether an ignored attribute's text is a key of the tree, or a script with an operator of conditions."""
         script = _read_condition(text)
         # Several words that happen to parse as several statements are prose, not a script.
         if script is None or len(script.statements) != 1:
@@ -174,14 +172,14 @@ class AttributeBinder:
         )
 
     def typo_in_note(self, name: str) -> str | None:
-        """Return the attribute that one beginning with `_` probably intended; None for an editor's data."""
+        """Return the attribute that was probably intended by a name that begins with `_`; None for a note."""
         if name not in self._option_errors:
             self._option_errors[name] = typo_in_note(name, self._collector.guesses)
         return self._option_errors[name]
 
     def report_former_name(self, element: Element, name: str, today: str) -> str:
         """Report an attribute of BehaviorTree.CPP 3, and return its current name."""
-        message = f"<{element.tag}> has no attribute '{name}', which is a name of BehaviorTree.CPP 3"
+        message = f"<{element.tag}> has no attribute '{name}', which is from BehaviorTree.CPP 3"
         self._collector.add("unknown-attribute", message, element, name=name, suggestion=today)
         return today
 
@@ -190,7 +188,7 @@ class AttributeBinder:
         return bool(name in element.attributes and self.convert(element, name, _BOOL_TYPE))
 
     def _is_unclosed(self, element: Element, name: str) -> bool:
-        """Report a key with only one of its braces if a string cannot be intended; return whether it is one."""
+        """Report a key with only one brace, in an attribute that cannot be a string; return whether it is such a key."""
         suggestion = complete_key_braces(element.attributes[name])
         if suggestion is not None:
             message = f"{name}: a key needs two braces, but '{element.attributes[name]}' has one"
@@ -198,7 +196,7 @@ class AttributeBinder:
         return suggestion is not None
 
     def convert(self, element: Element, name: str, value_type: ValueType, *, takes_keys: bool = False) -> Any:
-        """Return an attribute's value, or None after a finding."""
+        """Convert an attribute's text to a value; if the text is invalid, report this and return None."""
         try:
             return value_type.convert(element.attributes[name])
         except ConversionError as error:
@@ -214,14 +212,14 @@ class AttributeBinder:
             return None
 
     def _intended_key(self, text: str) -> str | None:
-        """Return the key in braces that was probably intended by an invalid value."""
+        """Return the key, in braces, that was probably intended by an invalid value; None if no key was intended."""
         match = re.fullmatch(_NAME_OF_KEY, text)
         if match is None or not (match["sign"] or match["name"] in self._known_keys()):
             return None
         return f"{{{match['name']}}}"
 
-    def _name_of_key(self, element: Element, name: str, value_type: ValueType, key: str) -> None:
-        """Report a key in braces that the node cannot use."""
+    def _check_key_name(self, element: Element, name: str, value_type: ValueType, key: str) -> None:
+        """Report a key in braces whose name the attribute does not accept."""
         try:
             value_type.convert(key)
         except ConversionError as error:
@@ -235,7 +233,7 @@ class AttributeBinder:
         if key is not None and name not in bound.spec.implied_values:
             bound.keys = {**bound.keys, name: key}
             if parameter.value_type.names_key:
-                self._name_of_key(bound.element, name, parameter.value_type, key)
+                self._check_key_name(bound.element, name, parameter.value_type, key)
             return
         may_be_text = parameter.value_type.python in _TEXTS and parameter.direction is not _OUTPUT
         if not may_be_text and self._is_unclosed(bound.element, name):
@@ -262,7 +260,7 @@ class AttributeBinder:
         bound.values = {**bound.values, name: value}
 
     def _constant_to_write(self, bound: BoundNode, name: str, text: str) -> None:
-        """Report a constant for a port that the node also writes, unless the directions of its ports are guesses."""
+        """Report a constant for a port that the node also writes, unless the port's direction is only guessed."""
         if bound.spec.provenance is not Provenance.FROM_USE:
             message = f"{name}: the node also writes this port, but '{text}' is not a key, so writing raises an error"
             cause = Cause("nodes also write these ports, which have a string in place of a key", name)
@@ -285,7 +283,7 @@ class AttributeBinder:
     def _report_unknown(
         self, bound: BoundNode, name: str, other_variants: Sequence[NodeSpec], *, is_only: bool
     ) -> str | None:
-        """Report an unknown attribute of a node; return the one that was probably intended."""
+        """Report an unknown attribute of a node; return the attribute that was probably intended."""
         element, spec = bound.element, bound.spec
         former = [
             each.former_attributes[name] for each in (spec, *other_variants) if name in each.former_attributes
@@ -294,8 +292,8 @@ class AttributeBinder:
             return self.report_former_name(element, name, former[0])
         if any(name in (parameter.name for parameter in other.attributes) for other in other_variants):
             written = [other for other in element.attributes if other in spec.parameters and other != "name"]
-            message = f"<{bound.spec.tag}> has {' and '.join(written)} here, which conflicts with '{name}'"
-            advice = Advice(hint="write only one of them")
+            message = f"'{name}' conflicts with {' and '.join(written)} of this <{bound.spec.tag}>"
+            advice = Advice(hint="write only one of these attributes")
             self._collector.add("conflicting-attributes", message, element, name=name, **advice)
             return None
         known = [parameter.name for parameter in spec.attributes] + [ONESHOT]
@@ -303,7 +301,7 @@ class AttributeBinder:
         if name.startswith("_"):
             near = self.typo_in_note(name)
             if near == name:
-                message = f"<{bound.spec.tag}> has no attribute '{name}'; <{SUBTREE_TAG}> has it"
+                message = f"<{bound.spec.tag}> has no attribute '{name}', only <{SUBTREE_TAG}> has it"
                 near = None
         else:
             free = [other for other in known if other not in element.attributes]
@@ -316,7 +314,7 @@ class AttributeBinder:
             hint = convert_to_attribute_unit(name, element.attributes[name], spec)
             self._collector.add("unknown-attribute", message, element, name=name, suggestion=near, hint=hint)
             return near
-        # The unknown attribute was probably intended as the missing one, also of another meaning of the tag.
+        # The unknown attribute was probably intended as the missing attribute of this variant or another variant of the tag.
         others = [p.name for other in other_variants for p in other.attributes if p.required]
         unit = _unit_of(spec.parameters[missing[0]])
         suggestion = missing[0] if not others and unit == unit_suffix(name) else None
@@ -327,7 +325,7 @@ class AttributeBinder:
         return missing[0]
 
     def _report_unlisted(self, bound: BoundNode, name: str, message: str, near: str | None) -> None:
-        """Report an attribute that a description does not list; treat it as a port unless a listed one was intended."""
+        """Report an attribute that the model does not list, and bind it as a port unless it is probably misspelt."""
         severity = bound.spec.provenance.severity_of_unlisted(is_near=near is not None)
         hint = "if the node has this port, add it to the description"
         advice = Advice(suggestion=near, hint=hint, severity=severity)
@@ -339,7 +337,7 @@ class AttributeBinder:
 
 
 def _in_unit_of_name(error: ConversionError, name: str, text: str, value_type: ValueType) -> ConversionError:
-    """Return the error for a number whose unit differs from the attribute's, with the converted number."""
+    """Return the error for a number with another unit than the attribute, with a suggested conversion."""
     unit = unit_of_key(name)
     meant = convert_with_unit(text, unit) if unit else None
     try:
@@ -352,27 +350,27 @@ def _in_unit_of_name(error: ConversionError, name: str, text: str, value_type: V
 
 
 def convert_to_attribute_unit(name: str, text: str, spec: NodeSpec) -> str | None:
-    """Return the replacement for a number in an attribute with another unit (`sec="5"`: `msec="5000"`), or None."""
+    """Return a hint that replaces an attribute by one with another unit (`msec="5000"` for `sec="5"`), or None."""
     written = unit_suffix(name)
-    ways = {
+    numbers = {
         p.name: convert_with_unit(f"{text}{written}", unit) for p in spec.attributes if (unit := _unit_of(p))
     }
-    known = [f'write {other}="{number}"' for other, number in ways.items() if number is not None]
+    known = [f'write {other}="{number}"' for other, number in numbers.items() if number is not None]
     return known[0] if written and len(known) == 1 else None
 
 
 def _unit_of(parameter: Parameter) -> str:
-    """Return the unit of an attribute's plain numbers; empty if none is known."""
+    """Return the unit of an attribute's plain numbers; an empty string if it is unknown."""
     return parameter.value_type.unit or unit_suffix(parameter.name)
 
 
 def typo_in_note(name: str, guesses: Guesses) -> str | None:
-    """Return the attribute that one beginning with `_` probably intended; None for an editor's data."""
+    """Return the attribute that was probably intended by a name that begins with `_`; None for a note."""
     return None if name in NOTES else guesses.nearest(name, [*CONDITIONS, AUTOREMAP, ONESHOT])
 
 
 def _read_condition(text: str) -> Script | None:
-    """Return the parsed script of a text; None if it is not a script."""
+    """Parse a text as a condition; return None if it is not a script."""
     try:
         script = CONDITION.convert(text)
     except ConversionError:
@@ -381,18 +379,18 @@ def _read_condition(text: str) -> Script | None:
 
 
 def _is_explicit(bound: BoundNode) -> bool:
-    """Return whether a node is named by an ID, even if the ID equals the tag: `<Condition ID="Condition"/>`."""
+    """Return whether a node is in explicit form, even if its ID equals the tag: `<Condition ID="Condition"/>`."""
     tag = bound.element.tag
     return tag != bound.spec.tag or (bound.spec.is_only_described and tag in KIND_TAGS)
 
 
 def intended_condition(name: str) -> str | None:
-    """Return the condition whose name lacks its underscore; None for any other name."""
+    """Return the condition that a name without the leading underscore probably means; None for other names."""
     return next((known for known in CONDITIONS if known[1:].lower() == name.lower()), None)
 
 
 def complete_key_braces(text: str) -> str | None:
-    """Return the corrected form of a key with only one of its braces; None for any other text."""
+    """Return a key with both braces for a text with only one of the braces; None for other texts."""
     if text[:1] not in "{ " and text[-1:] not in "} ":
         return None
     match = re.fullmatch(_UNCLOSED, text)

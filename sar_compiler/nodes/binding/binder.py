@@ -1,8 +1,8 @@
 """Binding of a tree's elements to node specs, with a finding for each unknown element.
 
-Binding joins the elements of a file with the registry: tags become specs, texts become values, names
-become references, and subtrees become the trees that they refer to. The checks report its findings, and the compiler
-builds from its result.
+Binding combines the elements of a file with the registry: it resolves tags to specs, texts to values, names to
+references, and subtrees to the trees that they refer to. The checks report the findings of binding, and the compiler
+builds the bound tree.
 """
 
 import functools
@@ -39,17 +39,17 @@ from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TA
 _KEYS = r"(?a)\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:="
 
 OF_ANY = ("ID", "name", ONESHOT)
-"""Attributes that are no evidence for the library of a node."""
+"""Attributes that nodes of several libraries have, so they do not indicate a node's library."""
 _UNKNOWN = "there are no nodes of these names"
 _REMAP = "remap"
 _UNKNOWN_HINT = (
-    "list known nodes with sar-compile nodes; add a module of leaves with --nodes, or a palette with --model"
+    "list the known nodes with sar-compile nodes, or add a module with --nodes or a palette with --model"
 )
 _LIKE_UNUSED = 0.9
-"""The minimum likeness of two tags that are probably typos for each other, without further evidence."""
+"""The minimum similarity of an unknown tag and a tag that the file does not use, if the latter is suggested."""
 
 _Vocabulary = tuple[Registry, NodeModels, dict[str, list[NodeSpec]], dict[str, str | None]]
-"""The nodes and models of a file, the meanings of its tags, and the intended tags of unknown ones."""
+"""The registry and the models of a file, the specs of its tags, and the tags intended by unknown tags."""
 
 
 class BoundForest(NamedTuple):
@@ -58,9 +58,9 @@ class BoundForest(NamedTuple):
     Attributes:
         trees: The trees, in the order of the files, followed by the used trees of other files of the set.
         tops: The main tree and the unused trees with their subtrees expanded, unless they are too large.
-        key_types: The types of the entries of each of them.
+        key_types: The types of the blackboard entries, for each tree in *tops*.
         models: The models of nodes that are not registered, and of subtrees.
-        specs: All possible meanings of the tags in them.
+        specs: All specs of the tags in the trees.
         findings: The findings of binding: errors, and warnings about models and versions.
     """
 
@@ -102,9 +102,9 @@ def bind_all(
 
     Args:
         forest: The files.
-        registry: The meanings of tags.
-        palettes: Further files with descriptions of nodes.
-        btcpp: The configured version of BehaviorTree.CPP; None if none is configured.
+        registry: The registered nodes.
+        palettes: Further files with models of nodes.
+        btcpp: The configured version of BehaviorTree.CPP; None if no version is configured.
 
     Returns:
         The bound trees and their findings, in the order of the files.
@@ -118,7 +118,7 @@ def bind_all(
     trees = list(dict.fromkeys([*own, *binder.trees]))
     cut_cycles(trees, collector)
     used = {node.subtree for tree in trees for node in tree.subtrees()}
-    # References into enclosing trees can be resolved only from there; the main tree must not have any.
+    # References to nodes of enclosing trees can be resolved only in the expanded trees. The main tree has no enclosing tree.
     main, count = forest.main_tree(), 0
     tops: list[TreeInstance] = []
     key_types: dict[TreeInstance, EntryTypes] = {}
@@ -141,14 +141,14 @@ def _characters(forest: Forest) -> int:
 
 
 def _sorted_findings(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return the distinct findings by file, line and column, without those about palettes."""
+    """Return the distinct findings, sorted by file, line and column, without the findings about palettes."""
     order = {id(tree_file.source): number for number, tree_file in enumerate((*forest.files, *forest.others))}
     unique = [finding for finding in dict.fromkeys(findings) if id(finding.source) in order]
     return tuple(sorted(unique, key=lambda f: (order[id(f.source)], f.span.line, f.span.column)))
 
 
 class Binder:
-    """Binds trees, each once."""
+    """Binder of the trees of a forest; each tree is bound once."""
 
     def __init__(
         self,
@@ -184,7 +184,7 @@ class Binder:
 
     @property
     def specs(self) -> list[NodeSpec]:
-        """All possible meanings of the tags bound so far."""
+        """All specs of the tags bound so far."""
         return [
             spec
             for _, _, meanings, _ in self._words.values()
@@ -194,7 +194,7 @@ class Binder:
 
     @property
     def subtrees(self) -> Mapping[str, NodeModel]:
-        """The models of subtrees in all files, those of the file itself first."""
+        """The models of subtrees by tree ID, from all files; models in the file itself take precedence."""
         return {
             name: model
             for _, models, *_ in reversed(self._words.values())
@@ -228,7 +228,7 @@ class Binder:
         return tree
 
     def _tree_of(self, element: Element) -> BoundTree:
-        """Return the bound tree of a `BehaviorTree` element; trees that precede it are bound first."""
+        """Return the bound tree of a `BehaviorTree` element; if it is not bound yet, schedule its binding."""
         tree = self._trees.get(id(element))
         if tree is None:
             name = element.attributes.get("ID", f"{TREE_TAG}_{len(self._trees) + 1}")
@@ -240,10 +240,10 @@ class Binder:
         element = tree.element
         children = self._children_without_remaps(element, tree.name)
         if not children:
-            self._collector.add("missing-child", f"<{TREE_TAG}> is empty: it needs a node", element)
+            self._collector.add("missing-child", f"<{TREE_TAG}> is empty, but needs a node", element)
             return
         for extra in children[1:]:
-            message = f"<{TREE_TAG}> can have only one node; this is another one"
+            message = f"<{TREE_TAG}> can have one child, so this node is not allowed"
             hint = "put both in a Sequence or a Selector"
             self._collector.add("too-many-children", message, extra, hint=hint)
         tree.nesting = self._level
@@ -276,7 +276,7 @@ class Binder:
             self._current.nodes.append(bound)
             return bound
         self._index_node(bound)
-        self._append_finding(bound)
+        self._append_node(bound)
         self._count_children(bound)
         if bound.spec.rule is not None:
             bound.spec.rule(bound, self._collector)
@@ -285,7 +285,7 @@ class Binder:
     def _bind_own_tag(
         self, element: Element, tag: str, spec: NodeSpec, variants: Sequence[NodeSpec]
     ) -> BoundNode:
-        """Bind an element, without its children."""
+        """Bind an element to the spec of its own tag, without its children."""
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
         if tag != element.tag:
             self._check_kind(bound)
@@ -294,7 +294,7 @@ class Binder:
         return bound
 
     def _is_node_intended(self, element: Element, tag: str, variants: Sequence[NodeSpec]) -> bool:
-        """Return whether a tag that is also a kind means a node."""
+        """Return whether a tag that is also the name of a kind, such as `Condition`, refers to a node of that name."""
         if "ID" not in element.attributes:
             return tag in self._registry
         return element.tag != tag or any(
@@ -307,8 +307,8 @@ class Binder:
             return [self._models.nodes[tag].spec()]
         return variants
 
-    def _append_finding(self, bound: BoundNode) -> None:
-        """Add a node to the tree that is being bound, and its children to the node."""
+    def _append_node(self, bound: BoundNode) -> None:
+        """Add a node to the current tree, and bind its children."""
         tree = self._current
         tree.nodes.append(bound)
         if bound.spec.skips_by_itself:
@@ -322,7 +322,7 @@ class Binder:
             self._level -= 1
 
     def _index_node(self, bound: BoundNode) -> None:
-        """Index the nodes with rare features, so that they can be found without searching all nodes."""
+        """Add a node to the lists of nodes with rare features, so that these are found without searching all nodes."""
         tree, spec = self._current, bound.spec
         if bound.keys:
             tree.keyed.append(bound)
@@ -347,22 +347,20 @@ class Binder:
         self._collector.add("wrong-kind", message, element, suggestion=kind, severity=severity)
 
     def _report_unknown(self, element: Element, tag: str) -> BoundNode | None:
-        """Report an unknown tag, and continue with the one that was probably intended."""
+        """Report an unknown tag, and continue with the tag that was probably intended."""
         self._current.unknown_names.add(element.attributes.get("name", tag))
         near = self._intended_tag(element, tag)
         if near == tag:  # py_trees' decorator by its tag, not a condition in explicit form
             near = None
         if element.tag == TREE_TAG:
-            self._collector.add("unknown-node", f"a <{TREE_TAG}> is not allowed inside another one", element)
+            self._collector.add("unknown-node", f"a <{TREE_TAG}> is not allowed inside another", element)
         elif element.tag in (INCLUDE_TAG, MODEL_TAG):
             hint = f"move it directly into <{ROOT_TAG}>"
             message = f"<{element.tag}> is not allowed in a tree"
             self._collector.add("unknown-node", message, element, hint=hint)
             return None
         elif element.tag in KIND_TAGS and not element.attributes.get("ID"):
-            self._report_without_id(
-                element, f"<{element.tag}> does not say which node it is", "the node's name"
-            )
+            self._report_without_id(element, f"<{element.tag}> does not name a node", "the node's name")
         else:
             message, near, hint, cause = self._no_such_node(tag, near)
             span = element.tag_span() if tag == element.tag else element.value_span("ID")
@@ -375,16 +373,16 @@ class Binder:
             for child in element.children:
                 self._node(child)
             return None
-        # Bound as the tag that was probably intended, so that one typo does not also cause a finding for each
+        # The element is bound to the tag that was probably intended, so that a typo does not also cause a finding for each
         # reference to the node.
         bound = BoundNode(element, variants[0], element.attributes.get("name", variants[0].tag))
-        self._append_finding(bound)
+        self._append_node(bound)
         return bound
 
     def _report_node_of_other_library(self, element: Element, spec: NodeSpec) -> None:
         """Report another library's node that has the name of a py_trees node."""
         needed = " and ".join(f"'{each.name}'" for each in spec.required_attributes)
-        message = f"<{spec.tag}> of py_trees needs {needed}; this one is from another library"
+        message = f"<{spec.tag}> of py_trees needs {needed}, so this node is probably from another library"
         hint = "describe it in a palette (--model), which takes precedence"
         self._collector.add("unknown-node", message, element, hint=hint)
         for child in element.children:
@@ -399,7 +397,7 @@ class Binder:
         from sar_compiler.nodes.language.other_engines import REPLACEMENTS
 
         if other := REPLACEMENTS.get(tag):
-            hint = f"{other.hint}; for your own node, add its module (--nodes) or palette (--model)"
+            hint = f"{other.hint}. If it is your own node, add its module (--nodes) or palette (--model)"
             return f"{message}, which is known from {other.engine}", None, hint, f"these are like <{tag}>"
         if known := palettes_containing(tag):
             names = " or ".join(known)
@@ -412,7 +410,7 @@ class Binder:
         return message, near, _UNKNOWN_HINT, _UNKNOWN
 
     def _children_without_remaps(self, element: Element, tree_id: str) -> Sequence[Element]:
-        """Report each `<remap>` of BehaviorTree.CPP 3, and return the other children."""
+        """Report each `<remap>` of BehaviorTree.CPP 3, and return the remaining children."""
         if not any(child.tag == _REMAP for child in element.children) or self._variants(_REMAP):
             return element.children
         where = "this" if element.tag == SUBTREE_TAG else "each"
@@ -435,14 +433,14 @@ class Binder:
             named = [name for name, value in element.attributes.items() if value in self._forest.known_ids]
             written = [name for name in named if name != "name" and not name.startswith("_")][:1]
         if written and written != ["ID"]:
-            message = f"<{element.tag}> has no attribute '{written[0]}'; {what} belongs in its ID"
+            message = f"<{element.tag}> has no attribute '{written[0]}', and {what} must be its ID"
             self._collector.add("unknown-attribute", message, element, name=written[0], suggestion="ID")
             return
         span = element.value_span("ID") if written else element.tag_span()
         self._collector.add("missing-attribute", message, element, span, hint=f'write {what}: ID="..."')
 
     def _intended_tag(self, element: Element, tag: str) -> str | None:
-        """Return the tag that was probably intended by an unknown one."""
+        """Return the tag that was probably intended by an unknown tag."""
         if "ID" in element.attributes and tag == element.tag and tag not in KIND_TAGS:
             explicit = self._guesses.nearest(tag, sorted(KIND_TAGS))
             if explicit is not None:
@@ -453,19 +451,19 @@ class Binder:
         return self._meant[tag]
 
     def _similar_tag(self, tag: str) -> str | None:
-        """Return the tag that is similar to an unknown one; unused tags must be almost equal."""
+        """Return the tag that is similar to an unknown tag; a tag that the file does not use must be almost equal."""
         near = self._guesses.nearest(tag, self._tags if tag != SUBTREE_TAG else self._tags[:-1])
         return near or self._guesses.nearest(tag, list(self._registry.tags), _LIKE_UNUSED)
 
     def _former_name(self, tag: str, today: str | None) -> str:
-        """Return a phrase about a name of BehaviorTree.CPP 3; empty for any other."""
+        """Return the end of a sentence about a tag of BehaviorTree.CPP 3; empty for other tags."""
         spec = subtree() if today == SUBTREE_TAG else self._registry.get(today or "")
         former = spec is not None and tag in spec.former_tags and spec.semantics.counterpart.built_in
         return " any more, only in BehaviorTree.CPP 3" if former else ""
 
     @functools.cached_property
     def _keys(self) -> frozenset[str]:
-        """The keys that the files name, in braces or in scripts."""
+        """The blackboard keys in the files, in braces or in scripts."""
         elements = [element for tree in self._forest.iterate() for element in tree.iterate()]
         texts = (text for element in elements for text in element.attributes.values())
         written = (name for text in texts for pair in re.findall(_KEYS, text) for name in pair)
@@ -479,7 +477,7 @@ class Binder:
 
     @functools.cached_property
     def _tags(self) -> list[str]:
-        """The tags that may be intended."""
+        """The tags that may be intended by an unknown tag."""
         elements = (element for tree in self._forest.iterate() for element in tree.iterate())
         used = {
             element.attributes.get("ID", element.tag) if element.tag in KIND_TAGS else element.tag
@@ -496,7 +494,7 @@ class Binder:
         kind, tag = bound.spec.kind, bound.spec.tag
         if kind.is_leaf:
             for child in element.children:
-                message = f"<{tag}> is a leaf ({kind.value.lower()}) and has no children"
+                message = f"<{tag}> is a leaf ({kind.value.lower()}) and cannot have children"
                 self._collector.add("child-of-leaf", message, child)
         elif not count and kind is Kind.DECORATOR:
             message = f"the decorator <{tag}> needs a child"
@@ -510,7 +508,9 @@ class Binder:
         else:
             for extra in element.children[most:]:
                 what = "the decorator " if kind is Kind.DECORATOR else ""
-                message = f"{what}<{tag}> can have {_count_in_words(least, most)}; this is another one"
+                message = (
+                    f"{what}<{tag}> can have {_count_in_words(least, most)}, so this node is not allowed"
+                )
                 hint = "put both in a Sequence or a Selector"
                 self._collector.add("too-many-children", message, extra, hint=hint)
 
@@ -520,10 +520,11 @@ class Binder:
         self._current.nodes.append(bound)
         self._current.uses.append(bound)
         for child in self._children_without_remaps(element, tree_id or "..."):
-            message = f"<{SUBTREE_TAG}> refers to a tree; move its nodes into that <{TREE_TAG}>"
-            self._collector.add("child-of-leaf", message, child)
+            message = f"<{SUBTREE_TAG}> cannot have children, because it refers to a tree"
+            hint = f"move them into that <{TREE_TAG}>"
+            self._collector.add("child-of-leaf", message, child, hint=hint)
         if not tree_id:
-            self._report_without_id(element, f"this <{SUBTREE_TAG}> has no tree", "the tree's name")
+            self._report_without_id(element, f"<{SUBTREE_TAG}> does not name a tree", "the tree's name")
             return bound
         target = self._forest.target(element, tree_id)
         _, theirs, *_ = self._vocabulary_of(self._forest.homes.get(id(target)))
@@ -536,7 +537,7 @@ class Binder:
         else:
             trees = self._forest.known_ids
             message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
-            hint = f"the trees are {join_with_commas(trees)}; add those of other files with <include> or [project] trees in sar.toml"
+            hint = f"known trees: {join_with_commas(trees)}. Add trees of other files with <include> or [project] trees in sar.toml"
             cause = None if near else Cause("there are no such trees", tree_id)
             advice = Advice(suggestion=near, hint=hint, common_cause=cause)
             self._collector.add("unknown-tree", message, element, value="ID", **advice)
@@ -544,10 +545,10 @@ class Binder:
         return bound
 
     def _bind_described(self, bound: BoundNode, model: NodeModel) -> None:
-        """Bind a `SubTree` whose tree only a model describes, as a leaf with the ports of the model."""
+        """Bind a `SubTree` whose tree is only described by a model, as a leaf with the ports of the model."""
         bound.spec = spec = model.spec()
         bound.keys = {name: key for name, key in bound.remapping.keys.items() if name in spec.parameters}
-        self._current.skips = True  # the root of its tree may be skipped
+        self._current.skips = True  # the root of the unknown tree may be skipped
 
     def _remap(self, bound: BoundNode, model: NodeModel | None) -> Remapping:
         element = bound.element
@@ -561,7 +562,7 @@ class Binder:
             elif name.startswith("_"):
                 self._unknown_of_subtree(element, name)
             else:
-                # For a port, `=` would be its own key.
+                # For a port of a node, `=` would mean the key with the port's name.
                 key = None if text == "=" else blackboard_key(text, name)
                 (constants if key is None else keys)[name] = text if key is None else key
         autoremap = self._attributes.flag(element, AUTOREMAP)
@@ -577,28 +578,28 @@ class Binder:
         return Remapping(keys, constants, autoremap)
 
     def _unknown_of_subtree(self, element: Element, name: str) -> None:
-        message = f"<{SUBTREE_TAG}> has no attribute '{name}'; names of keys cannot begin with _"
+        message = f"<{SUBTREE_TAG}> has no attribute '{name}', because key names cannot begin with _"
         near = self._attributes.typo_in_note(name)
         self._collector.add("unknown-attribute", message, element, name=name, suggestion=near)
 
 
 def _best_variant(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeSpec:
-    """Return the meaning of a tag that fits the written attributes best.
+    """Return the spec of a tag that fits the written attributes best.
 
     In case of a tie, the first written attribute decides.
     """
     written = list(element.attributes)
 
-    def strangeness(spec: NodeSpec) -> tuple[int, int, int]:
+    def misfit(spec: NodeSpec) -> tuple[int, int, int]:
         unknown = [name for name in written if name not in spec.parameters]
-        strangers = sum(guesses.nearest(name, spec.parameters) is None for name in unknown)
-        return len(unknown), strangers, -written.index(unknown[0]) if unknown else 0
+        dissimilar = sum(guesses.nearest(name, spec.parameters) is None for name in unknown)
+        return len(unknown), dissimilar, -written.index(unknown[0]) if unknown else 0
 
-    return min(variants, key=strangeness)
+    return min(variants, key=misfit)
 
 
 def is_node_of_other_library(element: Element, variants: Sequence[NodeSpec], guesses: Guesses) -> bool:
-    """Return whether a node has several attributes, none of them similar to those of its tag."""
+    """Return whether an element has several attributes, none of which is similar to an attribute of its tag's specs."""
     written = [name for name in element.attributes if name not in OF_ANY and not name.startswith("_")]
     known = {name for spec in variants for name in spec.parameters}
     return len(written) > 1 and not any(

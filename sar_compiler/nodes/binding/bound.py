@@ -1,4 +1,4 @@
-"""Bound trees: tags, texts and names resolved to their meanings, as plain data."""
+"""Bound trees as plain data: elements with resolved tags, values and references."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,8 +15,8 @@ class Remapping(NamedTuple):
     """The key remapping that the attributes of a `SubTree` declare.
 
     Attributes:
-        keys: The outer key for each remapped key of the subtree.
-        constants: The texts of the keys that are constants.
+        keys: The outer key of each remapped key of the subtree.
+        constants: The texts of the constants that are passed to keys of the subtree.
         autoremap: Whether every other key is remapped to the outer key of the same name.
     """
 
@@ -30,22 +30,22 @@ _APART = Remapping()
 
 
 class BoundNode:
-    """An element with its meaning.
+    """An element that is bound to the spec of its tag.
 
-    Its mappings are replaced, never modified: most of them are empty and shared.
+    The mappings are replaced, never modified, because most of them are empty and shared.
 
     Attributes:
         element: The element.
-        spec: The meaning of its tag.
+        spec: The spec of the element's tag.
         name: The node's name.
-        values: The values written for constructor parameters.
-        keys: The blackboard keys written for constructor parameters (`{key}`).
-        references: The nodes that constructor parameters refer to, if they are in the same tree.
-        children: Its children.
-        conditions: The scripts of its pre- and post-conditions, by their attributes' names.
-        oneshot: The policy's name of the OneShot that wraps it.
-        subtree: The tree that it refers to, if it is a `SubTree`.
-        remapping: The remapping of that tree's keys.
+        values: The parsed values of the attributes, by constructor parameter.
+        keys: The blackboard keys (`{key}`) in the attributes, by constructor parameter.
+        references: The nodes of the same tree to which attributes refer, by constructor parameter.
+        children: The node's children.
+        conditions: The scripts of the pre- and postconditions, by attribute name.
+        oneshot: The policy name of the OneShot that wraps the node; None without a OneShot.
+        subtree: The tree to which a `SubTree` refers; None for other nodes.
+        remapping: The key remapping of a `SubTree`.
     """
 
     __slots__ = (
@@ -86,7 +86,7 @@ class BoundNode:
 
     @property
     def tag(self) -> str:
-        """Its registered tag."""
+        """The node's registered tag."""
         return self.spec.tag
 
     @property
@@ -96,16 +96,16 @@ class BoundNode:
 
     @property
     def counts(self) -> tuple[str, ...]:
-        """Its ports whose values are numbers of its children."""
+        """The node's ports whose values are numbers of children."""
         return self.spec.semantics.counts
 
     @property
     def is_reactive(self) -> bool:
-        """Whether it re-evaluates all its children in every tick."""
+        """Whether the node re-evaluates all its children in every tick."""
         return self.spec.semantics.reactive or self.value("memory") is False
 
     def scripts(self) -> Iterator[tuple[str, Script]]:
-        """Yield its scripts with their attributes: conditions and values."""
+        """Yield the attributes with scripts (conditions and values), each with its script."""
         if self.conditions:
             yield from self.conditions.items()
         for attribute, value in self.values.items():
@@ -113,7 +113,7 @@ class BoundNode:
                 yield attribute, value
 
     def value(self, name: str) -> object:
-        """Return the value of an attribute, or its default; None if the value is known only at runtime."""
+        """Return the value or default of an attribute; None if the value is known only at runtime."""
         if name in self.values:
             return self.values[name]
         if name in self.element.attributes:  # a key, or an invalid value
@@ -123,25 +123,25 @@ class BoundNode:
 
 
 class BoundTree:
-    """A `BehaviorTree`, bound by itself.
+    """A bound `BehaviorTree`, whose subtrees are not expanded.
 
     Attributes:
         element: The `BehaviorTree` element.
-        name: Its ID; a generated one for a tree without an ID.
-        root: The bound root node; None if there is nothing to bind.
-        nodes: All its nodes, in the order of the file.
-        uses: Its `SubTree` nodes.
-        parents: The nodes with children, the inner ones first.
+        name: The ID of the tree; a generated ID for a tree without an ID.
+        root: The bound root node; None if the tree is empty or the root node is unknown.
+        nodes: All nodes of the tree, in the order of the file.
+        uses: The `SubTree` nodes.
+        parents: The nodes with children, inner nodes first.
         keyed: The nodes with blackboard keys.
-        scripted: The nodes that can have scripts: as conditions or as values.
-        referring: The nodes that refer to others.
-        demanding: The nodes that need more than their tag and values: those with keys, subtrees, references or facts, those that
-            need an object of the mission, and those that are only described.
+        scripted: The nodes that can have scripts, as conditions or as values.
+        referring: The nodes that refer to other nodes.
+        demanding: The nodes that depend on more than their attribute values: on keys, subtrees, other nodes, facts or
+            objects of the mission. Nodes that are only described are included.
         skips: Whether one of the nodes can be skipped independently of its children.
-        nesting: The nesting depth of its elements.
-        wrappers: The number of conditions and OneShots that wrap its nodes.
-        open_references: References to nodes that are not in this tree, but may be in an enclosing one.
-        unknown_names: Names of nodes with unknown tags; references to them are not reported again.
+        nesting: The nesting depth of the elements.
+        wrappers: The number of conditions and OneShots that wrap nodes of the tree.
+        open_references: References to nodes that are not in this tree, but may be in an enclosing tree.
+        unknown_names: The names of nodes with unknown tags; references to these names are not reported again.
     """
 
     def __init__(self, element: Element, name: str) -> None:
@@ -162,7 +162,7 @@ class BoundTree:
         self.unknown_names: set[str] = set()
 
     def subtrees(self) -> Iterator[BoundNode]:
-        """Yield its `SubTree` nodes whose trees are known."""
+        """Yield the `SubTree` nodes whose trees are known."""
         return (node for node in self.uses if node.subtree is not None)
 
 
@@ -172,8 +172,8 @@ class Binding:
 
     Attributes:
         main: The tree to execute.
-        findings: The findings; the tree can be compiled only if there is no error.
-        enums: The numbers of named constants in scripts and in `Switch`.
+        findings: The findings of binding; the tree can be compiled only if there are no errors.
+        enums: The named constants of scripts and `Switch` nodes, with their numbers.
     """
 
     main: BoundTree
@@ -192,7 +192,7 @@ class Binding:
         return found
 
     def all_nodes(self) -> Iterator[BoundNode]:
-        """Yield every node of every tree."""
+        """Yield every node of the main tree and of the trees that it uses."""
         for tree in self.used_trees():
             yield from tree.nodes
 
@@ -201,14 +201,14 @@ _CONDITIONS = ("_skipIf", "_while")
 
 
 class SkipAnalysis:
-    """Skip analysis of one tree and its subtrees, with each node analysed once.
+    """Analysis of the nodes that can be skipped, in a tree and its subtrees.
 
     Args:
         trees: The trees.
-        skipped: Further nodes that are declared as skippable by themselves.
+        skipped: Further nodes that are declared as skippable independently of their children.
 
     Attributes:
-        possible: Whether any node in them can be skipped independently of its children.
+        possible: Whether at least one node in the trees can be skipped independently of its children.
     """
 
     def __init__(self, trees: Iterable[BoundTree], skipped: Iterable[BoundNode] = ()) -> None:
@@ -242,7 +242,7 @@ def is_skippable_itself(bound: BoundNode) -> bool:
 
 
 def _can_have_required_value(bound: BoundNode) -> bool:
-    """Return whether the attribute that controls skipping may have the required value."""
+    """Return whether the attribute that controls skipping may have the value required for skipping."""
     if bound.spec.skipping.only_if is None:
         return True
     name, value = bound.spec.skipping.only_if
@@ -258,8 +258,8 @@ def report_misread_skips(
 
     Args:
         trees: The trees.
-        collector: Receives the findings.
-        skipped: Further nodes that are declared as skippable by themselves.
+        collector: The collector of findings.
+        skipped: Further nodes that are declared as skippable independently of their children.
     """
     skipping = SkipAnalysis(trees, skipped)
     if not skipping.possible:

@@ -1,4 +1,4 @@
-"""Expansion of a tree's subtrees into instances with their visible keys and nodes."""
+"""Expansion of subtrees into instances, each with its keys and its resolved references."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,16 +14,16 @@ from sar_compiler.runtime.blackboard import STROKE, Board, Scope
 
 @dataclass(eq=False, repr=False)
 class TreeInstance:
-    """One use of a tree.
+    """One use of a tree, as the main tree or as a subtree.
 
     Attributes:
         tree: The tree.
-        scope: Its keys.
+        scope: The scope in which the keys of this instance are looked up.
         around: The enclosing instance; None for the main tree.
-        place: The `SubTree` node in the enclosing instance that refers to it.
-        inner: The instances in it, by their `SubTree` nodes.
-        references: The nodes that its tree's open references resolve to, with their instances.
-        texts: The keys with constants that look like numbers but that a port reads as strings.
+        place: The `SubTree` node in the enclosing instance that refers to this instance; None for the main tree.
+        inner: The instances in this instance, by `SubTree` node.
+        references: The nodes to which the open references of the tree are resolved, with their instances.
+        texts: The keys with constants that look like numbers, but that a port reads as strings.
     """
 
     tree: BoundTree
@@ -35,17 +35,17 @@ class TreeInstance:
     texts: set[str] = field(default_factory=set)
 
     def constants(self) -> Iterator[tuple[str, int | float | str]]:
-        """Yield the keys that are given as constants, with their values."""
+        """Yield the keys for which the `SubTree` node provides constants, with these constants."""
         for key, text in self.place.remapping.constants.items() if self.place is not None else ():
             yield key, text if key in self.texts else literal_value(text)
 
     def target_of(self, bound: BoundNode, name: str) -> "tuple[TreeInstance, BoundNode] | None":
-        """Return the node that a reference resolves to, with its instance; None if there is none."""
+        """Return the node to which a reference is resolved, with its instance; None if the reference is not written."""
         target = bound.references.get(name)
         return (self, target) if target is not None else self.references.get((bound, name))
 
     def chain(self) -> "Iterator[TreeInstance]":
-        """Yield this instance and the enclosing ones, from the inside out."""
+        """Yield this instance and the enclosing instances, from the inside out."""
         instance: TreeInstance | None = self
         while instance is not None:
             yield instance
@@ -70,7 +70,7 @@ def expand(main: BoundTree, collector: FindingCollector) -> TreeInstance:
 
     Args:
         main: The tree to execute; it must be within the limits (`nesting.check_size_limits`).
-        collector: Collects the findings: unresolved references, two subtrees of one name.
+        collector: The collector of findings about unresolved references and subtrees with the same name.
 
     Returns:
         The main tree's instance.
@@ -91,7 +91,7 @@ class _SubtreeExpander:
         self._count = 0
 
     def fill(self, instance: TreeInstance) -> None:
-        """Create the instances within one, and number the nodes in the order of the file."""
+        """Create the instances within an instance, and number the nodes in the order of the file."""
         names: set[str] = set()
         for bound in instance.tree.nodes:
             self._count += 1
@@ -99,9 +99,9 @@ class _SubtreeExpander:
                 continue
             name = bound.element.attributes.get("name") or f"{bound.subtree.name}::{self._count}"
             if name in names:
-                message, hint = f"two subtrees are named '{name}' here", "give each a unique name"
+                message, hint = f"two subtrees in this tree are named '{name}'", "give each a unique name"
                 self._collector.report_rejected_since(NAMES, bound.element, message, value="name", hint=hint)
-                name = f"{name}::{self._count}"  # each has its own keys
+                name = f"{name}::{self._count}"  # so that each subtree has separate keys
             names.add(name)
             inner = instance.inner[bound] = TreeInstance(
                 bound.subtree, _scope(instance.scope, name, bound), instance, bound
@@ -139,7 +139,7 @@ class _SubtreeExpander:
     def _report_circle(
         self, instance: TreeInstance, bound: BoundNode, found: BoundNode, outer: TreeInstance
     ) -> None:
-        """Report a reference to a node that can only be created after the referring instance."""
+        """Report a reference to a node that can only be created after the instance with the reference."""
         places = {each.place for each in instance.chain() if each.around is outer}
         passed, waiting = set(), [found]
         while waiting:

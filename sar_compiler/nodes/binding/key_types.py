@@ -1,4 +1,4 @@
-"""The types of blackboard entries, and ports that must not share an entry."""
+"""The types of blackboard entries, and findings about ports that cannot share an entry."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -30,11 +30,11 @@ _PLAIN_NUMBER = r"\d+(\.\d+)?"
 
 
 class EntryType(NamedTuple):
-    """The type of an entry, with its origin.
+    """The type of a blackboard entry, with the port or constant that determines it.
 
     Attributes:
-        cpp: The C++ type, normalized; empty for an entry that takes values of any type.
-        bound: The first node that names the entry, or the `SubTree` with a constant for it.
+        cpp: The normalised C++ type; empty for an entry that accepts values of any type.
+        bound: The first node that names the entry, or the `SubTree` that passes a constant to it.
         name: The attribute of that node.
         parameter: The port; None for a constant.
     """
@@ -45,22 +45,22 @@ class EntryType(NamedTuple):
     parameter: Parameter | None
 
     def label(self, seen_from: Element) -> str:
-        """Return the type and its origin, for a message about an element: `int for value of 'LoopInt' (line 4)`."""
+        """Return the type and its port for a message about *seen_from*: `int for value of 'LoopInt' (line 4)`."""
         return f"{self.cpp or 'of any type'} for {port_label(self.name, self.bound, seen_from)}"
 
 
 EntryTypes = Mapping[tuple[Scope, str], EntryType]
-"""The types of entries, by scope and key."""
+"""The types of blackboard entries, by scope and key."""
 
 
 def report_key_types(top: TreeInstance, collector: FindingCollector) -> EntryTypes:
-    """Report ports that cannot share a key, in a tree with its subtrees expanded; return the types of its entries.
+    """Report ports that cannot share a key, in a tree with its subtrees expanded; return the types of the entries.
 
-    The first port in the order of the expanded tree, or constant of a subtree, gives an entry its type. A port
-    for any value, or for a string, leaves the type open.
+    The first port in the order of the expanded tree, or a constant that is passed to a subtree, determines the type of an
+    entry. A port for any value or for a string leaves the type open.
     """
     types: dict[tuple[Scope, str], EntryType] = {}
-    # The types and ports that may share a key: even many nodes have few of them.
+    # The pairs of types and ports that may share a key. Even a large tree has only few of them.
     sharing: set[tuple[str, int, int]] = set()
     for instance, bound in top.in_place():
         for name, key in bound.keys.items():
@@ -86,7 +86,7 @@ def report_key_types(top: TreeInstance, collector: FindingCollector) -> EntryTyp
 
 
 def port_label(name: str, bound: BoundNode, seen_from: Element) -> str:
-    """Return a port and its location, for a message about an element: `value of 'LoopInt' (line 4)`."""
+    """Return a port and its location for a message about *seen_from*: `value of 'LoopInt' (line 4)`."""
     element = bound.element
     return f"{name} of '{bound.name}' (line {element.line}{file_of(element, seen_from)})"
 
@@ -94,7 +94,7 @@ def port_label(name: str, bound: BoundNode, seen_from: Element) -> str:
 def unknown_conversion(
     element: Element, attribute: str, span: Span, cpp: str, meant: str | None = None
 ) -> Diagnostic:
-    """Return the finding about a type that only C++ code can read from a string."""
+    """Return the finding about a string for a type that may have no conversion from strings in C++."""
     message = f"{attribute}: BehaviorTree.CPP reads a string as {cpp} only if that is an enumeration, or C++ code defines convertFromString<{cpp}>"
     cause = Cause(
         "strings are read as these types, which must be enumerations or have a convertFromString", cpp
@@ -111,9 +111,9 @@ def cpp_type(parameter: Parameter, version: Version) -> str:
 
 
 def fits(value_type: ValueType, value: object) -> bool:
-    """Return whether a port can read a value here: a string, or a number if it accepts numbers.
+    """Return whether a port can read a string, or a number if the port accepts numbers.
 
-    The C++ types determine the conversion of a number for other ports.
+    For other ports, the C++ types determine whether a number can be converted.
     """
     if isinstance(value, str) and is_loop_queue(value_type.name):
         read: Callable[[str], object] = value_type.convert
@@ -129,7 +129,7 @@ def fits(value_type: ValueType, value: object) -> bool:
 
 
 def _may_share(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> bool:
-    """Return whether a port may share the key of an earlier one, and report it if not."""
+    """Return whether a port may share the key of an earlier port, and report a conflict."""
     assert later.parameter is not None  # noqa: S101 - a constant is always first
     if first.parameter is not None and not can_share_key(first.parameter, later.parameter):
         _report_type_conflict(first, later, key, collector)
@@ -144,7 +144,7 @@ def _may_share(first: EntryType, later: EntryType, key: str, collector: FindingC
 
 
 def can_share_key(first: Parameter, later: Parameter) -> bool:
-    """Return whether a port can share the key of an earlier one here; every type can be read from a string."""
+    """Return whether sar_compiler lets a port share an earlier port's key; every type can be read from a string."""
     known, other = first.value_type.python, later.value_type.python
     return other is None or known in _TEXTS or known is other
 
@@ -161,7 +161,7 @@ def _report_type_conflict(first: EntryType, later: EntryType, key: str, collecto
 def _report_btcpp_type_conflict(
     first: EntryType, later: EntryType, key: str, collector: FindingCollector
 ) -> None:
-    """Report a port that only C++ rejects."""
+    """Report a port type that BehaviorTree.CPP rejects, but not sar_compiler."""
     runs_here = not (first.bound.spec.is_foreign or later.bound.spec.is_foreign)
     message = (
         f"{later.name}: '{key}' is {later.cpp} here, but {first.label(later.bound.element)}, which BehaviorTree.CPP rejects"
@@ -178,7 +178,7 @@ def _report_btcpp_type_conflict(
 
 
 def btcpp_severity(btcpp: Version | None) -> Severity:
-    """Return the severity of BehaviorTree.CPP's own errors: error if the trees target one of its versions."""
+    """Return the severity of errors that only BehaviorTree.CPP reports: error if the trees target one of its versions."""
     return Severity.ERROR if btcpp is not None else Severity.WARNING
 
 
@@ -194,7 +194,7 @@ def _report_constant(first: EntryType, later: EntryType, key: str, collector: Fi
     )
     is_plain = is_number(later.cpp) and re.fullmatch(_PLAIN_NUMBER, written)
     value = written if is_plain else f"'{written}'"
-    hint = f'write {first.name}="{{k}}" around it, and before that <Script code="k := {value}"/>'
+    hint = f'set it before the subtree with <Script code="k := {value}"/>, and write {first.name}="{{k}}"'
     severity = btcpp_severity(collector.btcpp)
     collector.report_rejected_since(
         NUMBERS, later.bound.element, message, value=later.name, hint=hint, severity=severity

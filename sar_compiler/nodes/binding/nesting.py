@@ -14,7 +14,7 @@ from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import SUBTREE_TAG, Element, is_groot2_project
 
 MAX_NODES = 300_000
-"""The largest number of nodes in a tree with its subtrees expanded."""
+"""The maximum number of nodes in a tree with its subtrees expanded."""
 
 MAX_LEVELS = 600
 """The maximum depth of a tree with its subtrees expanded, in levels; each condition and `oneshot` adds a level.
@@ -23,11 +23,11 @@ This is the depth of a file with 200 nested elements. py_trees needs a stack fra
 """
 
 _LONGEST_CIRCLE = 8
-"""The longest cycle that is reported in full; of a longer one only both ends are shown."""
+"""The maximum number of trees in a cycle that are shown; in a longer cycle, those in the middle are left out."""
 
 
 def cut_cycles(trees: Iterable[BoundTree], collector: FindingCollector) -> None:
-    """Report every `SubTree` inside the tree that it refers to, and detach that tree."""
+    """Report every `SubTree` that refers to a tree around it, and remove the reference."""
     done: set[BoundTree] = set()
     for tree in trees:
         if tree not in done:
@@ -39,11 +39,11 @@ def check_size_limits(main: BoundTree, collector: FindingCollector, others: int 
 
     Args:
         main: The tree.
-        collector: Collects the findings.
-        others: The number of nodes in other trees of the file, which is added.
+        collector: The collector of findings.
+        others: The number of nodes in other trees of the file, which also count.
 
     Returns:
-        Its number of nodes; None if there is a finding.
+        The number of nodes in the tree; None if there is a finding.
     """
     sizes: dict[BoundTree, int] = {}
     bounds: dict[BoundTree, int] = {}
@@ -61,7 +61,9 @@ def check_size_limits(main: BoundTree, collector: FindingCollector, others: int 
     heights = _heights(trees) if bounds[main] > MAX_LEVELS else bounds
     if heights[main] > MAX_LEVELS:
         node = _first_too_deep(main, heights)
-        message = f"with its subtrees expanded, the tree '{main.name}' is {heights[main]} levels deep here"
+        message = (
+            f"with its subtrees expanded, the tree '{main.name}' is {heights[main]} levels deep at this node"
+        )
         hint = f"reduce it to {MAX_LEVELS} levels, the maximum that can be ticked and halted"
         collector.add("too-deep", message, node.element, hint=hint)
         return None
@@ -69,7 +71,7 @@ def check_size_limits(main: BoundTree, collector: FindingCollector, others: int 
 
 
 def _heights(trees: Iterable[BoundTree]) -> dict[BoundTree, int]:
-    """Return the depth of each tree in levels; inner trees come before enclosing ones."""
+    """Return the depth of each tree in levels; *trees* must contain inner trees before the trees that use them."""
     heights: dict[BoundTree, int] = {}
     for tree in trees:
         heights[tree] = max((level + _depth(node, heights) for node, level in _levels(tree, 0)), default=0)
@@ -141,30 +143,30 @@ def _first_too_deep(main: BoundTree, heights: dict[BoundTree, int]) -> BoundNode
 
 _REFUSED = r"""[\s<>&"'/\\:*?|.\x00-\x1f]"""
 RESERVED = ("Root", "root")
-"""IDs that BehaviorTree.CPP reserves."""
+"""The tree IDs that BehaviorTree.CPP reserves."""
 
 
 def invalid_id_part(name: str) -> str | None:
-    """Return the part of a tree's or node's ID that is not allowed; None if the ID is valid."""
+    """Return the invalid character in the ID of a tree or a node, for messages; None if the ID is valid."""
     found = re.search(_REFUSED, name)
     if found is None:
         return None
     character = found.group()
-    return f"'{character}'" if character.isprintable() and character != " " else "blanks"
+    return f"'{character}'" if character.isprintable() and character != " " else "spaces"
 
 
 def is_btcpp_node_id(tree_id: str, registry: Registry) -> bool:
-    """Return whether BehaviorTree.CPP rejects a tree because a node has its ID."""
+    """Return whether BehaviorTree.CPP rejects a tree ID because a node has the same ID."""
     return tree_id == SUBTREE_TAG or (tree_id in registry and not is_library_tag(tree_id))
 
 
 class TreeIdFault(NamedTuple):
-    """An error in the ID of a tree that BehaviorTree.CPP reports since 4.8.4.
+    """An error in a tree ID that BehaviorTree.CPP reports since 4.8.4.
 
     Attributes:
-        message: The error.
+        message: The description of the error.
         hint: The remedy.
-        cause: The cause that it shares with other IDs.
+        cause: The common cause of the errors in several IDs.
     """
 
     message: str
@@ -173,7 +175,7 @@ class TreeIdFault(NamedTuple):
 
 
 def tree_id_fault(tree_id: str) -> TreeIdFault | None:
-    """Return the error in the ID of a tree for BehaviorTree.CPP since 4.8.4; None if it is valid."""
+    """Return the error that BehaviorTree.CPP reports for a tree ID since 4.8.4; None if the ID is valid."""
     refused = invalid_id_part(tree_id)
     if refused is not None:
         message, cause = (
@@ -188,7 +190,7 @@ def tree_id_fault(tree_id: str) -> TreeIdFault | None:
 
 
 class UnknownTreeError(TreeError):
-    """The file has no tree of the requested name; the file itself may be correct."""
+    """An error about a requested tree that the file does not have; the file itself may be correct."""
 
 
 def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
@@ -196,7 +198,7 @@ def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
 
     Raises:
         UnknownTreeError: If there is no such tree.
-        TreeError: If the file does not name one of several.
+        TreeError: If the file has several trees and does not name the main tree.
     """
     tree = forest.main_tree(tree_id)
     if tree is not None:
@@ -207,13 +209,13 @@ def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
 def _missing_tree(forest: Forest, tree_id: str | None) -> Diagnostic:
     root = forest.main.root
     ids = list(forest.trees)
-    there = f"the file has {join_with_commas(ids)}" if ids else "the file has no tree with an ID"
+    known = f" (known: {join_with_commas(ids)})" if ids else ", because the file has no tree with an ID"
     named = forest.main.main_tree_name
     if tree_id is not None:
-        message = f"there is no tree '{tree_id}'; {there}"
+        message = f"there is no tree '{tree_id}'{known}"
         return root.finding("missing-main-tree", message)
     if named is not None:
-        message = f"main_tree_to_execute names the tree '{named}', which does not exist; {there}"
+        message = f"main_tree_to_execute: there is no tree '{named}'{known}"
         near = nearest(named, ids)
         return root.finding("missing-main-tree", message, value="main_tree_to_execute", suggestion=near)
     count = sum(1 for _ in forest.iterate())
@@ -221,9 +223,9 @@ def _missing_tree(forest: Forest, tree_id: str | None) -> Diagnostic:
         hint = 'add a <BehaviorTree ID="...">'
         return root.finding("no-tree", "the file has no tree", hint=hint)
     what = "this Groot2 project" if is_groot2_project(forest.main) else "the file"
-    message = f"{what} has {count} trees, but does not define which one to execute: {join_with_commas(ids)}"
+    message = f"{what} has {count} trees ({join_with_commas(ids)}), but does not name the main tree"
     first = ids[0] if ids else "..."
     from shlex import quote
 
-    hint = f'choose one with --tree {quote(first)}, or write main_tree_to_execute="{first}"'
+    hint = f'name it with --tree {quote(first)}, or write main_tree_to_execute="{first}"'
     return root.finding("no-main-tree", message, hint=hint)

@@ -1,4 +1,4 @@
-"""Resolution of references by name, within one tree."""
+"""Resolution of references to other nodes of the same tree."""
 
 import itertools
 from collections.abc import Collection, Mapping
@@ -16,7 +16,7 @@ class ReferenceCandidates:
     def __init__(self, nodes: list[BoundNode], collector: FindingCollector) -> None:
         self.collector = collector
         self._nodes = nodes
-        # The nodes of each class in order, and the nodes of each class (None: of any) by name.
+        # The nodes of each class in order, and the nodes of each class (None: all classes) by name.
         self._fitting: dict[str, dict[BoundNode, None]] = {}
         self._called: dict[str | None, dict[str, dict[BoundNode, None]]] = {}
 
@@ -28,7 +28,7 @@ class ReferenceCandidates:
         return self._fitting[target]
 
     def names(self, parameter: Parameter | None = None) -> Mapping[str, Collection[BoundNode]]:
-        """Return the nodes that a reference may name, by name; by default all nodes."""
+        """Return the nodes that a reference may name, by node name; without a parameter, return all nodes."""
         target = parameter.target_path if parameter is not None else None
         if target not in self._called:
             by_name = self._called[target] = {}
@@ -37,10 +37,10 @@ class ReferenceCandidates:
         return self._called[target]
 
     def resolve(self, bound: BoundNode, parameter: Parameter) -> BoundNode | bool | None:
-        """Return the node among these that a reference refers to.
+        """Find the node to which a reference refers.
 
         Returns:
-            The node; None if none has that name and class; False if there is a finding about it.
+            The node; None if no node has the required name and class; False if several nodes have them, after a finding.
         """
         named = bound.element.attributes.get(parameter.name)
         found = self.candidates(parameter) if named is None else self.names(parameter).get(named, ())
@@ -64,7 +64,7 @@ class ReferenceCandidates:
 
 
 def resolve_references(tree: BoundTree, collector: FindingCollector) -> None:
-    """Resolve the references of a tree; references to nodes outside of it stay open."""
+    """Resolve the references in a tree; references to nodes outside of the tree stay open."""
     referring = tree.referring
     if not referring:
         return
@@ -81,7 +81,7 @@ def report_missing_reference(
     """Report a reference to a node that is in none of the visible trees."""
     element, what, collector = bound.element, parameter.target_name, within[0].collector
     named = element.attributes.get(parameter.name)
-    where = "this tree" if len(within) == 1 else "this tree or an enclosing one"
+    where = "this tree" if len(within) == 1 else "this tree or an enclosing tree"
     if named is None:
         message = f"<{bound.spec.tag}> needs a {what} in {where} ({parameter.name}), but there is none"
         collector.add("missing-reference", message, element, hint=f"add a <{what}> to the tree")
@@ -112,7 +112,7 @@ def _resolve(
 ) -> None:
     named = bound.element.attributes.get(parameter.name)
     if named is None and not parameter.required:
-        return  # with a default, nothing is referenced unless it is written
+        return  # an optional reference is resolved only if it is written
     found = candidates.resolve(bound, parameter)
     if isinstance(found, BoundNode):
         bound.references = {**bound.references, parameter.name: found}

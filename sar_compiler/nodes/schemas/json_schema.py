@@ -1,8 +1,8 @@
 """The JSON schema of tree files in YAML, generated from the registry.
 
-Editors use it for completion, and other tools for validation. A node is a mapping with one key, its tag, so
-`properties` and `maxProperties` define the allowed content; alternatives (`oneOf`) between nodes would make every
-message "is not valid under any of the given schemas".
+Editors use it for completion, and other tools for validation. A node is a mapping with one key, its tag. Therefore
+`properties` and `maxProperties` define the allowed content. With alternatives (`oneOf`) between nodes, every message would
+be "is not valid under any of the given schemas".
 """
 
 from collections.abc import Iterable, Mapping
@@ -26,7 +26,7 @@ def _ref(definition: str) -> Schema:
 
 
 _KINDS = sorted(kind.value for kind in Kind)
-"""The tags of explicit forms."""
+"""The tags of nodes in explicit form."""
 
 _KEY_PATTERN = r"^ *(\{.+\}|=) *$"
 _NAME: Schema = {"type": ["string", "number", "boolean"], "minLength": 1}
@@ -57,7 +57,7 @@ def json_schema(registry: Registry) -> Schema:
             "node": _node(tags),
             "model": {"type": ["object", "null"]},
             SUBTREE_TAG: _explicit_form(0, 0),
-            # py_trees' Condition is also the explicit form of other nodes; its ID decides.
+            # <Condition> is a py_trees node, or with an ID the explicit form of another node.
             **{
                 f"explicit.{kind.value}": _explicit_form(*((0, None) if kind.value in tags else count))
                 for kind, count in CHILD_COUNTS.items()
@@ -87,10 +87,10 @@ def _section() -> Schema:
 
 
 def _node(specs: Mapping[str, list[NodeSpec]]) -> Schema:
-    """Return the schema of a node: a mapping with one key, the tag, or the bare tag if it is empty."""
+    """Return the schema of a node: a mapping with one key, the tag, or the bare tag of a node without content."""
     tags = list(dict.fromkeys([*specs, SUBTREE_TAG, *_KINDS]))
     targets = {tag: _ref(_definition(tag)) for tag in tags}
-    # Not a keyword of JSON schemas, but editors show it for a bare tag.
+    # `enumDescriptions` is not a keyword of JSON Schema, but editors show it for a bare tag.
     described = [specs[tag][0].doc if tag in specs else "" for tag in tags]
     return {
         "type": ["object", "string"],
@@ -118,7 +118,7 @@ def _nodes(least: int, most: int | None) -> Schema:
 
 
 def _explicit_form(least: int, most: int | None) -> Schema:
-    """Return the schema of a tag whose ID names a node or a tree, and determines its attributes."""
+    """Return the schema of a tag whose ID names a node or a tree, which determines the attributes."""
     needed = ["ID", CHILDREN_KEY] if least else [] if most is None else ["ID"]
     properties = {"ID": _NAME, CHILDREN_KEY: _nodes(least, most)}
     return {"type": "object", "properties": properties, **({"required": needed} if needed else {})}
@@ -178,7 +178,7 @@ def _number(value_type: ValueType) -> Schema:
 
 
 def _both_ways(texts: Iterable[str]) -> list[object]:
-    """Return texts, with `true` and `false` also as YAML bools."""
+    """Return texts as allowed values, with `true` and `false` also as YAML bools."""
     own: dict[str, object] = {"true": True, "false": False}
     texts = list(texts)
     return [*(own[text] for text in texts if text in own), *texts]

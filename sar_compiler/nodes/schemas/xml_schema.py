@@ -30,8 +30,8 @@ def xml_schema(
 
     Args:
         registry: The registered nodes.
-        described: Nodes that only a model describes.
-        only: The tags to include, for a file that has no others; None for all.
+        described: The specs of nodes that are only described by a model.
+        only: The tags to include, for a file that has no other tags; None for all tags.
         notes: The attributes in which editors store notes; XSD 1.0 cannot allow all names that begin with `_`.
     """
     tags = (
@@ -102,7 +102,7 @@ def _node_type(tag: str, specs: list[NodeSpec]) -> list[str]:
 
 
 def _either_form(tag: str, spec: NodeSpec) -> list[str]:
-    """Return the type of a tag that is also an explicit form, such as py_trees' Condition."""
+    """Return the type of a tag that is a node and also an explicit form, such as py_trees' Condition."""
     return [
         f'  <xs:complexType name="{tag}.node">',
         *_documentation(spec.doc, "    "),
@@ -133,7 +133,7 @@ def _attribute(spec: NodeSpec, parameter: Parameter, *, always: bool) -> list[st
 
 
 def _value_type(value_type: ValueType) -> list[str]:
-    """Return the type of a value: a literal or a blackboard key."""
+    """Return the schema type of a value: a literal or a blackboard key."""
     if value_type.choices:
         literal = _enumeration(value_type.choices)
     elif value_type.pattern:
