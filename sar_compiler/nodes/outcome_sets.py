@@ -120,7 +120,7 @@ def _sequence(children: Sequence[int], sure: bool, pauses: bool, keeps_place: bo
 
 
 def branches(_bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
-    """Return the outcome set of an `IfThenElse`, whose first child decides which of the next two children is ticked."""
+    """Return the outcome set of a node whose first child decides whether its second or third child is ticked."""
     asked, then, *otherwise = children
     found = asked & (R | K)
     return found | (then if asked & S else 0) | ((otherwise[0] if otherwise else F) if asked & F else 0)

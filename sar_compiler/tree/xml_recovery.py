@@ -255,5 +255,6 @@ def _loose(source: Source, start: int, end: int) -> Diagnostic:
         hint = UNDEFINED_ENTITY_HINT
     else:
         what, suggestion = "&" if raw != "<" else "<", _replacement(raw)
-        message = f"an unescaped {what} is not allowed in XML: {_ACCEPTED_BY_BTCPP}"
+        escaped = f"{what} must be written as {_replacement(what)} in XML"
+        message = f"{escaped}: BehaviorTree.CPP accepts {what}, other XML parsers do not"
     return Diagnostic("loose-xml", message, source, source.span(start, end), suggestion, hint)

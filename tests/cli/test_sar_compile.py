@@ -263,7 +263,7 @@ def test_nodes_as_json_is_complete(capsys):
         "refers_to": None,
         "required": True,
         "default": None,
-        "doc": "Number of failures after which the node fails. With 1 or less, it fails with the first one.",
+        "doc": "Number of failures after which the node fails. With 1 or less, it fails after the first failure.",
     }
 
 

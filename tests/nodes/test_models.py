@@ -280,7 +280,7 @@ def test_a_node_that_is_described_twice_must_be_described_alike():
     assert slips(palette(FLY, FLY, trees=TREE)) == []
     (finding,) = check(forest_of(palette(FLY, other, trees=TREE)), REGISTRY)
     assert (finding.code, finding.span.line) == ("wrong-model", 3)
-    assert finding.message == "'Fly' is already described on line 2, differently"
+    assert finding.message == "'Fly' is described differently on line 2"
 
 
 def test_a_file_that_describes_a_node_otherwise_than_its_palette_is_a_finding_in_the_file():

@@ -575,7 +575,7 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
             '<Parallel policy="SuccessOnSelected" selected=""><Success/></Parallel>',
             "wrong-value",
             48,
-            "it names no child",
+            "no child is named",
         ),
         (
             '<Parallel policy="SuccessOnSelected" selected="Success;x"><Success/></Parallel>',
@@ -653,7 +653,7 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
             '<Parallel policy="SuccessOnSelected" selected="x"><Success name="left"/></Parallel>',
             "wrong-value",
             48,
-            "the children are left",
+            "(known: left",
         ),
         (
             '<Parallel policy="SuccessOnSelected" selected="Success"><Success/><Success/></Parallel>',

@@ -10,12 +10,12 @@ class Version(NamedTuple):
     minor: int
 
     def __str__(self) -> str:
-        """Return it as usually written: `4.10`."""
+        """Return the version in the usual notation: `4.10`."""
         return f"{self.major}.{self.minor}"
 
 
 VERSIONS = {str(version): version for version in (Version(4, 8), Version(4, 9), Version(4, 10))}
-"""The known versions; 4.8 means 4.8.0 to 4.8.3, since 4.8.4 checks names like 4.9."""
+"""The known versions; 4.8 means 4.8.0 to 4.8.3, because 4.8.4 checks names like 4.9."""
 OLDEST, NEWEST = min(VERSIONS.values()), max(VERSIONS.values())
 
 
@@ -24,7 +24,7 @@ class VersionChange(NamedTuple):
 
     Attributes:
         since: The first version with the change.
-        release: The exact release.
+        release: The first release with the change, including the patch number.
     """
 
     since: Version
@@ -32,19 +32,19 @@ class VersionChange(NamedTuple):
 
 
 NAMES = VersionChange(Version(4, 9), "4.8.4")
-"""Rejected: blanks and some characters in tree IDs, compact tags and port names, the ID Root, and two subtrees of one name."""
+"""Rejects spaces and some characters in tree IDs, compact tags and port names, the ID Root, and equally named subtrees."""
 QUOTES = VersionChange(Version(4, 9), "4.9.0")
-"""Rejected: strings in double quotation marks in scripts."""
+"""Rejects strings in double quotation marks in scripts."""
 ORDER = Version(4, 9)
-"""Sums, products, and `|` with `^`, are evaluated from the left in scripts; before, `a - b + c` was `a - (b + c)`."""
+"""Evaluates sums, products, and `|` with `^` in scripts from the left; older versions read `a - b + c` as `a - (b + c)`."""
 OPERATORS = Version(4, 9)
-"""Operators of scripts can be mixed, `?:` and assignments can be chained, and `&&` binds stronger than `||`."""
+"""Allows mixed operators, chained `?:` and chained assignments in scripts; `&&` binds stronger than `||`."""
 STATEMENTS = Version(4, 9)
-"""Two statements of a script need no `;` between them; before, it was required."""
+"""Allows two statements of a script without a `;` between them, which older versions require."""
 NUMBERS = VersionChange(Version(4, 9), "4.9.1")
-"""A constant for a subtree that looks like a number is a number; before, it was a string."""
+"""Reads a constant for a subtree as a number if it looks like one; older versions read it as a string."""
 LISTS = VersionChange(Version(4, 9), "4.9.0")
-"""The queue of a loop has no type, so a list from another port is accepted; before, such a port was rejected."""
+"""Accepts a list from another port as the queue of a loop, because the queue has no type; older versions reject the port."""
 
 BUILT_IN = frozenset(
     {

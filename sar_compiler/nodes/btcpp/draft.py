@@ -12,14 +12,14 @@ T = TypeVar("T")
 
 @dataclass(eq=False, repr=False)
 class NodeDraft:
-    """The new form of an element.
+    """An element while it is rewritten.
 
     Attributes:
         element: The original element.
         tag: The tag of the new node.
-        attributes: Its attributes, without the `ID` of the explicit form.
-        explicit: Whether it is written in explicit form.
-        kept: Whether it stays unchanged, because it has no counterpart or needs no note.
+        attributes: The attributes of the new node, without the `ID` of the explicit form.
+        explicit: Whether the new node is written in explicit form.
+        kept: Whether the node stays unchanged, because it has no counterpart or needs no note.
         children: The elements added to a leaf that becomes several nodes.
     """
 
@@ -40,7 +40,7 @@ class NodeDraft:
                 value = (value_type or require_value_type(wanted)).convert(text)
                 assert isinstance(value, wanted)  # noqa: S101 - the type is known here
                 return value
-            message = f"{name}: '{text}' is known only when the robot starts, but is needed now"
+            message = f"{name}: '{text}' has no value before the run, but the conversion needs its value"
             hint = f"write the value in place of '{text}'"
             notes.add("no-counterpart", message, self.element, value=name, hint=hint)
         except ConversionError as error:

@@ -1,4 +1,4 @@
-"""C++ types of ports: which may share a key in BehaviorTree.CPP, and which values they can read.
+"""Rules of BehaviorTree.CPP for the C++ types of ports: which ports may share a key, and which values they can read.
 
 BehaviorTree.CPP compares types twice. When it creates a tree, the first node that names a key gives the entry its type
 (`src/xml_parsing.cpp`, `createNodeFromXML`), and a port of another type is rejected. When it ticks the tree, a value is
@@ -37,8 +37,8 @@ _OLD_REAL = r"(?i)\s*[+-]?(\.?\d|inf|nan)"
 def may_share(first: str, later: str) -> bool:
     """Return whether BehaviorTree.CPP creates a tree in which ports of two types share a key.
 
-    A port without a type matches every other; so does a port for strings, if it is first. Unknown types are compared by name.
-    `Pose` may be short for `geometry_msgs::msg::Pose`.
+    A port without a type matches every other port. A port for strings matches every later port. Unknown types are compared
+    by name. `Pose` may be short for `geometry_msgs::msg::Pose`.
 
     Args:
         first: The normalised type of the first port in the expanded tree.
@@ -48,7 +48,7 @@ def may_share(first: str, later: str) -> bool:
 
 
 def is_same(first: str, second: str) -> bool:
-    """Return whether two names mean one type; one of them may lack its namespace."""
+    """Return whether two type names are equal, except that one of them may lack the namespace."""
     return first == second or first.endswith(f"::{second}") or second.endswith(f"::{first}")
 
 
@@ -68,17 +68,17 @@ def is_whole(cpp: str) -> bool:
 
 
 def is_loop_queue(name: str) -> bool:
-    """Return whether a type is that of a loop's queue."""
+    """Return whether the name of a `ValueType` is that of a loop's queue."""
     return name.startswith(_QUEUE_NAME)
 
 
 def can_be_read(written: str, port: str, version: Version) -> bool:
-    """Return whether a port may read values of another type; some of them may still be invalid.
+    """Return whether a port may read values of another type, although single values may be invalid.
 
     Args:
         written: The normalised type of the value.
         port: The normalised type of the port, or the name of a loop's queue type.
-        version: The version; before 4.9.0, a loop accepted neither lists nor strings from an entry.
+        version: The version of BehaviorTree.CPP; before 4.9.0, a loop accepted neither lists nor strings from an entry.
     """
     if is_loop_queue(port):
         item = _ITEMS[port.removeprefix(_QUEUE_NAME)]
@@ -93,14 +93,14 @@ def can_be_read(written: str, port: str, version: Version) -> bool:
 
 
 def can_be_converted(value: object, port: str, version: Version) -> bool:
-    """Return whether BehaviorTree.CPP, too, can convert a value to the type of a port.
+    """Return whether BehaviorTree.CPP can convert a value to the type of a port.
 
-    The user's C++ code may convert strings to a type of its own, which is not known here; for pointers it hardly does.
+    The user's C++ code is assumed to convert strings to its own types, except for pointers.
 
     Args:
         value: The string or number.
         port: The normalised type of the port, or the name of a loop's queue type.
-        version: The version.
+        version: The version of BehaviorTree.CPP.
     """
     if not isinstance(value, str):
         is_whole_number = not isinstance(value, float) or value.is_integer()
@@ -153,7 +153,7 @@ def can_replace(written: str, held: str) -> bool:
     if is_untyped(written) or is_untyped(held) or is_same(written, held):
         return True
     if held not in _NUMBERS or (held == "bool" and written in _NUMBERS):
-        # A list of known items, like a number, becomes a string.
+        # A string can replace a list, as it can replace a number.
         return written == TEXT and held.startswith("std::vector<")
     return written == TEXT or (written in _NUMBERS and written not in _KEPT_BY.get(held, ()))
 
@@ -164,7 +164,7 @@ def can_be_copied(written: str, entry: str) -> bool:
 
 
 def type_of_constant(text: str, version: Version) -> str:
-    """Return the type of an entry for a subtree's constant; empty for none, as for a string."""
+    """Return the C++ type of an entry with a subtree's constant; empty for a string, which leaves the type open."""
     value = literal_value(text) if version >= NUMBERS.since else text
     if isinstance(value, float):
         return REAL
@@ -174,12 +174,12 @@ def type_of_constant(text: str, version: Version) -> str:
 
 
 def type_of_port(type_name: str, cpp: str, version: Version) -> str:
-    """Return the C++ type of a port, normalized.
+    """Return the normalised C++ type of a port.
 
     Args:
         type_name: The name of the port's `ValueType`.
-        cpp: Its declared C++ type.
-        version: The version; before 4.9.0, the queue of a loop had a type.
+        cpp: The port's declared C++ type.
+        version: The version of BehaviorTree.CPP; before 4.9.0, the queue of a loop had a type.
     """
     if is_loop_queue(type_name) and version < LISTS.since:
         return f"std::shared_ptr<std::deque<{_ITEMS[type_name.removeprefix(_QUEUE_NAME)]}>>"

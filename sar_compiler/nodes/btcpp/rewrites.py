@@ -21,12 +21,12 @@ Rewrite = Callable[[NodeDraft, FindingCollector], None]
 
 
 def rename(tag: str, draft: NodeDraft, _notes: FindingCollector) -> None:
-    """Change the tag only."""
+    """Change only the tag."""
     draft.tag = tag
 
 
 def select_tag_by_memory(with_memory: str, without: str, draft: NodeDraft, notes: FindingCollector) -> None:
-    """Choose the tag by the attribute `memory`."""
+    """Select the tag by the attribute `memory`, and remove the attribute."""
     memory = draft.literal("memory", bool, notes) if "memory" in draft.attributes else True
     if memory is not None:
         draft.attributes.pop("memory", None)
@@ -34,7 +34,7 @@ def select_tag_by_memory(with_memory: str, without: str, draft: NodeDraft, notes
 
 
 def reactive(draft: NodeDraft, notes: FindingCollector) -> None:
-    """Remove the attribute that the tag implies."""
+    """Remove `memory="false"`, which the tag implies."""
     if "memory" in draft.attributes and draft.literal("memory", bool, notes) is False:
         del draft.attributes["memory"]
 
@@ -47,7 +47,7 @@ def rewrite_running(draft: NodeDraft, _notes: FindingCollector) -> None:
 
 
 def oneshot(draft: NodeDraft, notes: FindingCollector) -> None:
-    """Write `OneShot` as `RunOnce`, if its policy allows that."""
+    """Write `OneShot` as `RunOnce` if its policy is `ON_COMPLETION`."""
     if "policy" not in draft.attributes:
         return
     try:
@@ -64,22 +64,20 @@ def retry(draft: NodeDraft, notes: FindingCollector) -> None:
     """Write `Retry` as `RetryUntilSuccessful`."""
     if _times(draft, "num_failures", "num_attempts", 1, notes):
         draft.tag = "RetryUntilSuccessful"
-        message = "Retry waits for the next tick before each attempt; RetryUntilSuccessful may continue in the same one"
+        message = "Retry waits for the next tick before each attempt, but RetryUntilSuccessful may continue in the same tick"
         notes.add("differs", message, draft.element)
 
 
 def repeat(draft: NodeDraft, notes: FindingCollector) -> None:
-    """Write a number of successes as a number of cycles."""
-    # py_trees compares the number of successes with this number, so below 1 no success is the last one.
+    """Replace `num_success` by `num_cycles`."""
+    # With num_success below 1, py_trees never succeeds, because it compares the number with the number of successes.
     if "num_success" in draft.attributes and _times(draft, "num_success", "num_cycles", ENDLESS, notes):
-        message = (
-            "py_trees waits for the next tick before each repetition; num_cycles may continue in the same one"
-        )
+        message = "py_trees waits for the next tick before each repetition, but num_cycles may continue in the same tick"
         notes.add("differs", message, draft.element)
 
 
 def _times(draft: NodeDraft, name: str, other: str, below_1: int, notes: FindingCollector) -> bool:
-    """Convert a number of repetitions; return whether this was possible."""
+    """Rename an attribute with a number of repetitions; return whether the number could be converted."""
     if name not in draft.attributes:
         return False
     text = draft.attributes[name]
@@ -93,7 +91,7 @@ def _times(draft: NodeDraft, name: str, other: str, below_1: int, notes: Finding
 
 
 def timeout(draft: NodeDraft, notes: FindingCollector) -> None:
-    """Write seconds as milliseconds."""
+    """Replace `duration` in seconds by `msec`."""
     if "duration" in draft.attributes:
         # BehaviorTree.CPP treats a time of zero as no limit.
         _milliseconds(draft, 1, notes)
@@ -122,7 +120,7 @@ def _milliseconds(draft: NodeDraft, least: int, notes: FindingCollector) -> bool
 
 
 def parallel(draft: NodeDraft, notes: FindingCollector) -> None:
-    """Write a policy as counts."""
+    """Replace `policy` by `success_count` and `failure_count`."""
     policy = draft.attributes.get("policy")
     if policy is None:
         return
@@ -130,7 +128,7 @@ def parallel(draft: NodeDraft, notes: FindingCollector) -> None:
     if policy not in ("SuccessOnAll", "SuccessOnOne") or (policy == "SuccessOnAll" and not synchronise):
         draft.kept = True
         detail = policy if policy != "SuccessOnAll" else f"{policy} without synchronise"
-        message = f"policy: BehaviorTree.CPP's Parallel has no counterpart of {detail}"
+        message = f"policy: BehaviorTree.CPP's Parallel has no counterpart for {detail}"
         hint = "use success_count and failure_count, or register a control in C++"
         notes.add("no-counterpart", message, draft.element, value="policy", hint=hint)
     if draft.kept:
@@ -138,12 +136,14 @@ def parallel(draft: NodeDraft, notes: FindingCollector) -> None:
     _replace(draft, "policy", "success_count", "1" if policy == "SuccessOnOne" else "-1")
     draft.attributes["failure_count"] = "1"
     draft.attributes.pop("synchronise", None)
-    message = "py_trees ticks all children before it decides, BehaviorTree.CPP stops at the decisive one"
+    message = (
+        "py_trees ticks all children before it decides, but BehaviorTree.CPP stops at the decisive child"
+    )
     notes.add("differs", message, draft.element)
 
 
 def _replace(draft: NodeDraft, name: str, other: str, text: str) -> None:
-    """Replace one attribute by another."""
+    """Replace one attribute by another, at the same position."""
     draft.attributes = {
         (other if each == name else each): (text if each == name else value)
         for each, value in draft.attributes.items()

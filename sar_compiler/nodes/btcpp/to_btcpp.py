@@ -1,7 +1,7 @@
-"""Conversion of a tree file to BehaviorTree.CPP 4, so that it and Groot2 can open it.
+"""Conversion of a tree file for BehaviorTree.CPP 4 and Groot2.
 
-BehaviorTree.CPP rejects attributes that its nodes do not have, so `memory`, `oneshot` and the decorators of
-this project and py_trees are replaced by its own nodes. Nodes without a counterpart are kept and noted.
+BehaviorTree.CPP rejects attributes that its nodes do not have. Therefore `memory`, `oneshot`, and the decorators of this
+project and of py_trees are replaced by nodes of BehaviorTree.CPP. Nodes without a counterpart are kept and reported.
 """
 
 import dataclasses
@@ -38,7 +38,7 @@ from sar_compiler.tree.model import (
 )
 
 _QUEUES = {("LoopInt", "queue"): "std::vector<int>"}
-"""The types of ports that BehaviorTree.CPP declares differently."""
+"""The types of ports that BehaviorTree.CPP declares with another type than this project."""
 
 
 def to_btcpp(
@@ -48,13 +48,13 @@ def to_btcpp(
 
     Args:
         tree_file: The file.
-        registry: The meanings of tags.
-        palettes: Further files with descriptions of nodes.
-        btcpp: The target version; None for the newest.
+        registry: The registered nodes.
+        palettes: Further files with models of nodes.
+        btcpp: The target version; None for the newest version.
 
     Returns:
-        The converted file and its notes, in file order: warnings for content that BehaviorTree.CPP does
-        not support by itself, information for slight differences.
+        The converted file, and findings in file order: warnings about content that BehaviorTree.CPP does not support,
+        and notes about slight differences.
     """
     conversion = _BtcppConverter(registry, btcpp or NEWEST)
     root = conversion.root(tree_file, palettes)
@@ -64,14 +64,14 @@ def to_btcpp(
 
 @dataclasses.dataclass
 class _Usage:
-    """The use of a node in a tree."""
+    """The use of a tag in a tree file."""
 
     children: int = 0
     ports: dict[str, None] = dataclasses.field(default_factory=dict)
 
     @property
     def kind(self) -> Kind:
-        """The kind of node that this use implies."""
+        """The kind of the node, inferred from the number of children."""
         if not self.children:
             return Kind.ACTION
         return Kind.DECORATOR if self.children == 1 else Kind.CONTROL
@@ -110,7 +110,7 @@ class _BtcppConverter:
             ]
             children = _with_models(children, models)
         if len(children) > 1:
-            # BehaviorTree.CPP accepts a tree without an ID only if it is the only one.
+            # BehaviorTree.CPP accepts a tree without an ID only if the file has no other section.
             children = list(_with_ids(children))
         attributes = dict(root.attributes)
         if "BTCPP_format" not in attributes:
@@ -133,7 +133,7 @@ class _BtcppConverter:
             what = f"an ID without {refused}" if refused else "another ID"
             self.notes.add("no-counterpart", message, element, value="ID", hint=f"give the tree {what}")
         elif self._is_built_in(tree_id) or tree_id in self._used:
-            message = f"BehaviorTree.CPP rejects a tree with the ID of a node, '{tree_id}'"
+            message = f"BehaviorTree.CPP rejects the ID '{tree_id}', because a node has the same ID"
             self.notes.add("no-counterpart", message, element, value="ID", hint="give the tree another ID")
 
     def _children(self, element: Element, parent: str) -> Iterator[Element]:
@@ -142,24 +142,24 @@ class _BtcppConverter:
 
     def _node(self, element: Element, parent: str) -> Element:
         draft = self._subtree(element) if element.tag == SUBTREE_TAG else self._draft(element)
-        policy = self._oneshot(draft)
+        policy = self._remove_oneshot(draft)
         name = draft.attributes.get("name") or draft.attributes.get("ID") or draft.tag
         for rewrite in dict.fromkeys(self._rewrites(draft.tag)):
             rewrite(draft, self.notes)
-        self._complain(draft)
-        self._measure(draft)
-        draft.explicit = self._explicit(draft, parent if policy is None else "")
+        self._report_counterparts(draft)
+        self._report_integer_ranges(draft)
+        draft.explicit = self._is_explicit(draft, parent if policy is None else "")
         converted = self._element(draft)
         if policy is None:
             return converted
-        # The OneShot for the attribute has this name, too.
+        # The compiler gives the same name to the OneShot for the attribute.
         return self._wrap_run_once(element, converted, f"{name}OneShot", policy)
 
     def _is_built_in(self, tag: str) -> bool:
         return is_built_in([subtree()] if tag == SUBTREE_TAG else self._registry.variants(tag))
 
     def _rewrites(self, tag: str) -> Iterator[Rewrite]:
-        """Yield the rewrites of a tag for BehaviorTree.CPP, for all meanings of the tag."""
+        """Yield the rewrites for BehaviorTree.CPP in all specs of a tag."""
         for spec in self._registry.variants(tag):
             if spec.semantics.counterpart.rewrite is not None:
                 yield spec.semantics.counterpart.rewrite
@@ -179,7 +179,7 @@ class _BtcppConverter:
         return {each.name: each.value_type.unit for each in attributes if each.value_type.unit}
 
     def _units_of_keys(self, tree_file: TreeFile) -> dict[str, str]:
-        """Return the keys that attributes read as durations, with the unit of plain numbers."""
+        """Return the unit of plain numbers for each key that an attribute reads as a duration."""
         units: dict[str, str] = {}
         for element in tree_file.root.iterate():
             tag = element.attributes.get("ID", "") if element.tag in KIND_TAGS else element.tag
@@ -190,15 +190,16 @@ class _BtcppConverter:
         return units
 
     def _subtree(self, element: Element) -> NodeDraft:
-        """Report durations with units that are passed to a subtree, where they are strings."""
+        """Report durations with units that are passed to a subtree, where BehaviorTree.CPP reads them as strings."""
         for name, text in element.attributes.items():
             if name in self._units and parse_milliseconds(text) is not None:
                 message = f"{name}: BehaviorTree.CPP has no units and would read '{text}' as another number"
-                hint = f"write {convert_duration(text, self._units[name])}, for {text}"
+                hint = f"write {convert_duration(text, self._units[name])} instead of {text}"
                 self.notes.add("no-counterpart", message, element, value=name, hint=hint)
         return NodeDraft(element, SUBTREE_TAG, dict(element.attributes), explicit=False, kept=True)
 
-    def _oneshot(self, draft: NodeDraft) -> str | None:
+    def _remove_oneshot(self, draft: NodeDraft) -> str | None:
+        """Remove the attribute `oneshot`, and return its policy; None if there is none."""
         if ONESHOT not in draft.attributes:
             return None
         try:
@@ -220,7 +221,7 @@ class _BtcppConverter:
             self._record_use(tag, attributes, 1)
         return Element(tag, attributes, (child,), element.source, *element.position)
 
-    def _complain(self, draft: NodeDraft) -> None:
+    def _report_counterparts(self, draft: NodeDraft) -> None:
         """Report missing counterparts, and remove the attributes that BehaviorTree.CPP would reject."""
         specs = self._registry.variants(draft.tag)
         refused = invalid_id_part(draft.tag)
@@ -248,7 +249,7 @@ class _BtcppConverter:
         for name in [name for name in draft.attributes if name not in known and not name.startswith("_")]:
             del draft.attributes[name]
             if name in draft.element.attributes:
-                message = f"BehaviorTree.CPP's <{draft.tag}> has no '{name}', so it is removed"
+                message = f"BehaviorTree.CPP's <{draft.tag}> has no attribute '{name}', so it is removed"
                 self.notes.add("left-out", message, draft.element, name=name)
 
     def _note_reference(self, element: Element, tag: str, parameter: Parameter) -> None:
@@ -263,8 +264,8 @@ class _BtcppConverter:
         hint = "in C++, exchange the data on the blackboard"
         self.notes.add("reference", message, element, name=parameter.name, hint=hint)
 
-    def _measure(self, draft: NodeDraft) -> None:
-        """Report integers that do not fit into the port's C++ type."""
+    def _report_integer_ranges(self, draft: NodeDraft) -> None:
+        """Report integers outside of the range of the port's C++ type."""
         for name, text in draft.attributes.items():
             type_name = normalize(self._type_name(draft.tag, name))
             kind = type_name.removeprefix("std::vector<").removesuffix(">")
@@ -283,7 +284,7 @@ class _BtcppConverter:
                 self.notes.add("no-counterpart", message, draft.element, value=name, hint=hint)
 
     def _type_name(self, tag: str, name: str) -> str:
-        """Return the C++ type of an attribute; empty if it is unknown."""
+        """Return the C++ type of an attribute; an empty string if the type is unknown."""
         model = self._models.get(tag)
         if model is not None and name in model.ports and not self._is_built_in(tag):
             return model.ports[name].type_name
@@ -292,10 +293,10 @@ class _BtcppConverter:
                 return _QUEUES.get((tag, name), spec.parameters[name].value_type.cpp)
         return ""
 
-    def _explicit(self, draft: NodeDraft, parent: str) -> bool:
-        """Return whether a node is written in explicit form."""
+    def _is_explicit(self, draft: NodeDraft, parent: str) -> bool:
+        """Return whether a node must be written in explicit form."""
         if draft.tag in KIND_TAGS and draft.tag in self._registry:
-            return True  # its own name would be read as the explicit form
+            return True  # the compact tag would be read as the explicit form of another node
         if draft.explicit and parent == DROPS_EXPLICIT:
             message = (
                 f"BehaviorTree.CPP 4.7 to 4.10 do not recognise <{draft.element.tag}> directly in <{parent}>"
@@ -304,7 +305,7 @@ class _BtcppConverter:
                 hint = "wrap it in a Sequence"
                 self.notes.add("no-counterpart", message, draft.element, hint=hint)
                 return True
-            self.notes.add("differs", f"{message}; written as <{draft.tag}>", draft.element)
+            self.notes.add("differs", f"{message}, so it is written as <{draft.tag}>", draft.element)
             return False
         return draft.explicit
 
@@ -343,7 +344,7 @@ def _ports(spec: NodeSpec, *, built_in: bool) -> Iterator[str]:
 
 
 def _with_models(sections: list[Element], models: list[Element]) -> list[Element]:
-    """Add models to the file's own `TreeNodesModel`, or to a new one at the end."""
+    """Add models to the file's `TreeNodesModel`, or to a new section at the end."""
     for number, section in enumerate(sections):
         if section.tag == MODEL_TAG:
             extended = dataclasses.replace(section, children=(*section.children, *models))
@@ -364,5 +365,5 @@ def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
 
 
 def _copy(element: Element) -> Element:
-    """Copy an element, without its file."""
+    """Copy an element without its location in a file."""
     return synthetic_element(element.tag, element.attributes, map(_copy, element.children), element.text)

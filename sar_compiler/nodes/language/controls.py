@@ -24,7 +24,7 @@ _SEQUENCE = "Ticks its children in order until one does not succeed. Succeeds wh
 _SELECTOR = "Ticks its children in order until one does not fail. Fails when all have failed."
 _REACTIVE = "Starts at the first child in every tick."
 _PAUSES = "Returns RUNNING after each child, so that other branches are ticked in between."
-_MEMORY = "Start with the running child (true) or with the first child (false) in the next tick."
+_MEMORY = "Whether the next tick starts with the running child; otherwise, it starts with the first child."
 
 _own = partial(language_spec, Kind.CONTROL, skipping=FROM_CHILD)
 
@@ -35,7 +35,7 @@ def _first_child_gates(_bound: NodeView) -> Mapping[int, Gate]:
 
 
 def _try_catch_gates(bound: NodeView) -> Mapping[int, Gate]:
-    """Return the gates of a try-catch, whose last child handles a failure of the others."""
+    """Return the gates of a `TryCatch`, whose last child handles a failure of the other children."""
     *tried, last = range(len(bound.children))
     catches = {last: Gate(tuple(tried), F)} if bound.value("catch_on_halt") is False else {}
     return {**{number: Gate((number - 1,), S | K) for number in tried[1:]}, **catches}
@@ -44,7 +44,7 @@ def _try_catch_gates(bound: NodeView) -> Mapping[int, Gate]:
 def _sequential_control(
     tag: str, counterpart: Counterpart, *former_tags: str, is_sequence: bool, memory: bool | None
 ) -> NodeSpec:
-    """Return a sequence or selector; *memory* is implied by its tag, or None if it is an attribute."""
+    """Return the spec of a sequence or selector; *memory* is the value that the tag implies, or None for an attribute."""
     if is_sequence:
         doc, stock_class, own_class = _SEQUENCE, "Sequence", "Sequence"
         means, rule = Semantics.sequence(), report_interruptions
@@ -79,16 +79,16 @@ def _switch(cases: int) -> NodeSpec:
     return _own(
         f"Switch{cases}",
         "kernel.branching:SwitchNode",
-        "Ticks the child whose case is equal to a variable, or the last child if no case is.",
+        "Ticks the child whose case matches the variable, or the last child if no case matches.",
         input_port(
             "variable",
             str,
-            "The value to compare with the cases: as a string, an integer, a name of an enumeration, or a real number. "
-            "Without a value, no case is equal.",
+            "The value to compare with the cases. A case matches if both are equal as strings, integers, enumeration names "
+            "or real numbers. If the variable has no value, no case matches.",
         ),
         ENUMS,
         *(
-            input_port(f"case_{number}", str, f"The {ordinal} child's case.")
+            input_port(f"case_{number}", str, f"The case for the {ordinal} child.")
             for number, ordinal in enumerate(ordinals, 1)
         ),
         semantics=Semantics(outcome_sets.selection),
@@ -150,7 +150,7 @@ SPECS = [
             "success_count",
             int,
             "Required number of successes. A negative number counts from the end: -1 means all children, and a skipped "
-            "child is then a success.",
+            "child then counts as a success.",
             -1,
         ),
         input_port(
@@ -181,8 +181,8 @@ SPECS = [
         attribute(
             "synchronise",
             bool,
-            "True if a child that has succeeded waits for the others, false if it is started again. Not allowed with "
-            "`SuccessOnOne`. By default it waits.",
+            "Whether a child that has succeeded waits for the other children (the default); otherwise, it is started again. "
+            "Not allowed with `SuccessOnOne`.",
             None,
         ),
         attribute(
@@ -215,21 +215,21 @@ SPECS = [
     ),
     _branching_spec(
         "IfThenElse",
-        "Ticks its second child if the first one succeeds, else the third. The first child is ticked only until it completes.",
+        "Ticks its second child if the first child succeeds, otherwise the third child. The first child is ticked only until it completes.",
     ),
     _branching_spec(
         "WhileDoElse",
-        "Ticks its second child as long as the first one succeeds, and the third as long as it fails.",
+        "Ticks its second child as long as the first child succeeds, and its third child as long as the first child fails.",
     ),
     *(_switch(cases) for cases in range(2, 7)),
     _own(
         "TryCatch",
         "kernel.branching:TryCatchNode",
-        "Ticks all children except the last one in order. If one of them fails, ticks the last child.",
+        "Ticks all children except the last in order. If one of them fails, ticks the last child, then fails.",
         input_port(
             "catch_on_halt",
             bool,
-            "Also tick the last child once when the node is halted.",
+            "Whether to tick the last child once when the node is halted.",
             default=False,
         ),
         semantics=Semantics(

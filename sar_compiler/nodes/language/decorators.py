@@ -36,14 +36,14 @@ _stock = partial(stock, Kind.DECORATOR)
 
 
 def _successes(bound: NodeView) -> float | None:
-    """Return the rounds of py_trees' Repeat."""
+    """Return the number of rounds of py_trees' Repeat."""
     count = number(bound, "num_success")
-    # py_trees compares the number of successes with this number: below 1 no success is the last one.
+    # With a number below 1, py_trees never succeeds, because it compares the number with the number of successes.
     return math.inf if count is not None and count < 1 else count
 
 
 def _failures(bound: NodeView) -> float | None:
-    """Return the rounds of py_trees' Retry."""
+    """Return the number of rounds of py_trees' Retry."""
     count = number(bound, "num_failures")
     return None if count is None else max(count, 1)
 
@@ -59,7 +59,7 @@ def _with_rewrite(semantics: Semantics, rewrite: rewrites.Rewrite, *, built_in: 
 
 
 def _results_after(turns: Mapping[int, int]) -> frozenset[str]:
-    """Return the outcomes of a decorator that replaces some results of its child."""
+    """Return the statuses of a decorator that replaces some results of its child."""
     return frozenset(WORD_OF[turns.get(each, each)] for each in (S, F, R))
 
 
@@ -71,7 +71,7 @@ def _stock_unless_skipping(
     possible: SkipPossibility = SkipPossibility.FROM_CHILD,
     repeats: int = 0,
 ) -> NodeSpec:
-    """Return a decorator of BehaviorTree.CPP that uses py_trees' class unless its child can be skipped."""
+    """Return the spec of a BehaviorTree.CPP decorator that uses a py_trees class unless its child can be skipped."""
     turned = tuple(WORD_OF[turns.get(each, each)] for each in (S, F, K))
     replacement = _own(tag, "kernel.turning:TurningNode", doc, fixed={"turned": turned})
     return _own(
@@ -85,7 +85,7 @@ def _stock_unless_skipping(
 
 
 def _mapping_decorator(tag: str, old: int, new: int, instead: str = "", hint: str = NO_HINT) -> NodeSpec:
-    """Return a py_trees decorator that replaces one result of its child."""
+    """Return the spec of a py_trees decorator that replaces one result of its child."""
     turns = {old: new}
     rewrite = partial(rewrites.rename, instead) if instead else None
     return _stock(
@@ -98,12 +98,12 @@ def _mapping_decorator(tag: str, old: int, new: int, instead: str = "", hint: st
 
 
 def _unless_written(tag: str, otherwise: int, doc: str, skipping: SkipSupport = FROM_CHILD) -> NodeSpec:
-    """Return a decorator that returns a fixed status until an entry is written."""
+    """Return the spec of a decorator that returns a fixed status until an entry is written."""
     return _own(
         tag,
         "kernel.turning:UpdateGuardNode",
         doc,
-        input_port("entry", ANY_ENTRY, "The entry."),
+        input_port("entry", ANY_ENTRY, "The entry to check."),
         SCOPE,
         fixed={"unless_written": WORD_OF[otherwise]},
         semantics=Semantics(
@@ -126,7 +126,9 @@ def _loop(tag: str, kind: type, item: str, items: str, example: str) -> NodeSpec
             "from a deque.",
         ),
         output_port("value", require_value_type(kind), f"The key to which each {items} is written.", None),
-        input_port("if_empty", _OUTCOME, "The status to return when none is left.", ReturnedStatus.SUCCESS),
+        input_port(
+            "if_empty", _OUTCOME, "The status to return when no item is left.", ReturnedStatus.SUCCESS
+        ),
         fixed={"kind": kind},
         semantics=Semantics(outcome_sets.loop, keys={"queue": KeyRole(AccessKind.PEEK)}),
         skipping=SkipSupport(SkipPossibility.ALWAYS, only_if=("if_empty", ReturnedStatus.SKIPPED)),
@@ -156,7 +158,7 @@ BEHAVIORTREE_CPP = [
         input_port(
             "num_cycles",
             int,
-            "Number of successes. -1 repeats without end, 0 succeeds at once.",
+            "Number of successes; -1 to repeat without end, 0 to succeed at once.",
         ),
         semantics=_with_rewrite(Semantics.restarts_child(S, "num_cycles"), rewrites.repeat),
     ),
@@ -167,7 +169,7 @@ BEHAVIORTREE_CPP = [
         input_port(
             "num_attempts",
             int,
-            "Number of failures. -1 retries without end, 0 fails at once. The number is read again after each failure, "
+            "Number of failures; -1 to retry without end, 0 to fail at once. The number is read again after each failure, "
             "because the child may have changed it.",
         ),
         semantics=Semantics.restarts_child(F, "num_attempts"),
@@ -179,7 +181,7 @@ BEHAVIORTREE_CPP = [
         input_port(
             "then_skip",
             bool,
-            "Skip the node afterwards (true), or return the same status again (false).",
+            "Whether the node is skipped afterwards; otherwise, it returns the same status again.",
             default=True,
         ),
         semantics=Semantics(outcome_sets.run_once, once=True),
@@ -200,7 +202,7 @@ BEHAVIORTREE_CPP = [
     _own(
         "Timeout",
         "kernel.timing:TimeoutNode",
-        "Fails if its child is still running after a time. The child is halted without another tick.",
+        "Fails if its child is still running after the time limit. The child is then halted without another tick.",
         input_port("msec", MILLISECONDS, "Time limit of the child, in milliseconds; 0 for no limit."),
         CLOCK,
         semantics=_with_rewrite(Semantics.limits_child(_timeout_limit), rewrites.timeout),
@@ -209,7 +211,7 @@ BEHAVIORTREE_CPP = [
         "Precondition",
         "kernel.turning:PreconditionNode",
         "Ticks its child if a condition is true when the node starts. The condition is not evaluated again while the child runs.",
-        input_port("if_", CONDITION, "The condition, a script."),
+        input_port("if_", CONDITION, "The condition, as a script."),
         SCOPE,
         ENUMS,
         input_port(
@@ -222,7 +224,7 @@ BEHAVIORTREE_CPP = [
     _unless_written(
         "SkipUnlessUpdated",
         K,
-        "Ticks its child if an entry was written since the last check, and is skipped if not.",
+        "Ticks its child if an entry was written since the last check; otherwise, the node is skipped.",
         SkipSupport(SkipPossibility.ALWAYS),
     ),
     _unless_written(
@@ -239,8 +241,10 @@ BEHAVIORTREE_CPP = [
 PY_TREES = [
     _stock(
         "OneShot",
-        "Ticks its child until it has completed once. Afterwards returns the same status without ticking it.",
-        attribute("policy", ONESHOT_TYPE, "The completion: any result, or only a success."),
+        "Ticks its child until it has completed once. Afterwards, returns the same status without ticking the child.",
+        attribute(
+            "policy", ONESHOT_TYPE, "The results that count as completion: any result, or only success."
+        ),
         semantics=Semantics(
             outcome_sets.passing_results,
             once=True,
@@ -252,7 +256,7 @@ PY_TREES = [
         Kind.DECORATOR,
         "Timeout",
         "sar_compiler.runtime.stock:Timeout",
-        "Fails if its child is still running after a time, measured on the mission's clock.",
+        "Fails if its child is still running after the time limit, measured on the mission's clock.",
         attribute("duration", SECONDS, "Time limit of the child, in seconds."),
         CLOCK,
         semantics=_with_rewrite(Semantics.limits_child("duration"), rewrites.timeout),
@@ -265,7 +269,7 @@ PY_TREES = [
         attribute(
             "num_failures",
             int,
-            "Number of failures after which the node fails. With 1 or less, it fails with the first one.",
+            "Number of failures after which the node fails. With 1 or less, it fails after the first failure.",
         ),
         semantics=_with_rewrite(Semantics.restarts_child(F, _failures), rewrites.retry, built_in=False),
         instead="RetryUntilSuccessful",
@@ -300,7 +304,7 @@ PY_TREES = [
         input_port(
             "condition",
             CONDITION,
-            "The condition, a script that is evaluated before every tick of the child.",
+            "The condition, as a script that is evaluated before every tick of the child.",
         ),
         SCOPE,
         ENUMS,
@@ -314,7 +318,7 @@ PY_TREES = [
     _stock("PassThrough", "Returns the status of its child.", semantics=Semantics.transparent()),
     _stock(
         "StatusToBlackboard",
-        "Writes its child's status to the blackboard in every tick, and returns it.",
+        "Writes its child's status to the blackboard in every tick, and returns the status.",
         inout_port(
             "variable_name",
             VARIABLE,
@@ -327,7 +331,7 @@ PY_TREES = [
     _stock(
         "ForEach",
         "Ticks its child for each item of a list in turn, until the child fails. Needs py_trees 2.4.",
-        input_port("source_key", KEY, "The key of the list."),
+        input_port("source_key", KEY, "The key that contains the list."),
         inout_port("target_key", KEY, "The key to which each item is written."),
         SCOPE,
         semantics=Semantics(outcome_sets.each_item, keys={"target_key": _WRITTEN}),
@@ -354,6 +358,6 @@ SUBTREE = _own(
     former_tags=("SubTreePlus",),
     former_attributes={"__shared_blackboard": "_autoremap", "__autoremap": "_autoremap"},
 )
-"""The node that a `SubTree` is compiled to; binding handles its attributes."""
+"""The spec of the node to which a `SubTree` is compiled; binding handles the attributes."""
 
 SPECS = [*BEHAVIORTREE_CPP, *PY_TREES, SUBTREE]

@@ -33,7 +33,7 @@ _stock = partial(stock, Kind.ACTION)
 
 
 def _peeking_semantics(*ports: str, resumes: bool = False) -> Semantics:
-    """Return the semantics of a leaf that accepts a missing key."""
+    """Return the semantics of a leaf that accepts unwritten keys in *ports*."""
     return Semantics(keys=dict.fromkeys(ports, _PEEKS), resumes=resumes)
 
 
@@ -45,7 +45,7 @@ def _as_in_btcpp(tag: str) -> Semantics:
 def _question(
     tag: str, doc: str, *parameters: Parameter, asks: tuple[str, ...], made_by: str = ""
 ) -> NodeSpec:
-    """Return a py_trees condition about keys that need not exist."""
+    """Return the spec of a py_trees condition about keys that may be unwritten."""
     return stock(
         Kind.CONDITION,
         tag,
@@ -66,7 +66,7 @@ _COMPARISON = (
     attribute(
         "operator",
         Comparison,
-        f"{_COMPARE} A string is never equal to a number, and the two have no order.",
+        f"{_COMPARE} A string is never equal to a number, and the two cannot be ordered.",
     ),
     input_port("value", object, f"The value to compare with: {_CONSTANT}"),
 )
@@ -89,7 +89,7 @@ BEHAVIORTREE_CPP = [
         "ScriptCondition",
         "language_nodes:ScriptCondition",
         "Runs a script, and succeeds if its value is true.",
-        # BehaviorTree.CPP gives this port no type, so that a subtree may be given `1` for it.
+        # In BehaviorTree.CPP, this port has no type, so the number `1` can be passed to it through a subtree.
         input_port(
             "code", CONDITION._replace(cpp=""), "The script. Its value must be true or false, 1 or 0."
         ),
@@ -101,12 +101,12 @@ BEHAVIORTREE_CPP = [
     _own(
         "SetBlackboard",
         "language_nodes:SetBlackboard",
-        "Writes another entry's value with its type, or a string. Fails if the other entry is empty.",
+        "Copies the value and type of another entry, or writes a string. Fails if the other entry is empty.",
         input_port("value", AS_WRITTEN, "The value to write."),
         input_port(
             "output_key",
             AS_WRITTEN,
-            "The entry's key without braces, or in braces the key of an entry that contains it.",
+            "The key to write, without braces, or a key in braces that contains the name of the key to write.",
         ),
         SCOPE,
         ENUMS,
@@ -129,8 +129,8 @@ BEHAVIORTREE_CPP = [
     _own(
         "WasEntryUpdated",
         "kernel.leaf_nodes:UpdateCheckNode",
-        "Succeeds if an entry was written since the last check, else fails.",
-        input_port("entry", ANY_ENTRY, "The entry."),
+        "Succeeds if an entry was written since the last check; otherwise fails.",
+        input_port("entry", ANY_ENTRY, "The entry to check."),
         SCOPE,
         statuses=_SUCCESS | _FAILURE,
         semantics=Semantics(keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)}),
@@ -139,7 +139,7 @@ BEHAVIORTREE_CPP = [
         "Sleep",
         "kernel.timing:SleepNode",
         "Waits, then succeeds.",
-        input_port("msec", MILLISECONDS, "Duration of the wait, in milliseconds; 0 for none."),
+        input_port("msec", MILLISECONDS, "Duration of the wait, in milliseconds; 0 to succeed at once."),
         CLOCK,
         statuses=_SUCCESS | _RUNNING,
         semantics=Semantics(wait_sec=partial(outcome_sets.milliseconds, name="msec")),
@@ -162,8 +162,8 @@ PY_TREES = [
     ),
     _stock(
         "Periodic",
-        "Runs for n ticks, succeeds for n ticks, fails for n ticks, and starts over. It keeps its position, however "
-        "often it is started.",
+        "Runs for n ticks, succeeds for n ticks, fails for n ticks, and starts over. It continues at the same position "
+        "when it is started again.",
         attribute(
             "n",
             int,
@@ -173,7 +173,7 @@ PY_TREES = [
     ),
     _stock(
         "StatusQueue",
-        "Returns the statuses of a list one after the other. It keeps its position, however often it is started.",
+        "Returns the statuses of a list one after the other. It continues at the same position when it is started again.",
         attribute("queue", STATUS_NAMES, "The statuses: `RUNNING;RUNNING;SUCCESS`."),
         attribute(
             "eventually",
@@ -187,11 +187,11 @@ PY_TREES = [
     ),
     _stock(
         "SuccessEveryN",
-        "Succeeds in every n-th tick, and fails in the others.",
+        "Succeeds in every n-th tick, and fails in all other ticks.",
         attribute(
             "n",
             NTH,
-            "The period of the successes in ticks: 1 for every tick, 2 for every second one. The sign is ignored.",
+            "The period of the successes in ticks: 1 for every tick, 2 for every second tick. The sign is ignored.",
         ),
         statuses=_SUCCESS | _FAILURE,
     ),
@@ -199,7 +199,7 @@ PY_TREES = [
         "TickCounter",
         "Runs for a number of ticks, then completes. The count resets each time the node starts.",
         attribute("duration", int, "The number of ticks to run; 0 or less to complete at once."),
-        attribute("completion_status", StatusName, "The status to return after that."),
+        attribute("completion_status", StatusName, "The status to return after these ticks."),
         semantics=Semantics(outcome_sets.ticks_counted),
     ),
     _stock(
@@ -228,18 +228,18 @@ PY_TREES = [
     ),
     _stock(
         "BlackboardToStatus",
-        "Returns the status in a key, as written by StatusToBlackboard.",
+        "Returns the status that a key contains, for example from StatusToBlackboard.",
         input_port(
             "variable_name",
             VARIABLE,
-            "The key, or `key.attribute`. Without a status in it, a tick stops the run with an error.",
+            "The key, or `key.attribute`. If it does not contain a status, a tick stops the run with an error.",
         ),
         SCOPE,
         semantics=Semantics(resumes=True),
     ),
     _question(
         "CheckBlackboardVariableExists",
-        "Succeeds if a key was written, else fails.",
+        "Succeeds if a key was written; otherwise fails.",
         _KEY,
         asks=("variable_name",),
     ),
@@ -253,14 +253,14 @@ PY_TREES = [
     ),
     _stock(
         "SetBlackboardVariable",
-        "Writes a value to a key, whatever its previous value, and succeeds.",
+        "Writes a value to a key.",
         inout_port("variable_name", VARIABLE, "The key, or `key.attribute` of an existing object."),
         input_port("variable_value", object, f"The value: {_CONSTANT}"),
         SCOPE,
         attribute(
             "overwrite",
             bool,
-            "Replace an existing value. If false, the node fails if there is one.",
+            "Whether to replace an existing value; otherwise, the node fails if the key has a value.",
             default=True,
         ),
         statuses=_SUCCESS | _FAILURE,

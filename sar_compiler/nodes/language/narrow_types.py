@@ -1,4 +1,4 @@
-"""Types of attributes that restrict the annotations of constructor parameters."""
+"""Value types of attributes that are narrower than the annotations of the constructor parameters."""
 
 import math
 import operator as operators
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 StatusName = Literal["SUCCESS", "FAILURE", "RUNNING"]
 """The statuses that a tick can return, without py_trees' INVALID."""
 PolicyName = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
-"""The children of a Parallel that have to succeed, by py_trees' names."""
+"""The names of py_trees' policies for the children of a Parallel that must succeed."""
 
 STATUS_NAME = require_value_type(StatusName)
 _PROBABILITIES = "write the weights of SUCCESS, FAILURE and RUNNING, for example 2;1;1"
@@ -39,10 +39,11 @@ _HOW_MANY_PROBABILITIES = 3
 def _variable(text: str) -> str:
     name = text.removeprefix(ROOT_SIGN)
     if not name or name.startswith(("/", JSON)) or text != "".join(text.split()):
-        message = f"'{text}' is not a key; write its name without a leading slash and without spaces"
-        raise ConversionError(message)
+        hint = "write the name of a key, without a leading slash and without spaces"
+        raise ConversionError(f"'{text}' is not a key", hint=hint)
     if name.startswith("."):
-        raise ConversionError(f"'{text}' is not a key, because it begins with a dot; write key.attribute")
+        message = f"'{text}' is not a key, because it begins with a dot"
+        raise ConversionError(message, hint="write key.attribute")
     return text
 
 
@@ -63,14 +64,14 @@ def _names(text: str) -> list[str]:
 def _nth(text: str) -> int:
     number = parse_integer(text)
     if number == 0:
-        raise ConversionError("the number must not be 0; write 1 to succeed in every tick")
+        raise ConversionError("the number must not be 0", hint="write 1 to succeed in every tick")
     return number
 
 
 def _probability(text: str) -> float:
     number = parse_real(text)
     if number < 0:
-        raise ConversionError(f"'{text}' is negative; write 0 for never")
+        raise ConversionError(f"'{text}' is negative", hint="write 0 for a status that is never returned")
     return number
 
 
@@ -87,10 +88,10 @@ def _probabilities(text: str) -> list[float]:
 
 
 def queue_of(name: str, kind: type) -> ValueType:
-    """Return the type of a loop's queue: a literal, or any value of an entry.
+    """Return the value type of a loop's queue: a literal, or any value of an entry.
 
     Args:
-        name: The loop's name.
+        name: The loop's tag.
         kind: The type of the items.
     """
     return ValueType(f"queue.{name}", "items separated by ;", partial(_queue, kind))
@@ -105,13 +106,13 @@ def _queue(kind: type, text: str) -> str:
 
 
 VARIABLE = ValueType("variable", "a key, or key.attribute", _variable, names_key=True)
-"""A key of the blackboard by its name, or an attribute of the object that it holds."""
+"""The type for the name of a blackboard key, or of an attribute of the object that the key contains."""
 KEY = ValueType("key.name", "a key", _key, names_key=True)
-"""A key of the blackboard by its name."""
+"""The type for the name of a blackboard key."""
 ANY_ENTRY = ANYTHING._replace(cpp=ANY)
-"""A value of any type, which a node of BehaviorTree.CPP reads unchanged."""
+"""The type for a value of any type, which a node of BehaviorTree.CPP reads unchanged."""
 NTH = ValueType("nth", "an integer other than 0", _nth, python=int, cpp="int", example="1")
-"""The ticks in which something happens."""
+"""The type for a period in ticks."""
 PROBABILITIES = ValueType(
     "chances",
     "three numbers separated by ;",
@@ -120,9 +121,9 @@ PROBABILITIES = ValueType(
     cpp="std::vector<double>",
     example="1;1;1",
 )
-"""The weights of success, failure and running."""
+"""The type for the weights of success, failure and running."""
 NAMES = ValueType("names", "names separated by ;", _names, python=list, cpp="std::vector<std::string>")
-"""Names of nodes."""
+"""The type for a list of node names."""
 STATUS_NAMES = ValueType(
     "statuses",
     "SUCCESS, FAILURE or RUNNING, separated by ;",
@@ -131,13 +132,13 @@ STATUS_NAMES = ValueType(
     cpp="std::vector<std::string>",
     example="SUCCESS",
 )
-"""The statuses to return in successive ticks."""
+"""The type for the statuses to return in successive ticks."""
 
 
 Comparison = Literal["eq", "ne", "lt", "le", "gt", "ge"]
-"""A comparison, by its name in Python's `operator`."""
+"""The names of comparisons in Python's module `operator`."""
 Junction = Literal["and", "or", "xor"]
-"""The operator that joins the results of several comparisons."""
+"""The names of operators that join the results of several comparisons."""
 
 COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
     name: getattr(operators, name) for name in get_args(Comparison)
@@ -160,14 +161,14 @@ class WrittenComparison(NamedTuple):
 
 
 def parse_comparison(text: str) -> WrittenComparison:
-    """Read one comparison.
+    """Parse one comparison.
 
     Raises:
         ConversionError: If the text is invalid.
     """
     parts = text.split(maxsplit=2)
     if len(parts) < len(WrittenComparison._fields) or "{" in text:
-        raise ConversionError(f"'{text}' is not a comparison; {_EXAMPLE}")
+        raise ConversionError(f"'{text}' is not a comparison", hint=_EXAMPLE)
     check = WrittenComparison(*parts)
     VARIABLE.convert(check.variable)
     if check.comparison not in COMPARISONS:
@@ -181,29 +182,31 @@ def expression(variable: str, operator: str, value: Input[object]) -> "Compariso
     """Return py_trees' expression for a comparison.
 
     Args:
-        variable: The key, by its py_trees name.
-        operator: The comparison.
-        value: The value to compare with; a key is read at each comparison.
+        variable: The key's name in py_trees.
+        operator: The name of the comparison.
+        value: The value to compare with; if it is a key, the key is read at each comparison.
     """
     from py_trees.common import ComparisonExpression
 
     compare = COMPARISONS[operator]
     if value.entry is None:
         return ComparisonExpression(variable, constant(value), compare)
-    # Since py_trees 2.4, the value itself could be a function.
-    return ComparisonExpression(variable, _Held(value), lambda left, right: compare(left, right.get()))
+    # Since py_trees 2.4, a function could be passed as the value.
+    return ComparisonExpression(
+        variable, _CurrentValue(value), lambda left, right: compare(left, right.get())
+    )
 
 
 def constant(port: Input[object]) -> object:
-    """Return the value of a constant: a number, a bool or a string."""
+    """Convert a constant to a number, a bool or a string."""
     value = port.get()
     if not isinstance(value, str):
         return value
     return {"true": True, "false": False}.get(value, literal_value(value))
 
 
-class _Held:
-    """The current value of a key, for a comparison that py_trees builds only once."""
+class _CurrentValue:
+    """The current value of a key, for an expression that py_trees builds only once."""
 
     def __init__(self, port: Input[object]) -> None:
         self._port = port
@@ -237,4 +240,4 @@ CHECKS = ValueType(
     example="a eq 0;b eq 0",
     keys_in=_keys_in,
 )
-"""Comparisons: `battery gt 20;speed lt 1.5`."""
+"""The type for several comparisons: `battery gt 20;speed lt 1.5`."""

@@ -1,4 +1,4 @@
-"""Functions shared by the language's records: node specs, and rules about attributes and children."""
+"""Functions shared by the specs of built-in nodes, and rules about attributes and children."""
 
 from typing import Any
 
@@ -10,12 +10,12 @@ from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, SkipPossibility, 
 from sar_compiler.nodes.values import ConversionError, items_of
 from sar_compiler.tree.guessing import nearest
 
-HOW_TO_SELECT = 'write the names of the children that have to succeed: selected="left;right"'
-NO_ANSWER = "queue: it is empty; write statuses, for example RUNNING;SUCCESS"
+HOW_TO_SELECT = 'write the names of the children that must succeed, for example selected="left;right"'
+EMPTY_QUEUE = "queue: the list of statuses is empty (write for example RUNNING;SUCCESS)"
 
 
 def report_excessive_counts(bound: NodeView, collector: FindingCollector) -> None:
-    """Report attributes that exceed the number of children."""
+    """Report attributes with numbers of children that exceed the number of children in the file."""
     there = len(bound.element.children)
     for name in bound.counts:
         wanted = bound.values.get(name)
@@ -27,15 +27,15 @@ def report_excessive_counts(bound: NodeView, collector: FindingCollector) -> Non
 def report_interruptions(bound: NodeView, collector: FindingCollector) -> None:
     """Report the second AsyncSequence in a reactive sequence.
 
-    The first one starts over whenever the second one pauses, and interrupts it: neither ends.
+    Whenever the second one pauses, the first one starts over and interrupts the second one, so neither ends.
     """
     if bound.value("memory") is not False:
         return
     pausing = [child.element for child in bound.children if child.tag == "AsyncSequence"]
     for child in pausing[1:]:
         message = (
-            f"a second AsyncSequence in '{bound.name}' never ends: the first one is restarted in every tick "
-            "and interrupts it"
+            f"a second AsyncSequence in '{bound.name}' never ends, because the first AsyncSequence is restarted "
+            "in every tick and interrupts it"
         )
         collector.add("interrupted-child", message, child, hint="combine both in one AsyncSequence")
 
@@ -43,7 +43,7 @@ def report_interruptions(bound: NodeView, collector: FindingCollector) -> None:
 def report_empty_queue(bound: NodeView, collector: FindingCollector) -> None:
     """Report a queue without statuses."""
     if bound.values.get("queue") == [] and "eventually" not in bound.element.attributes:
-        collector.add("wrong-value", NO_ANSWER, bound.element, value="queue")
+        collector.add("wrong-value", EMPTY_QUEUE, bound.element, value="queue")
 
 
 def report_policy(bound: NodeView, collector: FindingCollector) -> None:
@@ -52,7 +52,7 @@ def report_policy(bound: NodeView, collector: FindingCollector) -> None:
     if policy is None:  # a key, or an invalid value
         return
     written = element.attributes.get("selected")
-    clash = clash_with(policy, bound.values.get("synchronise"), is_selected=written is not None)
+    clash = policy_conflict(policy, bound.values.get("synchronise"), is_selected=written is not None)
     if clash is not None:
         attribute, message = clash
         collector.add("conflicting-attributes", f"{attribute}: {message}", element, name=attribute)
@@ -62,7 +62,7 @@ def report_policy(bound: NodeView, collector: FindingCollector) -> None:
         message = f"<{bound.tag}> needs the attribute 'selected' with SuccessOnSelected"
         collector.add("missing-attribute", message, element, hint=HOW_TO_SELECT)
     elif bound.values.get("selected") == []:
-        message = "selected: it names no child"
+        message = "selected: no child is named"
         collector.add("wrong-value", message, element, value="selected", hint=HOW_TO_SELECT)
     elif "selected" in bound.values and len(bound.children) == len(element.children):
         _report_names(bound, written, collector)
@@ -71,34 +71,32 @@ def report_policy(bound: NodeView, collector: FindingCollector) -> None:
 def _report_names(bound: NodeView, written: str, collector: FindingCollector) -> None:
     names = [_bound_name(child) for child in bound.children]
     try:
-        items_of(written, lambda text: place_of(text, names), blanks=True)
+        items_of(written, lambda text: index_of_child(text, names), blanks=True)
     except ConversionError as error:
         collector.wrong_value(bound.element, "selected", error)
 
 
-def clash_with(policy: object, synchronise: object, *, is_selected: bool) -> tuple[str, str] | None:
-    """Return the attribute that conflicts with a policy, and the reason; None if there is none."""
+def policy_conflict(policy: object, synchronise: object, *, is_selected: bool) -> tuple[str, str] | None:
+    """Return the attribute that conflicts with a policy, and the reason; None if there is no conflict."""
     if is_selected and policy != "SuccessOnSelected":
         return "selected", f"requires the policy SuccessOnSelected, not {policy}"
     if synchronise and policy == "SuccessOnOne":
-        return "synchronise", "has no meaning with SuccessOnOne; remove it"
+        return "synchronise", "has no effect with SuccessOnOne, so remove it"
     return None
 
 
-def place_of(name: str, names: list[str]) -> int:
+def index_of_child(name: str, names: list[str]) -> int:
     """Return the index of the child with a name.
 
     Raises:
-        ConversionError: If no child, or more than one, has the name.
+        ConversionError: If no child or several children have the name.
     """
     count = names.count(name)
     if count == 1:
         return names.index(name)
     if count:
-        raise ConversionError(f"{count} children are named '{name}'; give each a unique name")
-    raise ConversionError(
-        f"no child is named '{name}'; the children are {', '.join(names)}", nearest(name, names)
-    )
+        raise ConversionError(f"{count} children are named '{name}'", hint="give each child a unique name")
+    raise ConversionError(f"no child is named '{name}' (known: {', '.join(names)})", nearest(name, names))
 
 
 def _bound_name(child: NodeView) -> str:
@@ -122,9 +120,9 @@ def language_spec(
     semantics: Semantics = _PLAIN,
     **more: Any,
 ) -> NodeSpec:
-    """Return the spec of a node of the language; tags in `BUILT_IN` are also nodes of BehaviorTree.CPP.
+    """Return the spec of a built-in node; tags in `BUILT_IN` are also nodes of BehaviorTree.CPP.
 
-    *path* is that of its class in `runtime` or in py_trees.
+    *path* is the import path of the node's class in py_trees, or its path below `sar_compiler.runtime`.
     """
     if not path.startswith("py_trees."):
         path = f"sar_compiler.runtime.{path}"
@@ -135,14 +133,14 @@ def language_spec(
 def stock(
     kind: Kind, tag: str, doc: str, *parameters: Parameter, made_by: str = "", instead: str = "", **more: Any
 ) -> NodeSpec:
-    """Return the spec of a node of py_trees.
+    """Return the spec of a py_trees node.
 
     Args:
-        kind: The kind of node.
-        tag: Its tag, and the name of its class.
-        doc: Its description.
-        *parameters: Its parameters.
-        made_by: The function of `py_trees_nodes` that creates it, if not the default one.
+        kind: The kind of the node.
+        tag: The node's tag, which is also the name of its class.
+        doc: The node's description.
+        *parameters: The constructor parameters.
+        made_by: The function of `py_trees_nodes` that creates the node; by default `stock`.
         instead: An equivalent node that supports skipped children.
         **more: Further fields of the spec.
     """

@@ -1,13 +1,13 @@
-"""Nodes of other behaviour tree engines, and their replacements here."""
+"""Nodes of other behaviour tree engines, and their replacements in sar_compiler."""
 
 from typing import NamedTuple
 
 
 class Replacement(NamedTuple):
-    """The replacement of a node of another engine.
+    """The replacement for a node of another engine.
 
     Attributes:
-        engine: The engine, as a user would search for it.
+        engine: The name of the engine.
         hint: The instruction for the user.
     """
 
@@ -85,4 +85,7 @@ REPLACEMENTS = {
         Concurrence='write <Parallel success_count="-1" failure_count="1">',
     ),
 }
-"""The replacements of well-known nodes, by tag. Names of BehaviorTree.CPP 3 for nodes here are in `former_tags`."""
+"""The replacements for well-known nodes of other engines, by tag.
+
+The names of built-in nodes in BehaviorTree.CPP 3 are in `former_tags` of their specs.
+"""

@@ -2,9 +2,9 @@
 
 The nodes keep their names, their arguments, and their treatment of unusual values (a count of 0 or below), as
 described in each spec. Only values that would raise an error in the middle of a run are rejected.
-There are two differences: their keys are those of the tree, and none of their children may be skippable.
+There are two differences: the nodes use the keys of the tree, and none of their children may be skippable.
 
-A node that the installed py_trees lacks has a spec, too, because the machine must not affect whether a file is correct.
+A node that the installed py_trees lacks also has a spec, because the machine must not affect whether a file is correct.
 """
 
 import contextlib
@@ -33,7 +33,7 @@ from sar_compiler.nodes.language.narrow_types import (
     expression,
     parse_comparison,
 )
-from sar_compiler.nodes.language.node_rules import HOW_TO_SELECT, NO_ANSWER, clash_with, place_of
+from sar_compiler.nodes.language.node_rules import EMPTY_QUEUE, HOW_TO_SELECT, index_of_child, policy_conflict
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.nodes.values import ANYTHING, CONDITION, require_value_type
 from sar_compiler.runtime.blackboard import Entry, Scope
@@ -48,8 +48,8 @@ B = TypeVar("B", bound=Behaviour)
 class ScopedClient(Client):
     """A py_trees blackboard client for the entries of a tree.
 
-    It replaces a stock node's own client, which would bypass the tree by writing to a py_trees namespace that all trees
-    share, and the tree would not count these writes.
+    It replaces the client of a stock node. That client would write to a py_trees namespace that all trees share, and the
+    tree would not count these writes.
 
     Args:
         stock: The client to replace, which is unregistered.
@@ -79,7 +79,7 @@ class ScopedClient(Client):
         return value
 
     def set(self, name: str, value: Any, overwrite: bool = True) -> bool:
-        """Write an entry or an attribute of its object, which counts as one write of the entry."""
+        """Write an entry, or an attribute of the object in it, which counts as one write of the entry."""
         with self._on_blackboard(name):
             written = bool(super().set(name, value, overwrite))
             if written:
@@ -88,7 +88,7 @@ class ScopedClient(Client):
         return written
 
     def unset(self, key: str) -> bool:
-        """Remove an entry; return whether there was one."""
+        """Remove an entry; return whether it existed."""
         with self._on_blackboard(key):
             removed = bool(super().unset(key))
         self._entry(key).remove()
@@ -117,7 +117,7 @@ class StockNodeKeys:
     """The keys that one stock node uses.
 
     Args:
-        scope: The scope in which they are looked up.
+        scope: The scope in which the keys are looked up.
     """
 
     def __init__(self, scope: Scope) -> None:
@@ -128,7 +128,7 @@ class StockNodeKeys:
         """Return py_trees' name for a key, or for an attribute of the object in it (`battery.percentage`).
 
         Args:
-            port: The key: `key` or `{key}`.
+            port: The port with the key: `key` or `{key}`.
         """
         key, dot, inner = _text(port).partition(".")
         return f"{self._name(key)}{dot}{inner}"
@@ -146,7 +146,7 @@ class StockNodeKeys:
         return f"/{folder}"
 
     def connect_to(self, behaviour: B) -> B:
-        """Connect a stock node created with these names to the tree's keys."""
+        """Connect a stock node that was created with these names to the tree's keys."""
         for attribute, client in list(vars(behaviour).items()):
             if isinstance(client, Client):
                 scoped = ScopedClient(client, self._entries)
@@ -158,7 +158,7 @@ class StockNodeKeys:
 
     def _name(self, key: str) -> str:
         entry = self._scope.resolve(key)
-        # To py_trees, a dot precedes an attribute of the object, even within the name of a tree.
+        # py_trees treats a dot as the beginning of an object's attribute, even within the name of a tree.
         name = entry.name.replace(".", "_")
         self._entries[name] = entry
         return name
@@ -170,11 +170,11 @@ def _text(port: Input[object]) -> str:
 
 
 class PyTreesTooOldError(SarError):
-    """The installed py_trees does not have a node yet."""
+    """An error about a node that the installed version of py_trees does not have."""
 
 
-# The conversions of values for py_trees, by the name of the type.
-_GIVEN: Mapping[str, Callable[[Any], object]] = {
+# The conversions of values for py_trees, by the name of the value type.
+_CONVERSIONS: Mapping[str, Callable[[Any], object]] = {
     STATUS_NAME.name: lambda word: Status[word],
     STATUS_NAMES.name: lambda words: [Status[word] for word in words],
     ONESHOT_TYPE.name: lambda word: OneShotPolicy[word],
@@ -186,17 +186,17 @@ _GIVEN: Mapping[str, Callable[[Any], object]] = {
 def stock(
     spec: NodeSpec, name: str, scope: Scope | None = None, enums: Enums | None = None, **written: Any
 ) -> Behaviour:
-    """Create a node with its class's constructor.
+    """Create a node by calling its class.
 
     Args:
         spec: The node's spec.
-        name: Its name.
-        scope: The scope in which its keys are looked up, if it has any.
-        enums: The named constants, if it has a script.
-        **written: The written values of its other parameters.
+        name: The node's name.
+        scope: The scope in which the keys are looked up, if the node has keys.
+        enums: The named constants, if the node has a script.
+        **written: The values of the other parameters.
 
     Raises:
-        PyTreesTooOldError: If the installed py_trees is too old for it.
+        PyTreesTooOldError: If the installed version of py_trees does not have the node.
     """
     keys = StockNodeKeys(scope) if scope is not None else None
     arguments: dict[str, Any] = {}
@@ -206,8 +206,8 @@ def stock(
             value = keys.key(value) if kind == KEY.name else keys.variable(value)  # noqa: PLW2901
         elif scope is not None and enums is not None and kind == CONDITION.name:
             value = NodeScript(value, name, parameter, scope, enums).holds  # noqa: PLW2901
-        elif kind in _GIVEN and value is not None:
-            value = _GIVEN[kind](value)  # noqa: PLW2901
+        elif kind in _CONVERSIONS and value is not None:
+            value = _CONVERSIONS[kind](value)  # noqa: PLW2901
         arguments[parameter] = value
     made: Behaviour = _class_of(spec)(name=name, **arguments)
     return made if keys is None else keys.connect_to(made)
@@ -220,7 +220,7 @@ def status_queue(spec: NodeSpec, name: str, queue: list[str], eventually: str | 
         ValueError: If there are no statuses.
     """
     if not queue and eventually is None:
-        raise ValueError(NO_ANSWER)
+        raise ValueError(EMPTY_QUEUE)
     return stock(spec, name, queue=queue, eventually=eventually)
 
 
@@ -232,12 +232,12 @@ def parallel(
     synchronise: bool | None = None,
     selected: list[str] | None = None,
 ) -> composites.Parallel:
-    """Create a Parallel with one of its policies.
+    """Create a Parallel with one of py_trees' policies.
 
     Raises:
         ValueError: If a name does not match exactly one child, or an attribute conflicts with the policy.
     """
-    clash = clash_with(policy, synchronise, is_selected=selected is not None)
+    clash = policy_conflict(policy, synchronise, is_selected=selected is not None)
     if clash is not None:
         raise ValueError(": ".join(clash))
     if policy == "SuccessOnOne":
@@ -246,9 +246,9 @@ def parallel(
     if policy == "SuccessOnAll":
         return composites.Parallel(name, ParallelPolicy.SuccessOnAll(waits), children)
     if not selected:
-        raise ValueError(f"selected: it names no child; {HOW_TO_SELECT}")
+        raise ValueError(f"selected: no child is named ({HOW_TO_SELECT})")
     names = [_written_name(child) for child in children]
-    chosen = [children[place_of(text, names)] for text in selected]
+    chosen = [children[index_of_child(text, names)] for text in selected]
     return composites.Parallel(name, ParallelPolicy.SuccessOnSelected(chosen, waits), children)
 
 
@@ -297,12 +297,12 @@ def _class_of(spec: NodeSpec) -> Callable[..., Behaviour]:
     """Return the class of a node.
 
     Raises:
-        PyTreesTooOldError: If the installed py_trees is too old for it.
+        PyTreesTooOldError: If the installed version of py_trees does not have the node.
     """
     try:
         found = spec.cls
     except AttributeError:
-        message = f"py_trees {py_trees_version} does not have {spec.tag}; install 2.4 or later"
+        message = f"py_trees {py_trees_version} does not have {spec.tag}, which needs 2.4 or later"
         raise PyTreesTooOldError(message) from None
     assert found is not None  # noqa: S101 - it has a path
     return found

@@ -1,4 +1,4 @@
-"""Nodes without code: reading and writing of a `TreeNodesModel`."""
+"""Models of nodes and subtrees, which are read from a `TreeNodesModel`."""
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -37,19 +37,19 @@ _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 METADATA_TAG = "MetadataFields"
 ENUM_TAG = "Enum"
-"""An enumeration of the C++ program: the name, and its number if known; BehaviorTree.CPP does not read it."""
+"""The tag for a named constant of the C++ program, with its number if known; BehaviorTree.CPP ignores it."""
 _SCRIPT = r"code|if|case_\d+|_(?:(?:failure|success|skip)If|while|on(?:Success|Failure|Halted)|post)"
 _NAME = r"(?<![\w'{@.])[A-Za-z_]\w*(?![\w'}])"
 _KEY = r"\{(\w+)\}|(\w+)\s*(?::=|[-+*/]?=(?!=))"
 _QUOTED = r"'[^']*'"
 FROM_USE = {"made": "from use"}
-"""The marker of a description derived from the use of a node, with guessed types and directions."""
+"""The marker of a model that is derived from the use of a node, with guessed types and directions."""
 LIBRARY = {"library": "py_trees"}
-"""The marker of a py_trees node's description, which distinguishes it from a user's node."""
+"""The marker of a py_trees node's model, which distinguishes the node from a user's node with the same name."""
 # The assumed outcomes of a leaf that is only described.
 _STATUSES = {Kind.ACTION: ("SUCCESS", "FAILURE", "RUNNING"), Kind.CONDITION: ("SUCCESS", "FAILURE")}
 _DIRECTIONS_HINT = (
-    "write input_port for a port that is read, output_port for one that is written, inout_port for both"
+    "write input_port for a port that is read, output_port for a port that is written, inout_port for both"
 )
 _TAGS = (SUBTREE_TAG, TREE_TAG)
 _NAMES = ("name", "ID", "_autoremap", "children", ONESHOT)
@@ -59,11 +59,11 @@ class Port(NamedTuple):
     """A port in a model.
 
     Attributes:
-        element: The element that describes it.
-        name: Its name.
-        direction: The direction of its values.
-        type_name: Its declared type, by BehaviorTree.CPP's name; empty if none is declared.
-        default: The text of its default; None if there is no default.
+        element: The element that describes the port.
+        name: The port's name.
+        direction: The direction of the values.
+        type_name: The declared C++ type; empty if no type is declared.
+        default: The text of the default; None if there is no default.
     """
 
     element: Element
@@ -77,10 +77,10 @@ class NodeModel(NamedTuple):
     """A node or a subtree in a model.
 
     Attributes:
-        element: The element that describes it.
-        tag: The tag, or the subtree's ID.
-        kind: The kind of node; None for a subtree.
-        ports: Its ports by name.
+        element: The element that describes the node or subtree.
+        tag: The node's tag, or the subtree's ID.
+        kind: The kind of the node; None for a subtree.
+        ports: The ports by name.
     """
 
     element: Element
@@ -90,12 +90,12 @@ class NodeModel(NamedTuple):
 
     @property
     def is_of_py_trees(self) -> bool:
-        """Whether it describes py_trees' node, as written by `sar-compile`."""
+        """Whether the model describes a py_trees node, according to a marker that `sar-compile` has written."""
         return self._has_note(LIBRARY)
 
     @property
     def is_from_use(self) -> bool:
-        """Whether it was derived from the use of the node."""
+        """Whether the model was derived from the use of the node."""
         return self._has_note(FROM_USE)
 
     def _has_note(self, attributes: Mapping[str, str]) -> bool:
@@ -105,8 +105,8 @@ class NodeModel(NamedTuple):
         return any(note.attributes == attributes for note in notes)
 
     @property
-    def says(self) -> object:
-        """Its content, for comparison with another model."""
+    def content(self) -> object:
+        """The content of the model, for comparison with another model."""
         ports = self.ports.values()
         return self.kind, {(port.name, port.direction, port.type_name, port.default) for port in ports}
 
@@ -132,7 +132,7 @@ class NodeModels(NamedTuple):
     Attributes:
         nodes: The models of nodes, by tag.
         subtrees: The models of subtrees, by ID.
-        enums: The names of enumerations, with their numbers; None for a number that no file states.
+        enums: The numbers of named constants; None for a constant whose number no file states.
     """
 
     nodes: Mapping[str, NodeModel] = {}
@@ -141,9 +141,9 @@ class NodeModels(NamedTuple):
 
 
 def read_models(files: Iterable[TreeFile], collector: FindingCollector) -> NodeModels:
-    """Read the models of some files; the first description of a node is used.
+    """Read the models in files; if several models describe a node, the first is used.
 
-    Files that the user did not name are not compared with other files.
+    Models in files that the user did not name are not compared with other models.
     """
     nodes: dict[str, NodeModel] = {}
     subtrees: dict[str, NodeModel] = {}
@@ -157,12 +157,12 @@ def read_models(files: Iterable[TreeFile], collector: FindingCollector) -> NodeM
             if model is not None:
                 first = (subtrees if model.kind is None else nodes).setdefault(model.tag, model)
                 if first is not model and tree_file.is_named:
-                    _compare_twice(first, model, collector)
+                    _report_second_model(first, model, collector)
     return NodeModels(nodes, subtrees, enums)
 
 
 def enums_file(numbers: Mapping[str, int]) -> TreeFile:
-    """Return a palette that declares enumerations."""
+    """Return a palette that declares named constants."""
     declared = [
         synthetic_element(ENUM_TAG, {"ID": name, "value": str(each)}) for name, each in numbers.items()
     ]
@@ -172,7 +172,7 @@ def enums_file(numbers: Mapping[str, int]) -> TreeFile:
 
 
 def _read_enum(element: Element, enums: dict[str, int | None], collector: FindingCollector) -> None:
-    """Add an enumeration; the first number for a name is used."""
+    """Add a named constant; the first number for a name is used."""
     name, written = element.attributes.get("ID", ""), element.attributes.get("value")
     if not (name.isidentifier() and name.isascii()):
         message = f"this <{ENUM_TAG}> needs an ID: a name of letters, digits and _"
@@ -199,7 +199,7 @@ def _descriptions(files: Iterable[TreeFile]) -> Iterator[Element]:
 
 
 def undescribed_tags(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) -> set[str]:
-    """Return the tags in files that neither the model of the same file nor a palette describes."""
+    """Return the tags in files that neither a model in the same file nor a palette describes."""
     tags: set[str] = set()
     for tree_file in files:
         described = {*map(_described_name, _descriptions([tree_file]))}
@@ -211,9 +211,9 @@ def undescribed_tags(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) ->
 
 
 def undeclared_names(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) -> set[str]:
-    """Return the names in scripts and cases that may be undeclared enumerations.
+    """Return the names in scripts and cases that may be undeclared named constants.
 
-    These are names that are no keys of the files, and names in capitals, which are rarely keys.
+    These are names that are not keys in the files, and names that begin with a capital letter, which are rarely keys.
     """
     files = tuple(files)
     names: set[str] = set()
@@ -242,10 +242,10 @@ def _enums(files: Iterable[TreeFile]) -> Iterator[Element]:
 def supplements(
     palettes: Iterable[TreeFile], tags: Collection[str], names: Collection[str] = ()
 ) -> Iterator[TreeFile]:
-    """Yield the palettes that describe some nodes or enumerations, without other content.
+    """Yield the palettes that describe nodes in *tags* or named constants in *names*, without their other content.
 
-    The first description of a node is used. Descriptions of subtrees are left out, because they belong to a file's
-    trees, and another file may have a tree of the same name.
+    If several palettes describe a node, the first is used. Models of subtrees are left out, because they belong to the
+    trees of one file, and another file may have a tree with the same name.
     """
     wanted = {*tags}
     for palette in palettes:
@@ -261,21 +261,21 @@ def _described_name(description: Element) -> str:
     return SUBTREE_TAG if description.tag == SUBTREE_TAG else description.attributes.get("ID", "")
 
 
-def _compare_twice(first: NodeModel, second: NodeModel, collector: FindingCollector) -> None:
-    """Report duplicate descriptions: different ones, or those of a subtree in one file."""
+def _report_second_model(first: NodeModel, second: NodeModel, collector: FindingCollector) -> None:
+    """Report two models of the same node with different content, or two models of the same subtree in one file."""
     same_file = second.element.source is first.element.source
-    if first.says == second.says and not (second.kind is None and same_file):
+    if first.content == second.content and not (second.kind is None and same_file):
         return
-    # Of two files, the finding is about the one whose description is not used.
+    # If the second model is in another file, the finding is about the first file, because the other file may be a palette.
     here, there = (second.element, first.element) if same_file else (first.element, second.element)
-    differs = ", differently" if first.says != second.says else ""
-    message = f"'{second.tag}' is already described on line {there.line}{file_of(there, here)}{differs}"
-    cause = Cause("these are already described differently elsewhere", second.tag) if not same_file else None
+    how = "described differently" if first.content != second.content else "already described"
+    message = f"'{second.tag}' is {how} on line {there.line}{file_of(there, here)}"
+    cause = Cause("these are described differently elsewhere", second.tag) if not same_file else None
     collector.add("wrong-model", message, here, value="ID", hint="delete one of the two", common_cause=cause)
 
 
 def registry_without(registry: Registry, models: NodeModels) -> Registry:
-    """Return a registry without the py_trees nodes whose names the user declares for other nodes."""
+    """Return a registry without the py_trees nodes whose tags the user's models declare for other nodes."""
     taken = {
         tag
         for tag, model in models.nodes.items()
@@ -285,13 +285,13 @@ def registry_without(registry: Registry, models: NodeModels) -> Registry:
 
 
 def described_specs(files: Iterable[TreeFile], registry: Registry) -> list[NodeSpec]:
-    """Return the described but unregistered nodes whose names are valid tags."""
+    """Return the specs of nodes that are described but not registered, if their names are valid tags."""
     models = read_models(files, FindingCollector())
     return [model.spec() for tag, model in models.nodes.items() if tag not in registry and can_be_tag(tag)]
 
 
 def can_be_tag(name: str) -> bool:
-    """Return whether a node or a port of this name can be written in a file."""
+    """Return whether the name of a node or port can be written in a tree file."""
     return is_name(name) and ":" not in name
 
 
@@ -309,7 +309,7 @@ def _model(element: Element, collector: FindingCollector) -> NodeModel | None:
         _report_typo(element, None, message, kind, collector, 'write ID="..."')
         return None
     if kind is not None and tag in _TAGS:
-        message = f"'{tag}' cannot be the name of a node: it is reserved"
+        message = f"'{tag}' cannot be the name of a node, because it is reserved"
         collector.add("wrong-model", message, element, value="ID")
         return None
     return NodeModel(element, tag, kind, _ports(element, kind, collector))
@@ -328,7 +328,7 @@ def _ports(element: Element, kind: Kind | None, collector: FindingCollector) -> 
 def _port(element: Element, kind: Kind | None, collector: FindingCollector) -> Port | None:
     direction, name = _DIRECTIONS.get(element.tag), element.attributes.get("name")
     if direction is None:
-        message = f"<{element.tag}> is not a port; a model can have {', '.join(_DIRECTIONS)}"
+        message = f"<{element.tag}> is not a port (known: {', '.join(_DIRECTIONS)})"
         near = collector.guesses.nearest(element.tag, _DIRECTIONS)
         collector.add("wrong-model", message, element, suggestion=near, hint=_DIRECTIONS_HINT)
         # BehaviorTree.CPP reads the models of subtrees, and ignores such an element.
@@ -342,7 +342,7 @@ def _port(element: Element, kind: Kind | None, collector: FindingCollector) -> P
         why = "it is reserved" if taken else "use only letters, digits and _"
         _report_typo(element, "name", f"'{name}' cannot be the name of a port: {why}", kind, collector)
         return None
-    # For an unknown direction, both are possible.
+    # If the direction is unknown, both directions are possible.
     attributes, direction = element.attributes, direction or Direction.INOUT
     return Port(element, name, direction, attributes.get("type", ""), attributes.get("default"))
 
@@ -355,14 +355,14 @@ def _report_typo(
     collector: FindingCollector,
     hint: str | None = None,
 ) -> None:
-    """Report a wrong or missing attribute; in the model of a subtree, it is an error."""
+    """Report a wrong or missing attribute in a model; in the model of a subtree, this is an error."""
     of_subtree = "missing-attribute" if attribute is None else "wrong-value"
     code = of_subtree if kind is None else "wrong-model"
     collector.add(code, message, element, value=attribute, hint=hint)
 
 
 def _used_port(port: Port) -> Parameter:
-    """Return a port derived from its use, with a guessed type and direction."""
+    """Return the parameter for a port that was derived from its use, with any type and direction."""
     return any_port(port.name, port.element.text)
 
 
@@ -380,14 +380,14 @@ def _parameter(port: Port) -> Parameter:
 
 
 _TEXT = require_value_type(str)
-# The comparable types: in C++, durations, enumerations and other values written as strings have their own types.
+# The comparable types. In C++, durations, enumerations and other values that are written as strings have their own types.
 _COMPARED = (bool, int, float, str, list)
 
 
 def compare_models(models: NodeModels, registry: Registry, collector: FindingCollector) -> None:
-    """Report models that contradict the registry, and defaults that their ports do not accept.
+    """Report models that contradict the registry, and defaults that the described ports do not accept.
 
-    BehaviorTree.CPP does not read the models of nodes, so these are warnings.
+    The findings are warnings, because BehaviorTree.CPP does not read the models of nodes.
     """
     for model in models.nodes.values():
         specs = registry.variants(model.tag)
@@ -426,19 +426,19 @@ def _compare_port(model: NodeModel, port: Port, parameter: Parameter, collector:
 
 
 def _written_type(parameter: Parameter) -> ValueType:
-    """Return the type of an attribute in a file; a reference is a string."""
+    """Return the value type of an attribute in a tree file, where a reference is a string."""
     return _TEXT if parameter.value_type is NO_VALUE else parameter.value_type
 
 
 def _types_fit(said: ValueType, real: ValueType) -> bool:
-    """Return whether a model's type fits a port, regardless of the size of integers."""
+    """Return whether the type in a model fits a port's type, regardless of the size of integers."""
     if real.python not in _COMPARED:
         return True
     return said.cpp == real.cpp if list in (said.python, real.python) else said.python is real.python
 
 
 def _check_default(port: Port, value_type: ValueType, collector: FindingCollector) -> None:
-    """Report an invalid default of a port, except for empty ones and outputs."""
+    """Report an invalid default of an input port, unless the default is empty or a key."""
     text = port.default
     if not text or port.direction is Direction.OUTPUT or blackboard_key(text, port.name) is not None:
         return

@@ -46,8 +46,8 @@ class _PortUse(NamedTuple):
     Attributes:
         text: The written text.
         is_key: Whether the text is a key.
-        makes_key: Whether no earlier node in the tree has the key, but a later one has.
-        cpp: The C++ type of a known port that has the same key in the tree; empty if there is none.
+        makes_key: Whether no earlier node in the tree has the key, but a later node has it.
+        cpp: The C++ type of a known port that has the same key in the tree; empty if there is no such port.
     """
 
     text: str
@@ -57,10 +57,10 @@ class _PortUse(NamedTuple):
 
 
 class _NodeUse:
-    """The uses of a node.
+    """The uses of a node in trees.
 
     Attributes:
-        kinds: The kinds in explicit forms.
+        kinds: The number of uses by kind, for uses in explicit form.
         children: The largest number of children.
         ports: The uses of each port.
     """
@@ -71,11 +71,11 @@ class _NodeUse:
         self.ports: dict[str, list[_PortUse]] = {}
 
     def add(self, node: Element, made: Collection[str], types: Mapping[str, str]) -> None:
-        """Add a use.
+        """Add a use of the node.
 
         Args:
             node: The element.
-            made: Its keys that no earlier node has, but a later one has.
+            made: The keys of the element that no earlier node has, but a later node has.
             types: The C++ types of the keys of known ports in the tree.
         """
         self.kinds.update([node.tag] if node.tag in KIND_TAGS else [])
@@ -90,14 +90,14 @@ class _NodeUse:
 
     @property
     def kind(self) -> str:
-        """The kind that the uses imply; a leaf that could be an action or a condition is an action."""
+        """The kind of the node, inferred from its uses; a leaf that may be an action or a condition is an action."""
         fitting = [kind for kind, _ in self.kinds.most_common() if Kind(kind).takes(self.children)]
         guess = {0: Kind.ACTION, 1: Kind.DECORATOR}.get(self.children, Kind.CONTROL)
         return fitting[0] if fitting else str(guess.value)
 
 
 class UndescribedNodes:
-    """Collects nodes and trees that are used but not described."""
+    """Collector of the nodes and trees that are used but not described."""
 
     def __init__(self) -> None:
         self._guesses = Guesses()
@@ -108,7 +108,7 @@ class UndescribedNodes:
         self._keys: set[str] = set()
 
     def add(self, tree_file: TreeFile, palettes: Iterable[TreeFile], registry: Registry) -> None:
-        """Add the trees of a file, which may have models of its own, with palettes and registered nodes."""
+        """Collect the nodes and trees in a file that are neither registered nor described in the file or in a palette."""
         models = read_models([tree_file, *palettes], FindingCollector())
         described = models.nodes
         self._trees.update(models.subtrees, (tree.attributes.get("ID", "") for tree in tree_file.trees))
@@ -132,15 +132,15 @@ class UndescribedNodes:
                 before.update(_keys_of(node))
 
     def models(self, only: str | None = None) -> Element:
-        """Return the models, in the order of their names, or only that of one node."""
+        """Return the `TreeNodesModel` of the collected nodes, sorted by name; if *only* is given, of this node only."""
         used = [(tag, self._used[tag]) for tag in sorted(self._used) if only in (None, tag)]
-        # Required ports are not guessed: a use may omit ports with a default.
+        # Ports of subtrees are not guessed, because every use would have to set a port without a default.
         trees = [
             synthetic_element(SUBTREE_TAG, {"ID": tree_id}, [_NOTE])
             for tree_id in sorted(self._used_trees - self._trees - {""})
             if only in (None, tree_id)
         ]
-        # A name in capitals that a script reads and no tree writes is an enumeration; only the C++ code has its number.
+        # A name in capitals that a script reads and no tree writes is a named constant. Only the C++ code has its number.
         enums = [
             synthetic_element(ENUM_TAG, {"ID": name})
             for name in sorted(self._capitals - self._keys)
@@ -160,7 +160,7 @@ class UndescribedNodes:
 
 
 def _types_of_keys(nodes: Iterable[Element], models: NodeModels, registry: Registry) -> Mapping[str, str]:
-    """Return the C++ types of the keys of known ports in a tree, except for strings."""
+    """Return the C++ types of the keys in known ports of a tree, except for strings."""
     types: dict[str, str] = {}
     for node in nodes:
         tag = node.attributes.get("ID", "") if node.tag in KIND_TAGS else node.tag
@@ -211,7 +211,7 @@ def _port(name: str, uses: Sequence[_PortUse]) -> Element:
     shared = {each.cpp for each in uses if each.cpp}
     cpp = next(iter(shared)) if len(shared) == 1 else ""
     if values:
-        # For a number, the type of the key's other ports is more precise: `unsigned int`, `double`.
+        # For an integer, the type of other ports with the same key is more precise: `unsigned int`, `double`.
         guess = next(name for name, form in _TYPES if all(map(form.fullmatch, values)))
         cpp = cpp if cpp and guess == "int" else guess
     attributes = {"name": name, **({"type": cpp} if cpp else {})}

@@ -42,7 +42,7 @@ def is_built_in(specs: Sequence[NodeSpec]) -> bool:
 
 
 def description(specs: Sequence[NodeSpec]) -> Element:
-    """Return the model of one tag, with the ports of all its meanings."""
+    """Return the model of a tag, with the ports of all its specs."""
     ports = {
         parameter.name: _port(parameter, spec)
         for spec in specs
@@ -79,7 +79,7 @@ def _doc(parameter: Parameter) -> str:
 
 
 def value_text(value: object) -> str:
-    """Return a value as written in a file."""
+    """Return a value in the notation of tree files."""
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, timedelta):

@@ -1,8 +1,8 @@
-"""The nodes of Nav2's distributions: `--model nav2:jazzy`.
+"""Specs of the nodes in the distributions of Nav2: `--model nav2:jazzy`.
 
 `nodes.yaml` contains the declarations of the nodes. Controls and decorators behave as in the sources of each
-distribution, and those that need no Nav2 can be run. Leaves have no class: their ports and outcomes are known, so that
-trees can be checked, simulated and verified.
+distribution, and those that do not need Nav2 can be run. Leaves have no class, but their ports and outcomes are known, so
+that trees can be checked, simulated and verified.
 """
 
 import functools
@@ -54,7 +54,7 @@ _MILLISECONDS = re.compile(r"\+?(\d+)(ms)?")
 
 
 def type_of_port(name: str) -> ValueType:
-    """Return the type of a name in `nodes.yaml`: `double`, `string[]`, `Path`."""
+    """Return the value type for a type name in `nodes.yaml`, such as `double`, `string[]` or `Path`."""
     if name in _TYPES:
         return _TYPES[name]
     if name.endswith("[]"):
@@ -65,7 +65,7 @@ def type_of_port(name: str) -> ValueType:
 
 
 def port_type(name: str, value_type: ValueType) -> ValueType:
-    """Return the type of a port whose name has a unit, or bounds, in `nodes.yaml`."""
+    """Return the value type of a port, with the unit and the bounds that `nodes.yaml` lists for the port's name."""
     unit, bounds = _units().get(name), _bounds().get(name)
     if unit is not None and value_type.python is float:
         label = f"a number of {unit_name(unit)}"
@@ -121,7 +121,7 @@ def _fields(first: int, each: int, label: str, text: str) -> object:
     Args:
         first: The number of fields that are not repeated.
         each: The number of fields in each repetition; negative for exactly one repetition.
-        label: The name of the expected value.
+        label: The description of the expected value.
         text: The text.
     """
     if text.startswith(JSON):
@@ -130,9 +130,9 @@ def _fields(first: int, each: int, label: str, text: str) -> object:
     rest = len(fields) - first
     if rest != -each if each < 0 else rest % each or rest < 0:
         message = f"'{text}' is not {label}: it has {len(fields)} fields"
-        hint = "write a {key}, or for a pose a time, a frame, and 7 numbers, separated by ;"
+        hint = "write a {key}, or write each pose as a time, a frame and 7 numbers, separated by ;"
         raise ConversionError(message, hint=hint)
-    # A pose is a time, a frame, and seven numbers; each item ends with these.
+    # A pose is a time, a frame and seven numbers.
     for place in range(first, len(fields), abs(each)):
         parse_integer(fields[place])
         for field in fields[place + 2 : place + _POSE if abs(each) == _POSE else place]:
@@ -147,7 +147,7 @@ def _reject_text(label: str, text: str) -> object:
 
 
 def _message(name: str, label: str, cpp: str, convert: Callable[[str, str], object]) -> ValueType:
-    """Return the blackboard type of a ROS message."""
+    """Return the value type of a ROS message on the blackboard."""
     python = type(name, (), {})
     return ValueType(f"nav2.{name}", label, partial(convert, label), python=python, cpp=cpp)
 
@@ -195,26 +195,26 @@ _PORT = re.compile(
 _DIRECTIONS = {"in": Direction.INPUT, "out": Direction.OUTPUT, "inout": Direction.INOUT}
 _ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
 _IN_CPP = Counterpart(hint="")
-"""Nav2 provides the node itself."""
+"""The counterpart of a node that Nav2 itself provides."""
 
 
 def specs(version: str) -> Iterator[NodeSpec]:
     """Yield the specs of the nodes of a distribution."""
     known = facts()
-    for tag, said in known["nodes"].items():
-        if version in said.get("distributions", known["distributions"]):
-            like = known["likes"][said["like"]]
-            ports = [*like.get("ports", ()), *said.get("ports", ())]
-            yield _spec(tag, {**like, **said, "ports": ports}, version)
+    for tag, data in known["nodes"].items():
+        if version in data.get("distributions", known["distributions"]):
+            like = known["likes"][data["like"]]
+            ports = [*like.get("ports", ()), *data.get("ports", ())]
+            yield _spec(tag, {**like, **data, "ports": ports}, version)
 
 
-def _spec(tag: str, said: Mapping[str, Any], version: str) -> NodeSpec:
-    kind = Kind(said["kind"])
+def _spec(tag: str, data: Mapping[str, Any], version: str) -> NodeSpec:
+    kind = Kind(data["kind"])
     if kind.is_leaf:
-        statuses, ports = said["outcomes"], _ports(said["ports"], version)
+        statuses, ports = data["outcomes"], _ports(data["ports"], version)
         by_status = {each.status: each for each in outcomes_of(statuses)}
         outcomes = tuple(by_status[status] for status in statuses)
-        signed = signature(kind, said["doc"], *ports)
+        signed = signature(kind, data["doc"], *ports)
         return KnownSpec(tag, None, kind, frozenset(statuses), outcomes=outcomes, signature=signed)
     free = _FREE.get(f"{tag} {version}") or _FREE.get(tag)
     if free is None:
@@ -230,20 +230,20 @@ def _spec(tag: str, said: Mapping[str, Any], version: str) -> NodeSpec:
         )
     else:
         spec = NodeSpec(tag, f"{_KERNEL}{free.node}", kind, _ALL)
-    ports = _ports(said["ports"], version, is_free=not spec.stand_in)
+    ports = _ports(data["ports"], version, is_free=not spec.stand_in)
     return replace(
         spec,
         semantics=free.semantics._replace(counterpart=_IN_CPP),
         skipping=SkipSupport(
             free.skips, is_handled=free.skips is SkipPossibility.NEVER and not spec.stand_in
         ),
-        signature=signature(kind, said["doc"], *free.handed_over, *ports, fixed=free.fixed),
+        signature=signature(kind, data["doc"], *free.handed_over, *ports, fixed=free.fixed),
         child_count=free.child_count or spec.child_count,
     )
 
 
 def _ports(texts: Sequence[str], version: str, *, is_free: bool = False) -> Iterator[Parameter]:
-    """Yield the ports in a distribution; a node that can run here requires those without a default."""
+    """Yield the ports of a node in a distribution; a node with a class requires the ports without a default."""
     for text in texts:
         match = _PORT.fullmatch(text)
         assert match is not None, text  # noqa: S101 - an error in the data
@@ -272,12 +272,12 @@ class _FreeNode(NamedTuple):
     """A control or decorator that works without Nav2, because it depends only on its children and on time.
 
     Attributes:
-        node: Its class in the kernel; empty for one with a stand-in.
-        semantics: Its semantics.
-        skips: Whether it can be skipped; one that never is handles skipped children itself.
-        child_count: The number of its children; None for the default of its kind.
-        handed_over: The context parameters that it needs in addition to its ports.
-        fixed: The values that its tag implies.
+        node: The class in the kernel; empty for a node with a stand-in.
+        semantics: The semantics of the node.
+        skips: Whether the node can be skipped; a node that is never skipped handles skipped children itself.
+        child_count: The minimum and maximum number of children; None for the default of the kind.
+        handed_over: The context parameters in addition to the ports.
+        fixed: The values that the tag implies.
     """
 
     node: str
@@ -330,7 +330,7 @@ _REQUESTS = (
     Outcome("RUNNING", "resume"),
     Outcome("SKIPPED", "resume and pause"),
 )
-# Nodes that depend on the world, which their stand-in queries.
+# Nodes that depend on the world, each with its stand-in, which queries the world.
 _STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Outcome, ...]]] = {
     "SpeedController": ("nav2_decorators:WhenDueNode", _TIMED, _DUE),
     "GoalUpdatedController": ("nav2_decorators:WhenDueNode", _TIMED, _GOAL),

@@ -1,4 +1,4 @@
-"""Outcome sets of Nav2's controls and decorators, computed from those of their children."""
+"""Outcome sets of Nav2's controls and decorators, computed from the outcome sets of their children."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,24 +9,24 @@ from sar_compiler.nodes.semantics import Gate
 _ENDS = S | F | K
 
 
-def _sequential_results(children: Sequence[int], told: int, goes_on: int) -> tuple[int, bool]:
+def _sequential_results(children: Sequence[int], passed: int, goes_on: int) -> tuple[int, bool]:
     """Return the results that a node passes on, and whether its last child can end.
 
     Args:
-        children: The results of its children.
-        told: The results of a child that the node returns, too.
-        goes_on: The results after which it ticks the next child.
+        children: The outcome sets of the children.
+        passed: The results of a child that the node returns as well.
+        goes_on: The results after which the node ticks the next child.
     """
     found = 0
     for child in children:
-        found |= child & told
+        found |= child & passed
         if not child & goes_on:
             return found, False
     return found, True
 
 
 def recovery(bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the possible outcomes of a node that retries its first child after the second one has succeeded."""
+    """Return the outcome set of a node that retries its first child after its second child has succeeded."""
     main, recovering = children
     retries = bound.value("number_of_retries")
     found = main & ~F
@@ -38,7 +38,7 @@ def recovery(bound: NodeView, children: Sequence[int], sure: bool) -> int:
 
 
 def pipeline(bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the possible outcomes of a node that re-ticks all children up to the furthest one reached."""
+    """Return the outcome set of a node that ticks all children up to the furthest child reached in each tick."""
     if sure:
         # A branch is not reset between ticks, so it is unknown whether the children after it can end.
         leaves = [child.is_leaf for child in bound.children]
@@ -47,20 +47,20 @@ def pipeline(bound: NodeView, children: Sequence[int], sure: bool) -> int:
     found, comes_through = _sequential_results(children, F | R, S | K)
     if not comes_through:
         return found
-    # A child that runs while a later one was the furthest is regarded as one that was not skipped.
+    # A child that runs while a later child was the furthest is not regarded as skipped.
     runs = sum(1 for child in children if child & R) > 1
     succeeds = union(children) & S or (runs and not sure)
     return found | (S if succeeds else 0) | intersection(children) & K
 
 
 def round_robin(bound: NodeView, children: Sequence[int], sure: bool, *, wraps: bool | None) -> int:
-    """Return the possible outcomes of a node that ticks its children in turn.
+    """Return the outcome set of a node that ticks its children in turn.
 
     Args:
         bound: The node.
-        children: The results of its children.
+        children: The outcome sets of the children.
         sure: Whether to include only results that certainly occur.
-        wraps: Whether the first one follows the last one; None to use the attribute `wrap_around`.
+        wraps: Whether the first child follows the last child; None to use the attribute `wrap_around`.
     """
     if wraps is None:
         wraps = bound.value("wrap_around")  # type: ignore[assignment]
@@ -91,7 +91,7 @@ def _not_wrapping(children: Sequence[int]) -> int:
 
 
 def nonblocking_results(_bound: NodeView, children: Sequence[int], _sure: bool) -> int:
-    """Return the possible outcomes of a node that ticks all its children in every tick."""
+    """Return the outcome set of a node that ticks all its children in every tick."""
     found, comes_through = _sequential_results(children, F, S | R)
     if not comes_through:
         return found
@@ -100,7 +100,7 @@ def nonblocking_results(_bound: NodeView, children: Sequence[int], _sure: bool) 
 
 
 def persistent(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the possible outcomes of a sequence whose current index is on the blackboard."""
+    """Return the outcome set of a sequence whose current child's index is on the blackboard."""
     if not sure:
         return union(children) & (F | R) | S
     found, comes_through = _sequential_results(children, F | R, S | K)
@@ -108,22 +108,22 @@ def persistent(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
 
 
 def pausing_results(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the possible outcomes of a node that ticks its first child until it is paused."""
+    """Return the outcome set of a node that ticks its first child until the node is paused."""
     work = children[0]
     own = (S if work & (S | K) else 0) | work & (F | R)
     return own | R | (0 if sure else union(children[1:]) & F)
 
 
 def periodic(own: int, _bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the possible outcomes of a decorator that ticks its child at intervals and has results of its own."""
+    """Return the outcome set of a decorator that ticks its child at intervals and can return the results *own* itself."""
     return children[0] | own | (0 if sure else R)
 
 
 def once_until_reset(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the possible outcomes of a decorator that fails after its child has ended, until it is reset."""
+    """Return the outcome set of a decorator that fails after its child has ended, until the decorator is reset."""
     return children[0] | (F if not sure and children[0] & (S | F) else 0)
 
 
 def recovery_gates(_bound: NodeView) -> Mapping[int, Gate]:
-    """Return the gates of a recovery: it is ticked if the main child fails."""
+    """Return the gate of the recovery child, which is ticked if the main child fails."""
     return {1: Gate((0,), F)}

@@ -1,4 +1,4 @@
-"""Nodes of Nav2, and which of the lines that they log explain a failure."""
+"""Nodes of Nav2, and selection of their log lines that explain a failure."""
 
 import re
 from collections.abc import Iterable
@@ -8,10 +8,10 @@ NAV2_NODES = ("amcl", "bt_navigator")
 """The lifecycle nodes of Nav2 that localise and navigate, by their relative names."""
 
 NAVIGATOR = NAV2_NODES[-1]
-"""The one of these whose actions drive the robot."""
+"""The lifecycle node whose actions drive the robot."""
 
 DRIVING_NODES = (*NAV2_NODES, "planner_server", "controller_server", "behavior_server")
-"""The nodes that a drive needs: while one is inactive or silent, a goal's end does not show if its position is reachable."""
+"""The nodes needed for driving. While one is inactive or silent, a goal's result does not show whether it is reachable."""
 
 MANAGER = "lifecycle_manager_navigation"
 """The lifecycle manager that brings Nav2 up."""
@@ -24,13 +24,13 @@ BEFORE_NAVIGATOR = (
     "velocity_smoother",
     "collision_monitor",
 )
-"""The nodes that it activates before the navigator, in this order."""
+"""The nodes that the lifecycle manager activates before the navigator, in this order."""
 
 # Maximum number of quoted lines, and their maximum length.
 _QUOTED, _LONGEST = 2, 120
 
-# Phrases of Nav2 (1.1 to 1.5) that name a cause. Lines with one rank before all others, whichever node logs them: the
-# client of an action logs as `bt_navigator_navigate_to_pose_rclcpp_node`, a library as `tf_help`.
+# Phrases of Nav2 (1.1 to 1.5) that name a cause. Lines with such a phrase rank before all others, regardless of the logger:
+# an action client logs as `bt_navigator_navigate_to_pose_rclcpp_node`, a library as `tf_help`.
 _CAUSES = re.compile(
     r"timed out while waiting for action server|server not available|is inactive|while inactive"
     r"|transform data too old|transform timeout|timed out waiting for transform|(extrapolation|connectivity) error"
@@ -45,7 +45,7 @@ _SECONDARY = re.compile(
     r"missed its desired rate|tick rate .* exceeded|No (goal|progress) checker was specified|No (planner|controller)s? (was )?specified"
     r"|Received a preemption|will use only plugin"
 )
-# Lines that only report a failure without its cause, and one of each start.
+# Lines that report a failure without its cause, and a line that appears at each start.
 _EMPTY = re.compile(
     r"Goal failed|Aborting handle|Error_code parameters were not set|\[ActionServer\]|Failed to change state|Aborting bringup|has been idle"
 )
@@ -56,10 +56,10 @@ class LoggedLine(NamedTuple):
     """A line of the log.
 
     Attributes:
-        at: The time of arrival, seconds.
-        who: The name of its logger, below the namespace.
-        text: Its text.
-        is_error: Whether it is an error, not a warning.
+        at: The time of arrival, in seconds.
+        who: The name of the logger, without the namespace.
+        text: The text of the line.
+        is_error: Whether the line is an error, not a warning.
     """
 
     at: float
@@ -69,7 +69,7 @@ class LoggedLine(NamedTuple):
 
     @property
     def rank(self) -> int | None:
-        """Its rank as an explanation of a failure, 0 for the best; None for other lines."""
+        """The rank of the line as an explanation of a failure, 0 for the best; None if it explains no failure."""
         if _EMPTY.search(self.text):
             return None
         if _SECONDARY.search(self.text):
@@ -81,11 +81,11 @@ class LoggedLine(NamedTuple):
 
 
 def quote_lines(lines: Iterable[LoggedLine]) -> str:
-    """Return the lines that best explain a failure: `controller_server: "Failed to make progress"`; may be empty."""
+    """Quote the lines that best explain a failure: `controller_server: "Failed to make progress"`; empty without such lines."""
     ranked = [(rank, each) for each in lines if (rank := each.rank) is not None]
     best = min((rank for rank, _ in ranked), default=None)
-    said = [f'{each.who}: "{_first_line(each.text)}"' for rank, each in ranked if rank == best]
-    return "; ".join(list(dict.fromkeys(said))[-_QUOTED:])
+    quoted = [f'{each.who}: "{_first_line(each.text)}"' for rank, each in ranked if rank == best]
+    return "; ".join(list(dict.fromkeys(quoted))[-_QUOTED:])
 
 
 def _first_line(text: str) -> str:
