@@ -1,7 +1,7 @@
 """The checks of tree files.
 
-A rule is a function that takes a `CheckContext`, which is a file with its analysis, and yields findings. Each family
-of rules is a module in `rules`, and its functions `check_...` are the rules.
+A rule is a function that takes a `CheckContext`, which is a forest with the results of its analysis, and yields
+findings. Each module in `rules` contains a family of rules, the functions `check_...`.
 """
 
 import bisect
@@ -41,14 +41,14 @@ Palettes = Iterable[TreeFile]
 
 
 def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
-    """Bind all trees of a forest, including unused ones, and return the findings."""
+    """Return the findings from binding all trees of a forest, including unused trees."""
     findings = context.bound_forest.findings
     # A missing tree may be in a file that could not be read.
     return findings if context.is_whole else [each for each in findings if each.code != "unknown-tree"]
 
 
 def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield the findings about the used leaves' classes; a class declared by its path is not imported."""
+    """Yield the findings about the classes of the leaves in use, except classes declared by their import path."""
     specs = {
         spec.class_path: spec
         for spec in context.bound_forest.specs
@@ -62,7 +62,7 @@ def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 MOST = 1000
-"""The maximum number of reported findings of one kind; the rest is reported when these are fixed."""
+"""The maximum number of reported findings of one kind. Further findings are reported after some are fixed."""
 
 _FAMILIES = (single_nodes, interruptions, needless, order, keys, scripts, subtrees, version_differences)
 RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
@@ -74,14 +74,14 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
 
 
 def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
-    """Return the findings about the palettes themselves, which are the same for every tree file."""
+    """Return the findings about palettes, which do not depend on the checked tree file."""
     collector, palettes = FindingCollector(), tuple(palettes)
     models = read_models(palettes, collector)
     compare_models(models, registry_without(registry, models), collector)
-    return [*_recoveries(palettes), *collector.findings]
+    return [*_recovery_findings(palettes), *collector.findings]
 
 
-def _recoveries(files: Palettes) -> Iterable[Diagnostic]:
+def _recovery_findings(files: Palettes) -> Iterable[Diagnostic]:
     return itertools.chain.from_iterable(tree_file.findings for tree_file in files)
 
 
@@ -91,7 +91,7 @@ def _guard(
     """Yield a rule's findings; if the rule raises an error, end with a finding about this error."""
     try:
         yield from rule()
-    except Exception as error:  # noqa: BLE001 - whatever it is, the other rules still run
+    except Exception as error:  # noqa: BLE001 - the other rules run after any error
         yield from failure_of_rule(name, error, forest.main.root, found)
 
 
@@ -118,14 +118,14 @@ def make_check_context(
     palettes: Palettes = (),
     btcpp: Version | None = None,
 ) -> CheckContext:
-    """Return the context for the rules that check a forest; arguments as for `check`."""
+    """Return the context that the rules need to check a forest; see `check` for the arguments."""
     palettes = tuple(palettes)
     registry = registry_without(registry, read_models([*forest.files, *palettes], FindingCollector()))
     return CheckContext(forest, registry, palettes, btcpp)
 
 
 def _schema_findings(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagnostic]:
-    """Return findings of the schema that the rules do not report; none in a browser, which has no lxml."""
+    """Return the schema's findings that no rule reports; an empty list in a browser, where lxml is missing."""
     if sys.platform == "emscripten":
         return []
     forest, registry, findings = context.forest, context.registry, [*found]
@@ -145,22 +145,23 @@ def _schema_findings(context: CheckContext, found: Sequence[Diagnostic]) -> list
 
 
 def check_context(context: CheckContext) -> list[Diagnostic]:
-    """Return all findings about a forest; see `check`."""
+    """Return all findings about the forest of a context; see `check`."""
     forest = context.forest
-    findings = [*forest.findings, *_recoveries(forest.files)]
+    findings = [*forest.findings, *_recovery_findings(forest.files)]
     is_all = True
     for rule in RULES:
         found = list(_guard(rule.__name__, functools.partial(rule, context), forest, findings))
         is_all = is_all and sum(each.severity is Severity.ERROR for each in found) < MOST
         findings += found
-    # The rules' messages are better, so the schema is used only where they found nothing.
+    # The rules' messages are better, so the schema is used only for elements about which no rule has a finding. After
+    # a thousand errors of one rule, it is not used at all.
     if is_all:
         findings += _schema_findings(context, findings)
     files = (*reversed(forest.files), *forest.others)
     order = {tree_file.source.path: number for number, tree_file in reversed([*enumerate(files)])}
 
     def sort_key(finding: Diagnostic) -> tuple[int, int, int, str]:
-        # The modules of leaves are reported last.
+        # Findings about the Python modules of leaves are last.
         return (
             order.get(finding.source.path, len(files)),
             finding.span.line,
@@ -172,7 +173,7 @@ def check_context(context: CheckContext) -> list[Diagnostic]:
 
 
 def _apply_suppressions(forest: Forest, findings: list[Diagnostic]) -> list[Diagnostic]:
-    """Return the findings that no comment suppresses, and the findings about these comments."""
+    """Return the findings that no comment suppresses, and the findings about suppression comments."""
     if not any("sar:" in each.source.text for each in (*forest.files, *forest.others)):
         return findings
     from sar_compiler.checks.suppressions import remove_suppressed
@@ -181,7 +182,7 @@ def _apply_suppressions(forest: Forest, findings: list[Diagnostic]) -> list[Diag
 
 
 def limit_findings(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return the first `MOST` findings of each kind, with a note that counts the others."""
+    """Return the first `MOST` findings of each kind, and a note with the number of further findings of a kind."""
     findings = list(findings)
     counts = Counter(finding.code for finding in findings)
     if max(counts.values(), default=0) <= MOST:
@@ -193,19 +194,16 @@ def limit_findings(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
         if seen[finding.code] <= MOST:
             kept.append(finding)
         elif seen[finding.code] == MOST + 1:
-            message = f"{counts[finding.code] - MOST:,} more of this kind: {finding.code}"
-            hint = "fix those above, then run the check again to see them"
+            message = f"{counts[finding.code] - MOST:,} more {finding.code} findings are not shown"
+            hint = "fix the findings above, then run the check again"
             kept.append(Diagnostic("more-findings", message, finding.source, finding.span, hint=hint))
     return kept
 
 
-# The project's own errors: a rule that fails on one tree reports a finding about it, and the check continues.
 _EXPECTED = (SarError, ImportError, OSError, UnicodeEncodeError)
-"""The errors that commands report: wrong usage, missing installations and unwritable output."""
+"""The errors for which commands have a message: wrong usage, missing installations and unwritable output."""
 
-_HINT = (
-    "the check failed, not the file. Please report this with the file and the output of sar-compile --version"
-)
+_HINT = "if the function is yours, correct it. Otherwise report this with the file and the output of sar-compile --version"
 _CLASS_HINT = "fix the class. Other checks of this node were skipped"
 _START = Span(1, 1, 1, 1)
 
@@ -218,24 +216,24 @@ def failure_of_rule(
     Args:
         name: The rule's name.
         error: The error that it raised.
-        default: The element to name if it is unknown which element the rule was checking.
-        found: The findings so far. If several rules fail for the same reason, it is reported once.
+        default: The element to report if it is unknown which element the rule was checking.
+        found: The findings so far. An error that another rule has already raised is not reported again.
 
     Raises:
         Exception: The error itself, if commands have a message for it.
     """
     element = _element_of(error) or default
     if isinstance(error, RegistrationError):
-        told = str(error)
-        finding = element.finding("faulty-class", told, hint=_CLASS_HINT)
+        reason = str(error)
+        finding = element.finding("faulty-class", reason, hint=_CLASS_HINT)
     elif isinstance(error, _EXPECTED):
         raise error
     else:
-        told = _describe_error(error)
-        message = f"the rule {name} raised an error here: {told}"
+        reason = _describe_error(error)
+        message = f"the rule {name} raised an error at this element: {reason}"
         finding = element.finding("internal-error", message, hint=_HINT)
-    said = (each.message for each in found if each.code == finding.code)
-    if not any(message == finding.message or message.endswith(told) for message in said):
+    messages = (each.message for each in found if each.code == finding.code)
+    if not any(message == finding.message or message.endswith(reason) for message in messages):
         yield finding
 
 
@@ -257,7 +255,7 @@ def failure_of_file(path: Path, error: Exception, what: str = "check") -> Diagno
 
 
 def _describe_error(error: Exception) -> str:
-    """Return an error's text with the source location that raised it."""
+    """Return an error's type and text, with the file and function that raised it."""
     last = _calls(error)[-1]
     place = f"{Path(last.f_code.co_filename).name}, in {last.f_code.co_name}"
     return f"{type(error).__name__}: {error} ({place})"
@@ -271,7 +269,7 @@ def _element_of(error: Exception) -> Element | None:
 
 
 def _calls(error: Exception) -> list[FrameType]:
-    """Return the frames that an error passed through, the innermost last."""
+    """Return the frames of an error's traceback, the innermost last."""
     import traceback
 
     return [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
@@ -307,9 +305,9 @@ def check_beginning(
     """Return the findings about the elements that precede a syntax error in a file.
 
     Args:
-        beginning: These elements.
-        cut: The location.
-        forest: The part of the file that could be read, and its includes.
+        beginning: The elements that precede the syntax error.
+        cut: The location of the syntax error.
+        forest: The part of the file that could be read, and the files that it includes.
         registry: The registered nodes.
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
     """
@@ -347,5 +345,5 @@ def check_beginning(
 
     recovered = beginning.tree_file.findings
     kept = _apply_suppressions(forest, [*recovered, *(each for each in found if is_kept(each))])
-    told = {id(each) for each in recovered}
-    return [*forest.findings, *(each for each in kept if id(each) in told or is_kept(each))]
+    always_kept = {id(each) for each in recovered}
+    return [*forest.findings, *(each for each in kept if id(each) in always_kept or is_kept(each))]

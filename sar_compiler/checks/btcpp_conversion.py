@@ -1,4 +1,4 @@
-"""Conversion of a file to BehaviorTree.CPP 4, with a finding for each part that BehaviorTree.CPP refuses."""
+"""Conversion of a file to BehaviorTree.CPP 4, with a finding for each construct that BehaviorTree.CPP refuses."""
 
 import dataclasses
 from collections.abc import Iterable, Iterator
@@ -17,7 +17,7 @@ from sar_compiler.tree.model import TreeFile
 _WARNINGS = ("btcpp-version", "cpp-type-mismatch", "ignored-attribute")
 """The warnings about constructs that BehaviorTree.CPP refuses."""
 _MODELLED = ("unknown-node",)
-"""The errors about nodes for which a model is written."""
+"""The errors that the converted file does not have, because it contains a model of each node."""
 
 
 def convert_to_btcpp(
@@ -25,14 +25,14 @@ def convert_to_btcpp(
 ) -> ConvertedTree:
     """Convert a tree file for BehaviorTree.CPP 4 and Groot2; see `to_btcpp`.
 
-    The result includes notes about constructs without counterpart, and the findings for which BehaviorTree.CPP
-    refuses the converted file.
+    The result includes notes about constructs without a counterpart, and findings about constructs that
+    BehaviorTree.CPP refuses.
 
     Args:
         forest: The file and its includes.
         registry: The registered nodes.
         palettes: Further files that describe nodes.
-        btcpp: The version that the trees are for; None if it is not configured.
+        btcpp: The version of BehaviorTree.CPP that the trees are for; None if it is not configured.
 
     Raises:
         TreeError: If the file has content outside the trees that would be lost.
@@ -52,7 +52,7 @@ def convert_to_btcpp(
 
 
 def _replace_main(forest: Forest, main: TreeFile) -> Forest:
-    """Return a forest with a rewritten main file whose elements have kept their locations."""
+    """Replace the main file of a forest by its rewritten form, whose elements have the same locations."""
     files = tuple(main if each is forest.main else each for each in forest.files)
     meant = {each.position: forest.targets.get(id(each)) for each in forest.main.root.iterate()}
     targets = {

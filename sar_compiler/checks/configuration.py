@@ -1,7 +1,7 @@
 """The configuration of a project, in `sar.toml` or under `[tool.sar]` in `pyproject.toml`.
 
-The file is searched for from a tree file's folder upwards, and only the nearest one is used. A file of another owner
-is ignored. The files that it names must be in its own repository.
+The configuration is searched for from a tree file's folder upwards, and only the nearest file is used. A file that
+another user owns is ignored. All paths in a configuration must be in its repository.
 """
 
 import dataclasses
@@ -39,7 +39,7 @@ _SHARED_TABLE = ("tool", "sar")
 _NODES, _MODELS, _INCLUDE_PATH = "nodes", "models", "include-path"
 _PROJECT, _TREES = "project", "trees"
 _OFF = "off"
-# A file without this word has no such table and is not parsed.
+# A `pyproject.toml` without this word has no table `[tool.sar]` and is not parsed.
 _OWN_WORD = re.compile(rb"(?<![\w-])sar(?![\w-])")
 
 
@@ -47,16 +47,16 @@ class Configuration(NamedTuple):
     """The configuration of a project.
 
     Attributes:
-        nodes: Modules of leaves, as `--nodes` names them.
-        models: Palettes that are files, as `--model` names them.
-        palettes: Palettes that are installed, as `--model` names them.
+        nodes: The modules of leaves, named as for `--nodes`.
+        models: The palettes that are files, named as for `--model`.
         include_path: Further folders from which files may be included.
         btcpp: The version of BehaviorTree.CPP that the trees are for; None if it is not configured.
-        trees: Files, folders and glob patterns of tree files that belong together, each with its base folder.
-        severities: The severities of some kinds of findings, by code; None if they are not reported.
-        path: The file; None if there is no configuration.
-        source: Its text.
-        spans: The locations at which it names each module and each palette.
+        trees: The project's tree files, as pairs of a base folder and a file, folder or glob pattern.
+        severities: The configured severities of findings, by code; None for a code that is switched off.
+        path: The configuration file; None if there is none.
+        source: The text of the configuration file.
+        spans: The location of the name of each module and each palette in the configuration file.
+        palettes: The installed palettes, named as for `--model`.
         enums: The numbers of the C++ program's enumerators, by name.
     """
 
@@ -73,7 +73,7 @@ class Configuration(NamedTuple):
     enums: Mapping[str, int] = {}
 
     def decide(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-        """Return findings with their configured severities, without those that are switched off."""
+        """Return findings with their configured severities, without findings that are switched off."""
         decided = []
         for finding in findings:
             severity = self.severities.get(finding.code, finding.severity)
@@ -90,22 +90,22 @@ NOTHING_DECIDED = Configuration()
 def configuration_for(
     tree_file: Path, passed_over: Callable[[Path], None] = lambda _path: None
 ) -> Configuration:
-    """Return the configuration of a tree file; an empty one if there is none.
+    """Return the configuration of a tree file; an empty configuration if there is no file.
 
     Args:
         tree_file: The tree file.
-        passed_over: Called with nearer configurations that are ignored because they have another owner.
+        passed_over: Called with the path of each nearer configuration that is ignored because of its owner.
 
     Raises:
         TreeError: If the configuration has errors.
-        UnreadableFileError: If it cannot be read.
+        UnreadableFileError: If the configuration cannot be read.
     """
     tree_file = real_path(tree_file)
     for folder in tree_file.parents:
         for name, table in ((OWN_FILE, ()), (SHARED_FILE, _SHARED_TABLE)):
             path = folder / name
-            # Something that exists and is no file (a named pipe, a folder) cannot be read. For the project's own
-            # files this is reported.
+            # A `sar.toml` that is a folder or a named pipe is reported as unreadable. Such a `pyproject.toml` is
+            # ignored.
             exists = is_file(path) if table else is_there(path)
             if not exists or (table and not _OWN_WORD.search(read_file(path, SETTINGS).data)):
                 continue
@@ -117,14 +117,14 @@ def configuration_for(
 
 
 def find_repository(folder: Path) -> Path | None:
-    """Return the repository that a folder is in; None if it is in none."""
+    """Return the root folder of the Git repository that contains a folder; None if it is in no repository."""
     return next((each for each in (folder, *folder.parents) if is_there(each / ".git")), None)
 
 
 def enclosing_folder(folder: Path) -> Path:
-    """Return the folder that paths in a file may not leave: the folder's repository, or else the folder itself.
+    """Return the folder that limits paths in the files of a folder: its repository, or else the folder itself.
 
-    A file of this package may name other files of the package.
+    Paths in this package's own files may lead to any file of the package.
     """
     own = real_path(folder)
     if (repository := find_repository(own)) is not None:
@@ -133,10 +133,10 @@ def enclosing_folder(folder: Path) -> Path:
 
 
 def project_paths(folders: Iterable[Path]) -> list[Path]:
-    """Return the paths outside the given folders that belong to their projects, with links resolved.
+    """Return the paths outside the given folders that belong to the projects of these folders, with links resolved.
 
-    These are the configurations that are searched for above the folders, whether they exist or not, and the paths
-    that the one in use names: palettes, folders to include from, and the trees of its set.
+    They include all possible configuration files above the folders, whether or not they exist. If a configuration
+    above a folder is used, its palettes, include folders and tree files are included as well.
 
     Args:
         folders: The folders, with links resolved.
@@ -144,7 +144,7 @@ def project_paths(folders: Iterable[Path]) -> list[Path]:
     places: list[Path] = []
     for folder in folders:
         places += [above / name for above in folder.parents for name in (OWN_FILE, SHARED_FILE)]
-        with suppress(TreeError, UnreadableFileError):  # each command reports them
+        with suppress(TreeError, UnreadableFileError):  # each command reports these errors
             found = configuration_for(folder / "a tree file")
             if found.path is not None and not found.path.is_relative_to(folder):
                 places += [*found.models, *found.include_path]
@@ -153,7 +153,7 @@ def project_paths(folders: Iterable[Path]) -> list[Path]:
 
 
 def _folder_of(folder: Path, pattern: str) -> Path:
-    """Return the folder that contains all files of a pattern, or the file itself if the pattern is one file."""
+    """Return the path before the first wildcard of a glob pattern, below which all matching files are."""
     import glob
 
     return folder.joinpath(*itertools.takewhile(lambda part: not glob.has_magic(part), Path(pattern).parts))
@@ -171,7 +171,7 @@ def _read_table(path: Path, table: tuple[str, ...]) -> Configuration | None:
     """Return the configuration in a table of a file; None if the file has no such table.
 
     Raises:
-        TreeError: If it has errors; carries all findings.
+        TreeError: If the table has errors. The exception contains all findings.
         UnreadableFileError: If the file cannot be read.
     """
     from sar_compiler.documents.toml_files import read_toml
@@ -182,8 +182,8 @@ def _read_table(path: Path, table: tuple[str, ...]) -> Configuration | None:
         found = found.mapping.get(key) if found else None
     if found is None or not found.data:
         return None if table else NOTHING_DECIDED
-    held = document.validate("settings", found)
-    said, entries = held.data, held.mapping
+    settings = document.validate("settings", found)
+    data, entries = settings.data, settings.mapping
     written = entries[_MODELS].as_list if _MODELS in entries else ()
     palettes = tuple(each.text or "" for each in written if is_palette_name(each.text or ""))
     files = [each for each in written if not is_palette_name(each.text or "")]
@@ -197,16 +197,16 @@ def _read_table(path: Path, table: tuple[str, ...]) -> Configuration | None:
     _paths(path, document, listed, _TREES, "")
     document.raise_findings()
     modules = entries[_NODES].as_list if _NODES in entries else ()
-    language = said.get("language", {})
+    language = data.get("language", {})
     return Configuration(
-        tuple(said.get(_NODES, ())),
+        tuple(data.get(_NODES, ())),
         models,
         include_path,
         VERSIONS.get(language.get("btcpp", "")),
         tuple((path.parent, pattern) for pattern in patterns),
         {
             code: None if level == _OFF else Severity(level)
-            for code, level in said.get("findings", {}).items()
+            for code, level in data.get("findings", {}).items()
         },
         path,
         document.source,
@@ -220,9 +220,9 @@ def _read_table(path: Path, table: tuple[str, ...]) -> Configuration | None:
 def _paths(
     path: Path, document: "Document", listed: "Iterable[Value]", name: str, option: str
 ) -> tuple[Path, ...]:
-    """Return the paths that a setting lists, resolved from the file's folder; none may leave the repository."""
+    """Resolve the paths that a setting lists relative to the file's folder; report paths that leave the repository."""
     found = (
-        path_inside(document, path.parent, value, name, f", or name it yourself: {option}" if option else "")
+        path_inside(document, path.parent, value, name, f", or use the option {option}" if option else "")
         for value in listed
     )
     return tuple(each for each in found if each is not None)
@@ -234,19 +234,19 @@ def path_inside(
     """Resolve a path relative to its file's folder; report a path that leaves the repository, and return None.
 
     Args:
-        document: The file.
-        folder: Its folder, which limits the path if there is no repository.
+        document: The file that contains the path.
+        folder: The folder of this file, which limits the path if there is no repository.
         value: The path.
-        name: The key whose value it is.
+        name: The key whose value the path is.
         otherwise: An alternative remedy for the hint.
     """
     # The folder from which the file was read; a link may have replaced it since.
-    text, around = str(value.data), enclosing_folder(document.folder or folder)
+    text, limit = str(value.data), enclosing_folder(document.folder or folder)
     # Links are resolved; a loop of links is reported when the path is read.
-    if "\0" not in text and real_path(folder / text).is_relative_to(around):
-        # Checked again when the file is opened, because a link may change until then.
-        return NamedPath.confined_to(folder / text, (around,))
-    where = "folder" if find_repository(around) is None else "repository"
+    if "\0" not in text and real_path(folder / text).is_relative_to(limit):
+        # The limit is checked again when the file is opened, because a link may change until then.
+        return NamedPath.confined_to(folder / text, (limit,))
+    where = "folder" if find_repository(limit) is None else "repository"
     message = f"{name}: '{text}' is outside the {where} of this file"
     document.report("setting-outside", message, value, hint=f"move it into the {where}{otherwise}")
     return None

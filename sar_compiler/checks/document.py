@@ -1,4 +1,4 @@
-"""The checks of a file's frame: its root element, its trees, and which of them is executed."""
+"""The checks of a file's root element, of its tree IDs, and of the choice of its main tree."""
 
 from collections.abc import Iterator
 
@@ -29,7 +29,7 @@ ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute")
 TREE_ATTRIBUTES = ("ID",)
 INCLUDE_ATTRIBUTES = ("path", "ros_pkg")
 FORMAT = "4"
-_TO_FORMAT = f'write BTCPP_format="{FORMAT}". For a file of version 3, first read the differences'
+_TO_FORMAT = f'write BTCPP_format="{FORMAT}". If this is a file of version 3, convert it first'
 
 
 def check_document(context: CheckContext) -> Iterator[Diagnostic]:
@@ -37,7 +37,7 @@ def check_document(context: CheckContext) -> Iterator[Diagnostic]:
     forest, registry = context.forest, context.registry
     guesses = Guesses()
     for tree_file in forest.files:
-        yield from _frame(tree_file, guesses)
+        yield from _check_root(tree_file, guesses)
     yield from _tree_ids(forest, registry, guesses)
     yield from _ids_of_palettes(context)
     yield from forest.clashes
@@ -50,14 +50,14 @@ def check_document(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _is_palette(forest: Forest) -> bool:
-    """Return whether a file only describes nodes, for `--model` and for editors."""
+    """Return whether a file only describes nodes for `--model` and for editors, and has no tree."""
     root = forest.main.root
     describes = any(child.tag == MODEL_TAG for child in root.children)
     names_tree = "main_tree_to_execute" in root.attributes
     return describes and not names_tree and not any(True for _ in forest.iterate())
 
 
-def _frame(tree_file: TreeFile, guesses: Guesses) -> Iterator[Diagnostic]:
+def _check_root(tree_file: TreeFile, guesses: Guesses) -> Iterator[Diagnostic]:
     root = tree_file.root
     if root.tag != ROOT_TAG:
         message = f"the root element is <{root.tag}> instead of <{ROOT_TAG}>"
@@ -66,27 +66,27 @@ def _frame(tree_file: TreeFile, guesses: Guesses) -> Iterator[Diagnostic]:
         return
     own = (PROJECT_ATTRIBUTE,) if is_groot2_project(tree_file) else ()
     yield from _unknown_attributes(root, (*ROOT_ATTRIBUTES, *own), guesses)
-    yield from _format(root)
+    yield from _check_format(root)
     for child in root.children:
         if child.tag not in SECTIONS:
             message = f"<{child.tag}> is not allowed directly in <{ROOT_TAG}>"
             near = nearest(child.tag, SECTIONS)
             hint = f"move it into a <{TREE_TAG}>. BehaviorTree.CPP ignores it here"
-            severity = Severity.ERROR if near else Severity.WARNING  # a typo, or kept there on purpose
+            severity = Severity.ERROR if near else Severity.WARNING  # a typo, or an intentional element
             yield child.finding("unknown-element", message, suggestion=near, hint=hint, severity=severity)
-        elif child.tag == INCLUDE_TAG and "path" in child.attributes:  # the forest reports one without
+        elif child.tag == INCLUDE_TAG and "path" in child.attributes:  # the forest reports a missing path
             yield from _unknown_attributes(child, INCLUDE_ATTRIBUTES, guesses)
     for extra in [child for child in root.children if child.tag == MODEL_TAG][1:]:
-        yield extra.finding("duplicate-model", f"this is a second <{MODEL_TAG}>, and a file may have one")
+        yield extra.finding("duplicate-model", f"a file can have only one <{MODEL_TAG}>")
 
 
-def _format(root: Element) -> Iterator[Diagnostic]:
+def _check_format(root: Element) -> Iterator[Diagnostic]:
     written = root.attributes.get("BTCPP_format")
     if written is None:
         # Only XML files exist in other versions of the format.
         is_xml = root.source.form is Form.XML
         if is_xml and any(child.tag in (TREE_TAG, INCLUDE_TAG) for child in root.children):
-            message = f"BTCPP_format is missing; {FORMAT} is assumed"
+            message = f"BTCPP_format is missing, so {FORMAT} is assumed"
             yield root.finding("missing-format", message, hint=_TO_FORMAT)
     elif written != FORMAT:
         message = f"BTCPP_format is '{written}', but the file is read as format {FORMAT}"
@@ -100,19 +100,19 @@ def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[
             yield from _unknown_attributes(tree, TREE_ATTRIBUTES, guesses)
             tree_id = tree.attributes.get("ID")
             if tree_id is None:
-                yield from _nameless(tree, tree_file)
+                yield from _check_missing_id(tree, tree_file)
             elif tree_id == "":
                 message = "the ID of a tree must not be empty"
                 yield tree.finding("missing-tree-id", message, value="ID")
             elif first.setdefault(tree_id, tree) is not tree:
-                yield _duplicate(tree, first[tree_id])
+                yield _duplicate_id(tree, first[tree_id])
             elif is_btcpp_node_id(tree_id, registry):
                 message = f"'{tree_id}' is a node and cannot be the ID of a tree"
                 yield tree.finding("wrong-tree-id", message, value="ID", hint="rename the tree")
 
 
 def _ids_of_palettes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield trees whose ID is that of a palette's node."""
+    """Yield findings about trees that have the ID of a palette's node."""
     named = [palette for palette in context.palettes if palette.is_named]
     models = read_models(named, FindingCollector()).nodes if named else {}
     for tree in context.forest.iterate() if models else ():
@@ -124,13 +124,13 @@ def _ids_of_palettes(context: CheckContext) -> Iterator[Diagnostic]:
             yield tree.finding("wrong-tree-id", message, value="ID", **advice)
 
 
-def _nameless(tree: Element, tree_file: TreeFile) -> Iterator[Diagnostic]:
+def _check_missing_id(tree: Element, tree_file: TreeFile) -> Iterator[Diagnostic]:
     if len(tree_file.trees) > 1 and not is_misnamed(tree):
         message = f"this <{TREE_TAG}> has no ID, so no <SubTree> can use it"
         yield tree.finding("missing-tree-id", message, hint='write ID="..."')
 
 
-def _duplicate(tree: Element, first: Element) -> Diagnostic:
+def _duplicate_id(tree: Element, first: Element) -> Diagnostic:
     file = "" if first.source is tree.source else f" of {first.source.path}"
     message = f"the tree ID '{tree.attributes['ID']}' is already used by the tree in line {first.line}{file}"
     return tree.finding("duplicate-tree-id", message, value="ID", hint="give each tree a unique ID")
@@ -142,8 +142,8 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
         if name in known or name.startswith(("xmlns", "xsi:")):
             continue
         message = f"<{element.tag}> has no attribute '{name}' (known: {', '.join(known)})"
-        if element.tag == TREE_TAG and (today := subtree().former_attributes.get(name)):
-            use = f'<{SUBTREE_TAG} ID="{element.attributes.get("ID", "...")}" {today}="true"/>'
+        if element.tag == TREE_TAG and (renamed := subtree().former_attributes.get(name)):
+            use = f'<{SUBTREE_TAG} ID="{element.attributes.get("ID", "...")}" {renamed}="true"/>'
             yield element.finding(
                 "ignored-attribute", message, name=name, hint=f"to set it where the tree is used, write {use}"
             )

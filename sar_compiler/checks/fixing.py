@@ -1,7 +1,7 @@
-"""Safe fixes of findings, and the text with the fixes applied.
+"""Fixes of findings, and the text with the fixes applied.
 
-A suggestion is a guess, which the user normally decides about. A fix without asking is safe only if no other meaning
-of the text is plausible; `SAFE` says which fixes are, and why.
+A finding's suggestion is a guess that the user normally reviews. It is safe to apply without asking only if no other
+meaning of the text is plausible. `SAFE` decides which fixes are safe.
 """
 
 import bisect
@@ -17,10 +17,10 @@ from sar_compiler.tree.model import Element, TreeFile, last_element_before
 from sar_compiler.tree.yaml_writer import scalar
 
 _COMMON = frozenset({"ID", "name", "memory", "BTCPP_format", "main_tree_to_execute", ONESHOT, *CONDITIONS})
-"""Attributes whose meaning does not depend on the leaf."""
+"""Attributes whose meaning does not depend on the node."""
 _TRUTHS = ("true", "false")
-_OTHERWISE_IN_SCRIPTS = frozenset({"not", "=+", "=*", "=/", "=>"})
-"""Operators with another meaning in other languages, in which `not a == b` is `!(a == b)`."""
+_AMBIGUOUS_OPERATORS = frozenset({"not", "=+", "=*", "=/", "=>"})
+"""Operators of other languages for which the suggestion may be wrong: `not a == b` means `!(a == b)` in Python."""
 _BLOCK = re.compile(r"[|>][+\-0-9]*[ \t]*(#[^\r\n]*)?(\r\n|\r|\n)[\s]*$")
 
 _MARKUP = re.compile(
@@ -35,57 +35,57 @@ _BEHIND_ENTRY = re.compile(r"\s*,\s*|")
 _REST_OF_LINE = re.compile(r"[ \t]*(\r\n|\r|\n|$)")
 
 
-def _same_but_case(written: str, suggestion: str) -> bool:
+def _differs_in_case(written: str, suggestion: str) -> bool:
     return written.lower() == suggestion.lower()
 
 
-def _attribute(written: str, suggestion: str) -> bool:
-    """Accept common attributes with one typo, and other attributes in the wrong case."""
-    return _same_but_case(written, suggestion) or (suggestion in _COMMON and is_typo(written, suggestion))
+def _is_safe_name(written: str, suggestion: str) -> bool:
+    """Accept a common attribute with one typo, and any attribute in the wrong case."""
+    return _differs_in_case(written, suggestion) or (suggestion in _COMMON and is_typo(written, suggestion))
 
 
-def _value(written: str, suggestion: str) -> bool:
-    """Accept blanks around a value, its case, a missing brace of a key, and true or false with one typo."""
+def _is_safe_value(written: str, suggestion: str) -> bool:
+    """Accept extra blanks, the wrong case, a key without one brace, and `true` or `false` with one typo."""
     return (
         written.strip() == suggestion
-        or _same_but_case(written.strip(), suggestion)
+        or _differs_in_case(written.strip(), suggestion)
         or complete_key_braces(written) == suggestion
         or (suggestion in _TRUTHS and is_typo(written, suggestion))
     )
 
 
-def _script(written: str, _suggestion: str) -> bool:
-    """Accept operators, quotation marks and numbers of other languages that have one translation."""
-    return written not in _OTHERWISE_IN_SCRIPTS
+def _is_safe_script(written: str, _suggestion: str) -> bool:
+    """Accept operators, quotation marks and numbers of other languages, except ambiguous operators."""
+    return written not in _AMBIGUOUS_OPERATORS
 
 
-def _shape(written: str, suggestion: str) -> bool:
-    """Accept a reference without the quotation marks that YAML requires around its braces."""
+def _is_quoting(written: str, suggestion: str) -> bool:
+    """Accept the addition of the quotation marks that YAML requires around a key in braces."""
     return suggestion == f"'{written}'"
 
 
-def _is_output(_escape: str, suggestion: str) -> bool:
-    """Outputs without a key."""
+def _is_deletion(_written: str, suggestion: str) -> bool:
+    """Accept the deletion of an output that has no key."""
     return not suggestion
 
 
-def _accept_unescaped(_escape: str, _suggestion: str) -> bool:
-    """Accept unescaped characters where they can only mean themselves."""
+def _accept_any(_written: str, _suggestion: str) -> bool:
+    """Accept the escaping of a character, because an unescaped character can only mean itself."""
     return True
 
 
 SAFE: Mapping[str, Callable[[str, str], bool]] = {
-    "unknown-attribute": _attribute,
-    "wrong-value": _value,
-    "script-error": _script,
-    "btcpp-version": _script,
-    "wrong-shape": _shape,
-    "loose-xml": _accept_unescaped,
-    "ignored-attribute": _is_output,
+    "unknown-attribute": _is_safe_name,
+    "wrong-value": _is_safe_value,
+    "script-error": _is_safe_script,
+    "btcpp-version": _is_safe_script,
+    "wrong-shape": _is_quoting,
+    "loose-xml": _accept_any,
+    "ignored-attribute": _is_deletion,
 }
-"""For each kind of finding with safe fixes: whether a text in a file may be replaced by its suggestion.
+"""Functions that decide whether a text may be replaced by its suggestion, by the code of the finding.
 
-Tags, trees, keys and references are not fixed: a similar name may be another node, and a tag is written twice.
+Tags, tree IDs, keys and references are never fixed without asking, because a similar name may be another node.
 """
 
 
@@ -96,7 +96,7 @@ class Fix:
     Attributes:
         finding: The finding that it fixes.
         start: The offset of the first character to replace.
-        end: The offset after the last one.
+        end: The offset after the last character to replace.
         text: The replacement.
     """
 
@@ -111,7 +111,7 @@ class Fix:
         source, span = finding.source, finding.span
         place = f"{source.path}:{span.line}:{span.column}"
         written, suggestion = (
-            escape_to_one_line(shorten(each)) for each in (_escape(finding), finding.suggestion or "left out")
+            escape_to_one_line(shorten(each)) for each in (_text(finding), finding.suggestion or "deleted")
         )
         return f"{place}: fixed[{finding.code}]: {written} -> {suggestion}"
 
@@ -120,7 +120,7 @@ IsMeant = Callable[[Diagnostic], bool]
 """Decides whether to apply a suggestion."""
 
 
-def _escape(finding: Diagnostic) -> str:
+def _text(finding: Diagnostic) -> str:
     start, end = finding.source.offsets(finding.span)
     return finding.source.text[start:end]
 
@@ -129,20 +129,20 @@ def is_safe(finding: Diagnostic) -> bool:
     """Return whether a finding has a suggestion that may be applied without asking."""
     decide = SAFE.get(finding.code)
     return (
-        decide is not None and finding.suggestion is not None and decide(_escape(finding), finding.suggestion)
+        decide is not None and finding.suggestion is not None and decide(_text(finding), finding.suggestion)
     )
 
 
 def fixes(
     source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic], is_meant: IsMeant = is_safe
 ) -> list[Fix]:
-    """Return the fixes for a file, in the order of the file; no two overlap.
+    """Return the fixes for a file, in the order of their positions; no two fixes overlap.
 
     Args:
         source: The file.
-        tree_file: Its parsed content; None if it could not be read.
-        findings: The findings about it, and about other files.
-        is_meant: Whether a suggestion is applied; by default the safe ones are.
+        tree_file: The parsed file; None if it could not be parsed.
+        findings: The findings; those about other files are ignored.
+        is_meant: Decides whether to apply a suggestion; by default, only safe suggestions are applied.
     """
     found: list[Fix] = []
     for fix in each_fix(source, tree_file, findings, is_meant):
@@ -154,7 +154,7 @@ def fixes(
 def each_fix(
     source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic], is_meant: IsMeant = is_safe
 ) -> Iterator[Fix]:
-    """Yield the fixes of each finding, to be applied one by one; arguments as for `fixes`.
+    """Yield the fix of each finding. Fixes may overlap, so apply them one by one.
 
     Args:
         source: As for `fixes`.
@@ -171,7 +171,7 @@ def each_fix(
 
 
 def apply_fixes(text: str, chosen: Iterable[Fix]) -> str:
-    """Apply fixes that do not overlap, and return the text."""
+    """Return a text with fixes applied. The fixes must be in order and not overlap."""
     parts, done = [], 0
     for fix in chosen:
         parts += [text[done : fix.start], fix.text]
@@ -181,11 +181,11 @@ def apply_fixes(text: str, chosen: Iterable[Fix]) -> str:
 
 @dataclass(frozen=True)
 class _AttributeSpan:
-    """The value of an attribute in the text.
+    """The offsets of an attribute in the text.
 
     Attributes:
-        start: The offset of the value.
-        end: The offset after it.
+        start: The offset of the first character of the value.
+        end: The offset after the value.
         name: The offset of the attribute's name.
     """
 
@@ -197,11 +197,11 @@ class _AttributeSpan:
 class _Values:
     def __init__(self, elements: Sequence[Element]) -> None:
         self._elements = elements
-        # Cache for the last element: findings are in the order of the file.
+        # The spans of the last element are cached, because findings are requested in the order of the file.
         self._last: tuple[Element, Sequence[_AttributeSpan]] | None = None
 
     def span_around(self, finding: Diagnostic) -> _AttributeSpan | None:
-        """Return the value that contains a finding; None if there is none."""
+        """Return the attribute value that contains a finding; None if the finding is not in a value."""
         element = last_element_before(self._elements, finding.span[:2])
         if element is None:
             return None
@@ -225,7 +225,7 @@ def _value_of(element: Element, attribute: str) -> _AttributeSpan:
 
 
 def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
-    """Return a finding's suggestion in the syntax of its location; None if it needs several replacements."""
+    """Return the fix that inserts a finding's suggestion, escaped as required; None if this is not possible."""
     start, end = finding.source.offsets(finding.span)
     text = finding.suggestion or ""
     if not text and finding.code == "ignored-attribute":
@@ -278,7 +278,7 @@ def _tag_fix(finding: Diagnostic, start: int, end: int) -> Fix:
 
 
 def _escapes_in(source: Source, value: _AttributeSpan) -> Mapping[str, str] | None:
-    """Return how characters are escaped in a value; None for a plain YAML scalar."""
+    """Return the escape sequences of a value's special characters, by character; None for a plain YAML scalar."""
     quote = source.text[value.start - 1]
     if source.spans.is_verbatim(value.start):
         return {}

@@ -1,4 +1,4 @@
-"""Comparison of texts with golden files: reviewed, committed files."""
+"""Comparison of generated text with golden files, which were reviewed and committed."""
 
 import difflib
 import os
@@ -9,7 +9,7 @@ from sar_compiler.opener import RECORDED_OUTPUT, is_there, read_file
 from sar_compiler.tree.display_text import shorten
 
 RENEW = "SAR_RENEW_GOLDEN"
-"""The environment variable that makes tests rewrite such files."""
+"""The environment variable with which tests rewrite the golden files instead of comparing them."""
 
 
 _MOST_COMPARED, _MOST_SHOWN = 2000, 500
@@ -17,10 +17,10 @@ _MOST_COMPARED, _MOST_SHOWN = 2000, 500
 
 
 def compare_golden(path: Path, text: str, what: str) -> str | None:
-    """Compare a text with a committed file, or with `SAR_RENEW_GOLDEN` write the file.
+    """Compare a text with a golden file; rewrite the file instead if `SAR_RENEW_GOLDEN` is set.
 
     Returns:
-        None if they are equal, else a description of the differences, or that the file does not exist yet.
+        None if the text is equal to the file or was written to it; otherwise a message about the difference.
 
     Raises:
         UnreadableFileError: If the file cannot be read.
@@ -30,11 +30,11 @@ def compare_golden(path: Path, text: str, what: str) -> str | None:
         _write(path, text)
         return None
     if not is_there(path):
-        return f"there is no golden file {path} yet. Run with {RENEW}=1, then review and commit it"
+        return f"the golden file {path} does not exist. Run with {RENEW}=1, then review and commit it"
     expected = read_file(path, RECORDED_OUTPUT).data.decode("utf-8", "replace")
     if text == expected:
         return None
-    # Comparing two texts takes time proportional to the product of their lengths, and a person reads the differences.
+    # A comparison takes time proportional to the product of both lengths, and only a person reads the differences.
     old, new = (each.splitlines()[:_MOST_COMPARED] for each in (expected, text))
     lines = [*difflib.unified_diff(old, new, f"{path} (committed)", what, lineterm="")]
     if not lines or len(lines) > _MOST_SHOWN:

@@ -1,7 +1,7 @@
-"""Static checks of the classes of leaves, without ROS and without creating instances.
+"""Static checks of leaf classes, without ROS and without creating instances.
 
-The rules follow Python's own: an attribute that a method sets hides a method of a base class. The statuses and keys
-in the source are compared with those that the registration declares. Only classes outside this package are checked.
+They report attributes that hide a method of a base class, and servers, topics, statuses and keys that the source uses
+but the registration does not declare. Classes of this package and of libraries are not checked.
 """
 
 import ast
@@ -20,13 +20,13 @@ _LIBRARIES = ("sar_compiler.", "py_trees.", "builtins", "abc", "typing")
 _FunctionNode = ast.FunctionDef | ast.AsyncFunctionDef
 
 
-class _WrittenClass(NamedTuple):
+class _ParsedClass(NamedTuple):
     """A class with its definition and the file that contains it.
 
     Attributes:
         cls: The class.
-        node: Its definition.
-        source: The file.
+        node: The definition of the class in the syntax tree.
+        source: The file that contains the definition.
     """
 
     cls: type
@@ -34,11 +34,11 @@ class _WrittenClass(NamedTuple):
     source: Source
 
     def finding(self, code: str, message: str, at: ast.AST, hint: str) -> Diagnostic:
-        """Return a finding at a part of the class."""
+        """Return a finding located at a syntax node of the class."""
         line, column = getattr(at, "lineno", 1), getattr(at, "col_offset", 0) + 1
         end = getattr(at, "end_col_offset", None) if getattr(at, "end_lineno", line) == line else None
-        # Python counts bytes, a finding characters. Names of classes and attributes are near the start of a line,
-        # where both agree.
+        # `ast` counts columns in bytes, findings in characters. They are equal if only ASCII characters precede the
+        # node in its line.
         return Diagnostic(
             code, message, self.source, Span(line, column, line, end + 1 if end else column), hint=hint
         )
@@ -48,7 +48,7 @@ class _WrittenClass(NamedTuple):
         return (each for each in self.node.body if isinstance(each, _FunctionNode) and each.args.args)
 
     def assignments(self) -> Iterator[tuple[str, ast.Attribute]]:
-        """Yield the attributes of the instance that the methods set."""
+        """Yield the name and syntax node of each instance attribute that a method sets."""
         for method in self.methods():
             own = method.args.args[0].arg
             for node in ast.walk(method):
@@ -61,12 +61,12 @@ class _WrittenClass(NamedTuple):
                     yield node.attr, node
 
     def replaced_methods(self) -> set[str]:
-        """Return the attributes that are set to a function, because an instance may replace a method."""
+        """Return the attributes to which a method assigns a function, which may replace a method on purpose."""
         found = set()
         for method in self.methods():
-            given = {each.arg: ast.unparse(each.annotation) for each in method.args.args if each.annotation}
+            types = {each.arg: ast.unparse(each.annotation) for each in method.args.args if each.annotation}
             for node in ast.walk(method):
-                if isinstance(node, ast.Assign) and _is_function(node.value, given):
+                if isinstance(node, ast.Assign) and _is_function(node.value, types):
                     found |= {each.attr for each in node.targets if isinstance(each, ast.Attribute)}
         return found
 
@@ -81,15 +81,14 @@ def _is_function(value: ast.expr, annotations: Mapping[str, str]) -> bool:
 
 
 def check_class(spec: NodeSpec) -> Iterator[Diagnostic]:
-    """Yield the findings about the class of a node.
+    """Yield the findings about a node's class.
 
     Args:
         spec: The node. A node without a class, or declared by the import path of its class, has no findings.
     """
-    # A check does not import a class that is declared by its path.
     if spec.is_foreign or spec.is_by_path or spec.class_path.startswith(_LIBRARIES) or spec.cls is None:
         return
-    parts = [part for base in spec.cls.__mro__ if (part := _part(base)) is not None]
+    parts = [part for base in spec.cls.__mro__ if (part := _parse_class(base)) is not None]
     if not parts or parts[0].cls is not spec.cls:
         return
     assigned = {name for part in parts for name, _ in part.assignments()}
@@ -102,8 +101,8 @@ def check_class(spec: NodeSpec) -> Iterator[Diagnostic]:
         yield from _undeclared_keys(spec, part)
 
 
-def _part(cls: type) -> _WrittenClass | None:
-    """Return a class with its definition; None for a library's class, or one without a file."""
+def _parse_class(cls: type) -> _ParsedClass | None:
+    """Return a class with its definition; None for a library's class, or a class without a source file."""
     if f"{cls.__module__}.".startswith(_LIBRARIES):
         return None
     try:
@@ -118,7 +117,7 @@ def _part(cls: type) -> _WrittenClass | None:
     for name in cls.__qualname__.split("."):
         inside = node.body if isinstance(node, (ast.Module, ast.ClassDef)) else []
         node = next((each for each in inside if isinstance(each, ast.ClassDef) and each.name == name), None)
-    return _WrittenClass(cls, node, source) if isinstance(node, ast.ClassDef) else None
+    return _ParsedClass(cls, node, source) if isinstance(node, ast.ClassDef) else None
 
 
 @functools.lru_cache(maxsize=64)
@@ -136,9 +135,9 @@ def _module(path: str) -> tuple[Source, ast.Module] | None:
 
 
 def _missing_attributes(
-    spec: NodeSpec, part: _WrittenClass, assigned: Collection[str]
+    spec: NodeSpec, part: _ParsedClass, assigned: Collection[str]
 ) -> Iterator[Diagnostic]:
-    """Yield attributes that a base class requires but neither the class nor a method sets."""
+    """Yield findings about attributes that a base class requires but neither the class nor a method sets."""
     cls = part.cls
     for name, example in getattr(cls, "required_attributes", {}).items():
         if not getattr(cls, name, None) and name not in assigned:
@@ -147,8 +146,8 @@ def _missing_attributes(
             yield part.finding("faulty-class", message, part.node, hint)
 
 
-def _hiding_attributes(part: _WrittenClass) -> Iterator[Diagnostic]:
-    """Yield attributes that hide a method, or that have the name of a property without setter."""
+def _hiding_attributes(part: _ParsedClass) -> Iterator[Diagnostic]:
+    """Yield findings about attributes that hide a method, or that have the name of a read-only property."""
     cls, seen, replaced = part.cls, set(), part.replaced_methods()
     for name, node in part.assignments():
         known = inspect.getattr_static(cls, name, None)
@@ -157,7 +156,7 @@ def _hiding_attributes(part: _WrittenClass) -> Iterator[Diagnostic]:
         if inspect.isfunction(known) or isinstance(known, (classmethod, staticmethod)):
             message = f"{cls.__name__}: this attribute hides the method '{name}' of {_owner(cls, name)}"
         elif isinstance(known, property) and known.fset is None:
-            message = f"{cls.__name__}: '{name}' is a property of {_owner(cls, name)}, which cannot be set"
+            message = f"{cls.__name__}: '{name}' is a read-only property of {_owner(cls, name)}"
         else:
             continue
         seen.add(name)
@@ -168,8 +167,8 @@ def _owner(cls: type, name: str) -> str:
     return next(base.__name__ for base in cls.__mro__ if name in vars(base))
 
 
-def _undeclared_uses(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
-    """Yield servers and topics that a leaf needs but its registration does not declare."""
+def _undeclared_uses(spec: NodeSpec, part: _ParsedClass) -> Iterator[Diagnostic]:
+    """Yield a finding about the server or topic that a leaf needs but its registration does not declare."""
     kind = getattr(part.cls, "use_kind", "")
     if not kind or any(use.kind == kind for use in spec.uses) or (kind == "action" and _uses_nav2(spec)):
         return
@@ -185,13 +184,13 @@ def _uses_nav2(spec: NodeSpec) -> bool:
     return any(use.kind == "nav2" for use in spec.uses)
 
 
-def _registration(part: _WrittenClass) -> ast.AST:
+def _registration(part: _ParsedClass) -> ast.AST:
     """Return the decorator that registers a class; the class itself if there is none."""
     return part.node.decorator_list[0] if part.node.decorator_list and MARK in vars(part.cls) else part.node
 
 
-def _undeclared_outcomes(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
-    """Yield statuses that `update` returns literally but `outcomes` does not list."""
+def _undeclared_outcomes(spec: NodeSpec, part: _ParsedClass) -> Iterator[Diagnostic]:
+    """Yield findings about statuses that `update` returns literally but `outcomes` does not list."""
     for method in part.methods():
         for node in ast.walk(method) if spec.statuses and method.name == "update" else ():
             status = node.value if isinstance(node, ast.Return) else None
@@ -207,8 +206,8 @@ def _undeclared_outcomes(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagno
                 yield part.finding("undeclared-in-class", message, status, hint)
 
 
-def _undeclared_keys(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
-    """Yield keys that are written through py_trees' client but `writes` does not list."""
+def _undeclared_keys(spec: NodeSpec, part: _ParsedClass) -> Iterator[Diagnostic]:
+    """Yield findings about keys that the class writes through py_trees' client but `writes` does not list."""
     for node in ast.walk(part.node):
         if not (isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "register_key"):
             continue
@@ -219,6 +218,6 @@ def _undeclared_keys(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic
         if is_written and isinstance(key, ast.Constant) and isinstance(key.value, str):
             name = key.value.lstrip("/")
             if name not in spec.writes and f"@{name}" not in spec.writes:
-                message = f"<{spec.tag}>: it writes the key '{name}', which 'writes' of its registration does not list"
+                message = f"<{spec.tag}>: the class writes the key '{name}', which 'writes' of its registration does not list"
                 hint = f'add writes=["{name}"] to @register, or add an Output to the constructor'
                 yield part.finding("undeclared-in-class", message, node, hint)

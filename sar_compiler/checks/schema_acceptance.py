@@ -1,9 +1,9 @@
-"""Files that the XML schema certainly accepts, recognised without building the schema.
+"""Fast recognition of files that the XML schema certainly accepts.
 
-Building the schema, and importing the library that validates against it, takes longer than all rules together, and nearly every file
-without other findings is accepted. This module applies the definitions of `nodes.schemas.xml_schema` to the elements
-of a file. It leaves everything unusual to the library: namespaces, text between elements, models, characters that
-need care. An accepted file therefore has no schema errors; about any other file this module knows nothing.
+To build the schema and import lxml takes longer than all rules together, and nearly every file without other findings
+is accepted. This module therefore applies the definitions of `nodes.schemas.xml_schema` directly to the elements of a
+file. It does not decide about files with unusual content: namespaces, text between elements, models, or special
+characters. lxml validates these files.
 """
 
 import re
@@ -28,20 +28,19 @@ from sar_compiler.tree.model import (
 )
 
 _LONGEST = 1_000_000
-"""The number of characters of a file, far below the limits of libxml2."""
+"""The maximum number of characters of a file, far below the limits of libxml2."""
 _SPACE = " \t\r\n"
-_COMMON = frozenset({ONESHOT, *CONDITIONS})
 _ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute", PROJECT_ATTRIBUTE)
 
 
-class _Texts(NamedTuple):
-    """The texts that an attribute may have.
+class _Values(NamedTuple):
+    """The strings that an attribute may have as its value.
 
     Attributes:
-        choices: All of them, if they can be listed.
-        pattern: A regular expression of them; empty for any text.
-        is_key: Whether it may be a key of the blackboard instead.
-        least: The length of the shortest one.
+        choices: All allowed strings; empty if they cannot be listed.
+        pattern: A regular expression that allowed strings match; empty if any string is allowed.
+        is_key: Whether a blackboard key is allowed as well.
+        least: The minimum length of a string.
     """
 
     choices: tuple[str, ...] = ()
@@ -50,12 +49,12 @@ class _Texts(NamedTuple):
     least: int = 0
 
     @classmethod
-    def from_type(cls, value_type: ValueType) -> "_Texts":
-        """Return the texts of a type."""
+    def from_type(cls, value_type: ValueType) -> "_Values":
+        """Return the strings that a value type allows."""
         return cls(value_type.choices, "" if value_type.choices else value_type.pattern, is_key=True)
 
     def accept(self, text: str) -> bool:
-        """Return whether an attribute may have a text; Python and XSD read patterns alike for ASCII only."""
+        """Return whether a string is allowed; False for a non-ASCII string if there is a pattern."""
         if self.is_key and _is_key(text.strip(" ")):
             return True
         if self.choices:
@@ -69,31 +68,31 @@ def _is_key(text: str) -> bool:
     return text == "=" or (text.startswith("{") and text.endswith("}") and text != "{}")
 
 
-_ANY, _NAME = _Texts(), _Texts(least=1)
-_OF_COMMON = {ONESHOT: _Texts(ONESHOT_TYPE.choices), **dict.fromkeys(CONDITIONS, _Texts.from_type(CONDITION))}
+_ANY, _NAME = _Values(), _Values(least=1)
+_COMMON = {ONESHOT: _Values(ONESHOT_TYPE.choices), **dict.fromkeys(CONDITIONS, _Values.from_type(CONDITION))}
 
 
 class _NodeType(NamedTuple):
     """The definition of a tag in the schema.
 
     Attributes:
-        attributes: The texts of its attributes.
-        required: The attributes that it must have.
+        attributes: The allowed strings of each attribute.
+        required: The names of the required attributes.
         least: The minimum number of children.
         most: The maximum number of children; None for no limit.
-        is_open: Whether it may have any other attribute.
-        types: The definitions of its types by their names.
+        is_open: Whether any other attribute is allowed.
+        types: The allowed strings of each named type of an attribute.
     """
 
-    attributes: Mapping[str, _Texts]
+    attributes: Mapping[str, _Values]
     required: Sequence[str] = ()
     least: int = 0
     most: int | None = None
     is_open: bool = False
-    types: Mapping[str, _Texts] = {}
+    types: Mapping[str, _Values] = {}
 
     def accepts(self, element: Element) -> bool:
-        """Return whether an element, without its children's content, is as defined."""
+        """Return whether an element's attributes and number of children match the definition."""
         written = element.attributes
         return (
             self.least <= len(element.children)
@@ -103,21 +102,21 @@ class _NodeType(NamedTuple):
         )
 
     def _accepts(self, name: str, text: str) -> bool:
-        texts = self.attributes.get(name)
-        if texts is None and not self.is_open:
-            texts = _OF_COMMON.get(name, _ANY if name.startswith("_") else None)
-            return texts is not None and texts.accept(text)
-        return texts is None or texts.accept(text)
+        values = self.attributes.get(name)
+        if values is None and not self.is_open:
+            values = _COMMON.get(name, _ANY if name.startswith("_") else None)
+            return values is not None and values.accept(text)
+        return values is None or values.accept(text)
 
 
 _SUBTREE = _NodeType({"ID": _NAME}, ("ID",), most=0, is_open=True)
 _EXPLICIT = dict.fromkeys((kind.value for kind in Kind), _NodeType({"ID": _NAME}, ("ID",), is_open=True))
-_OF_EITHER = _NodeType({"ID": _NAME}, is_open=True)
+_EXPLICIT_OR_NODE = _NodeType({"ID": _NAME}, is_open=True)
 _node_types: "WeakKeyDictionary[Registry, dict[str, _NodeType | None]]" = WeakKeyDictionary()
 
 
 def is_surely_accepted(tree_file: TreeFile, registry: Registry, described: Iterable[NodeSpec] = ()) -> bool:
-    """Return True if the schema certainly accepts a file; False means that this is unknown.
+    """Return True if the schema certainly accepts a file; False means that it is not known.
 
     Args:
         tree_file: The file.
@@ -135,12 +134,12 @@ def is_surely_accepted(tree_file: TreeFile, registry: Registry, described: Itera
         and root.attributes.get("BTCPP_format", "4") == "4"
         and all(map(_is_section, root.children))
         and _are_unique([tree.attributes["ID"] for tree in tree_file.trees if "ID" in tree.attributes])
-        and _are_nodes([*_nodes_of(tree_file)], _notes_of(root), registry, described)
+        and _are_nodes([*_nodes_of(tree_file)], _editor_attributes(root), registry, described)
     )
 
 
 def _is_plain(element: Element) -> bool:
-    """Return whether an element has only names and characters that every reader reads alike."""
+    """Return whether an element has no text, and only attributes that every XML parser reads alike."""
     return not element.text and all(
         name.isidentifier() and name.isascii() and text.isprintable()
         for name, text in element.attributes.items()
@@ -148,7 +147,7 @@ def _is_plain(element: Element) -> bool:
 
 
 def _is_plain_text(tree_file: TreeFile) -> bool:
-    """Return whether a file consists of tags, comments and white space; the text of one in YAML does not matter."""
+    """Return whether a file is short and, if it is XML, consists of tags, comments and white space."""
     text = tree_file.source.text
     if len(text) > _LONGEST:
         return False
@@ -168,7 +167,7 @@ def _without_comments(text: str) -> str:
 
 
 def _is_tag(part: str) -> bool:
-    """Return whether a text from a `<` to the next one is a tag and white space.
+    """Return whether the text between two consecutive `<` is a tag and white space.
 
     Only values in double quotes may contain a `>`.
     """
@@ -198,7 +197,7 @@ def _is_section(element: Element) -> bool:
 
 
 def _are_attributes(element: Element, names: Sequence[str]) -> bool:
-    """Return whether an element outside of trees has only some attributes, and notes."""
+    """Return whether an element outside of trees has only the named attributes, and attributes of editors."""
     return all(
         name in names or (name.startswith("_") and name not in CONDITIONS) for name in element.attributes
     )
@@ -213,7 +212,7 @@ def _nodes_of(tree_file: TreeFile) -> Iterator[Element]:
         yield from tree.children[0].iterate()
 
 
-def _notes_of(root: Element) -> frozenset[str]:
+def _editor_attributes(root: Element) -> frozenset[str]:
     names = {name for element in root.iterate() for name in element.attributes if name.startswith("_")}
     return frozenset(names.difference(CONDITIONS))
 
@@ -221,22 +220,22 @@ def _notes_of(root: Element) -> frozenset[str]:
 def _are_nodes(
     nodes: Sequence[Element], notes: frozenset[str], registry: Registry, described: Iterable[NodeSpec]
 ) -> bool:
-    """Return whether elements are nodes as the schema defines them, and their definitions fit together."""
+    """Return whether all elements match the schema's definitions of nodes, and no two definitions conflict."""
     specs = {spec.tag: [spec] for spec in reversed([*described])}
     node_types: dict[str, _NodeType] = {}
-    types: dict[str, _Texts] = {CONDITION.name: _Texts.from_type(CONDITION)}
+    types: dict[str, _Values] = {CONDITION.name: _Values.from_type(CONDITION)}
     for tag in {node.tag for node in nodes}:
         found = _node_type_of(tag, registry, specs)
         if found is None or not notes.isdisjoint(found.attributes):
             return False
-        if any(types.setdefault(name, texts) != texts for name, texts in found.types.items()):
+        if any(types.setdefault(name, values) != values for name, values in found.types.items()):
             return False
         node_types[tag] = found
     return all(node_types[node.tag].accepts(node) for node in nodes)
 
 
 def _node_type_of(tag: str, registry: Registry, described: Mapping[str, list[NodeSpec]]) -> _NodeType | None:
-    """Return the definition of a tag; None if it is unusual, or there is none."""
+    """Return the definition of a tag; None if the tag is unknown or its definition is unusual."""
     if tag == SUBTREE_TAG:
         return _SUBTREE
     if tag not in registry:
@@ -248,36 +247,36 @@ def _node_type_of(tag: str, registry: Registry, described: Mapping[str, list[Nod
 
 
 def _node_type(specs: Sequence[NodeSpec]) -> _NodeType | None:
-    """Return the definition of the tag of some variants; None if it is unusual."""
+    """Return the definition of the tag that variants of a node share; None if the definition is unusual."""
     if specs[0].tag in _EXPLICIT:
-        return _OF_EITHER
-    attributes: dict[str, _Texts] = {}
-    types: dict[str, _Texts] = {}
+        return _EXPLICIT_OR_NODE
+    attributes: dict[str, _Values] = {}
+    types: dict[str, _Values] = {}
     required = []
     for name, choices in attributes_by_name(specs).items():
         spec, parameter = choices[0]
         if name in spec.implied_values:
-            attributes[name] = _Texts(tuple(spec.fixed_value_names(parameter)))
+            attributes[name] = _Values(tuple(spec.fixed_value_names(parameter)))
         elif parameter.role is not ParameterRole.ATTRIBUTE:
             attributes[name] = _ANY if parameter.role is ParameterRole.NAME else _NAME
         elif not parameter.value_type.name:
             return None
         else:
-            attributes[name] = _Texts.from_type(parameter.value_type)
+            attributes[name] = _Values.from_type(parameter.value_type)
             if parameter.required and len(choices) == len(specs):
                 required.append(name)
         if any(
-            types.setdefault(each.value_type.name, texts) != texts
+            types.setdefault(each.value_type.name, values) != values
             for _, each in choices
             if each.value_type.name
-            for texts in [_Texts.from_type(each.value_type)]
+            for values in [_Values.from_type(each.value_type)]
         ):
             return None
-    if not (_COMMON.isdisjoint(attributes) and all(map(_is_usual, attributes, attributes.values()))):
+    if not (_COMMON.keys().isdisjoint(attributes) and all(map(_is_usual, attributes, attributes.values()))):
         return None
     least, most = (0, 0) if specs[0].kind.is_leaf else specs[0].child_count
     return _NodeType(attributes, required, least, most, types=types)
 
 
-def _is_usual(name: str, texts: _Texts) -> bool:
-    return name.isascii() and "".join(texts.choices).isprintable()
+def _is_usual(name: str, values: _Values) -> bool:
+    return name.isascii() and "".join(values.choices).isprintable()

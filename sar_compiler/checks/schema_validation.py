@@ -1,7 +1,7 @@
-"""Validation against the XML schema that the registry generates.
+"""Validation against the XML schema that is generated from the registry for editors and other tools.
 
-Editors and other tools use the schema. The rules report everything that it can refuse with a better message, a column
-and a suggestion. Therefore its findings are used only for elements about which the rules found nothing.
+The rules report the same errors with better messages, columns and suggestions. Therefore the schema's errors are used
+only for elements about which the rules found nothing.
 """
 
 import bisect
@@ -29,31 +29,31 @@ _DECLARATION = re.compile(r"^<\?xml\s[^>]*\?>")
 _IGNORED = re.compile(
     rf"Element '({ROOT_TAG}|{INCLUDE_TAG}|{TREE_TAG})', attribute '.*': The attribute '.*' is not allowed"
 )
-"""libxml2's message about attributes that are ignored; the rules report them."""
-_PASSED_OVER = ("unknown-element", "wrong-format", "unknown-attribute", "ignored-attribute")
-"""The warnings of the rules in such a place."""
+"""libxml2's message about attributes that BehaviorTree.CPP ignores; the rules report them."""
+_SUFFICIENT = ("unknown-element", "wrong-format", "unknown-attribute", "ignored-attribute")
+"""The kinds of findings that replace the schema's error about the same element, even if they are only warnings."""
 
 
-_KEPT = 32
-"""The maximum number of schemas to keep for a registry, for other files with the same tags."""
-_of_registry: "WeakKeyDictionary[Registry, dict[tuple[frozenset[str], ...], etree.XMLSchema]]" = (
+_MOST_SCHEMAS = 32
+"""The maximum number of schemas to cache for a registry, for other files with the same tags."""
+_schemas: "WeakKeyDictionary[Registry, dict[tuple[frozenset[str], ...], etree.XMLSchema]]" = (
     WeakKeyDictionary()
 )
 
 
 def _schema_of(registry: Registry, tags: frozenset[str], notes: frozenset[str]) -> etree.XMLSchema:
-    kept = _of_registry.setdefault(registry, {})
-    if (tags, notes) not in kept:
-        if len(kept) == _KEPT:
-            del kept[next(iter(kept))]
-        kept[tags, notes] = _schema(registry, tags, notes, ())
-    return kept[tags, notes]
+    cached = _schemas.setdefault(registry, {})
+    if (tags, notes) not in cached:
+        if len(cached) == _MOST_SCHEMAS:
+            del cached[next(iter(cached))]
+        cached[tags, notes] = _schema(registry, tags, notes, ())
+    return cached[tags, notes]
 
 
 def _schema(
     registry: Registry, tags: frozenset[str], notes: frozenset[str], described: Iterable[NodeSpec]
 ) -> etree.XMLSchema:
-    """Return the part of the schema that a file needs, because generating the whole takes too long."""
+    """Generate the part of the schema that a file with the given tags needs; the whole schema takes too long."""
     return etree.XMLSchema(etree.fromstring(xml_schema(registry, described, tags, sorted(notes)).encode()))
 
 
@@ -64,8 +64,8 @@ def schema_errors(
 ) -> list[tuple[int, str]]:
     """Return lxml's errors about a file as pairs of line and message.
 
-    The line is the one in which a start tag ends. libxml2 knows no columns, and after an unexpected element it does
-    not check the element's siblings.
+    The line is that of the end of a start tag. libxml2 reports no columns, and after an unexpected element it does not
+    check the element's siblings.
 
     Args:
         tree_file: The file.
@@ -80,13 +80,13 @@ def schema_errors(
 
 
 def _schema_errors_in(text: str, schema: etree.XMLSchema) -> list[tuple[int, str]]:
-    """Return the errors of a schema about a text as pairs of line and message."""
+    """Validate an XML text against a schema; return the errors as pairs of line and message."""
     parser = etree.XMLParser(
         encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False, remove_blank_text=True
     )
     try:
         document = etree.fromstring(text.encode(), parser)
-    except etree.XMLSyntaxError as error:  # accepted by expat, such as an unbound prefix
+    except etree.XMLSyntaxError as error:  # an error that expat accepts, such as an unbound prefix
         return [(error.lineno or 1, f"{_MALFORMED}{error.msg}")]
     if schema.validate(document):
         return []
@@ -95,7 +95,7 @@ def _schema_errors_in(text: str, schema: etree.XMLSchema) -> list[tuple[int, str
 
 
 def _editor_attributes(elements: Iterable[Element]) -> frozenset[str]:
-    """Return the attributes that may be an editor's data; the rules have reported typos."""
+    """Return the names of the attributes that may be an editor's data: those that begin with `_`."""
     names = set().union(*(element.attributes for element in elements)).difference(CONDITIONS)
     return frozenset(name for name in names if name.startswith("_") and ":" not in name)
 
@@ -110,7 +110,7 @@ def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
     text = readable(tree_file)
     if "\r" in text:
         text = re.sub(r"\r\n?", "\n", text)
-    # Only libxml2 refuses the declaration of another version of XML.
+    # libxml2 refuses the declaration of another XML version, which expat accepts.
     text = _DECLARATION.sub(lambda match: "\n" * match[0].count("\n"), text)
     return text, range(1, text.count("\n") + 2)
 
@@ -127,7 +127,7 @@ def check_schema(
         tree_file: The file.
         registry: The registered nodes.
         described: Nodes that only a model describes.
-        findings: The findings of the rules.
+        findings: The rules' findings.
     """
     errors = [
         (line, message)
@@ -139,32 +139,32 @@ def check_schema(
     if tree_file.source.form is Form.XML and any(_TEXT in message for _, message in errors):
         yield from _stray_text(tree_file)
         errors = [(line, message) for line, message in errors if _TEXT not in message]
-    spoken_of = sorted(
+    reported_lines = sorted(
         finding.span.line
         for finding in findings
         if finding.source is tree_file.source
-        and (finding.severity is Severity.ERROR or finding.code in _PASSED_OVER)
+        and (finding.severity is Severity.ERROR or finding.code in _SUFFICIENT)
     )
     elements = [*tree_file.root.iterate()]
     if tree_file.source.form is not Form.XML:  # children may precede attributes
         elements.sort(key=attrgetter("position"))
     for line, message in errors:
-        # The last element that starts in the line or before it.
+        # The last element that starts in or before the line.
         index = max(0, bisect.bisect_left(elements, (line + 1, 0), key=attrgetter("position")) - 1)
         element, last = elements[index], line
         if tree_file.source.form is not Form.XML:
-            # Attributes are on lines of their own, up to the next element.
+            # The element's attributes are on lines of their own, up to the next element.
             last = elements[index + 1].line - 1 if index + 1 < len(elements) else sys.maxsize
-        following = bisect.bisect_left(spoken_of, element.line)
-        if following == len(spoken_of) or spoken_of[following] > last:
+        following = bisect.bisect_left(reported_lines, element.line)
+        if following == len(reported_lines) or reported_lines[following] > last:
             yield element.finding("schema", message)
 
 
 def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
-    """Yield the text between elements with its location, which libxml2 omits."""
+    """Yield findings about text between elements, with the location that libxml2 does not report."""
     from sar_compiler.tree.conversion import ignored_content
 
-    message = "this text between elements has no meaning"
+    message = "text between elements is ignored"
     for finding in ignored_content(tree_file):
         if finding.code == "stray-text":
             yield dataclasses.replace(finding, message=message)

@@ -1,7 +1,7 @@
-"""Comments that suppress findings: `<!-- sar: allow code: the reason -->`, in YAML `# sar: allow code`.
+"""Comments that suppress findings, such as `<!-- sar: allow code: the reason -->`, or `# sar: allow code` in YAML.
 
-A comment applies to the next element, or to the element on the same line: to its tag and attributes, not to its
-content.
+A comment applies to the tag and attributes of the next element, or of the element on the same line. It does not apply
+to the element's children.
 """
 
 import re
@@ -25,10 +25,11 @@ class _Suppression:
     """One suppression comment.
 
     Attributes:
-        line: Its text.
-        element: The element to which it applies; None if there is none.
-        span: Its location.
-        used: The codes of the findings that it has suppressed.
+        line: The text of the comment.
+        element: The element to which the comment applies; None if no element follows.
+        span: The location of the comment.
+        tree_file: The file that contains the comment.
+        used: The codes of the findings that the comment has suppressed.
     """
 
     def __init__(self, line: str, element: Element | None, span: Span, tree_file: TreeFile) -> None:
@@ -40,13 +41,13 @@ class _Suppression:
 
     @property
     def codes(self) -> list[str]:
-        """The codes that it names; none if its form is wrong."""
+        """The codes that the comment names; empty if the comment is malformed."""
         match = re.fullmatch(_ALLOW, self.line)
         return [code.strip() for code in match[1].split(",")] if match else []
 
 
 def remove_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return the findings that no comment suppresses, and those about the comments themselves."""
+    """Return the findings that no comment suppresses, and the findings about the comments themselves."""
     kept, guesses = list(findings), Guesses()
     whole = all(finding.severity is not Severity.ERROR for finding in kept)
     for number, tree_file in enumerate((*forest.files, *forest.others)):
@@ -55,13 +56,13 @@ def remove_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[Di
         suppressions = list(_suppressions(tree_file))
         kept = _suppress(tree_file, suppressions, kept)
         if number < len(forest.files):
-            # If there are errors, some rules do not run.
+            # If there are errors, some rules do not run, and a comment may be needed for their findings.
             wrong = [
                 each for one in suppressions for each in _check_suppression(one, guesses, unneeded=whole)
             ]
             unneeded = any(each.code == _UNNEEDED for each in wrong)
             if unneeded and any(map(forest.is_used_elsewhere, forest.trees)):
-                # Another file that uses the tree may need it.
+                # A check of another file that uses the tree may need the comment.
                 wrong = [each for each in wrong if each.code != _UNNEEDED]
             kept += wrong
     return kept
@@ -103,7 +104,7 @@ def _suppressions(tree_file: TreeFile) -> Iterator[_Suppression]:
 
 
 def _comments(tree_file: TreeFile) -> Iterator[tuple[Element | None, Comment, int]]:
-    """Yield each comment with the element it applies to, and a lower bound of its offset."""
+    """Yield each comment with the element to which it applies, and a lower bound of the comment's offset."""
     for comment in tree_file.comments:
         if comment.index == 0:
             yield tree_file.root, comment, 0
@@ -143,21 +144,21 @@ def _check_suppression(
         span = _span_of(code, suppression)
         if code not in KINDS:
             near = guesses.nearest(code, [each for each in KINDS if each not in ERRORS])
-            yield Diagnostic("wrong-allow", f"there is no kind of finding '{code}'", source, span, near)
+            yield Diagnostic("wrong-allow", f"unknown kind of finding '{code}'", source, span, near)
         elif code in ERRORS:
-            message = f"'{code}' is an error, which cannot be suppressed: the tree cannot be run"
+            message = f"'{code}' is an error, and errors cannot be suppressed"
             yield Diagnostic(
                 "wrong-allow", message, source, span, hint="fix the error and delete the comment"
             )
         elif unneeded and code not in suppression.used:
             element = suppression.element
-            about = "no element follows" if element is None else f"<{element.tag}> has none"
-            message = f"there is no '{code}' to suppress here: {about}"
-            yield Diagnostic("unneeded-allow", message, source, span, hint="delete it")
+            about = "no element follows it" if element is None else f"<{element.tag}> has no such finding"
+            message = f"the comment does not suppress any '{code}': {about}"
+            yield Diagnostic("unneeded-allow", message, source, span, hint="delete the code or the comment")
 
 
 def _span_of(code: str, suppression: _Suppression) -> Span:
-    """Return the location of a code in a comment; that of the comment if it is not found."""
+    """Return the location of a code in a comment, or of the comment if the code is not found."""
     source, span = suppression.tree_file.source, suppression.span
     start, end = source.offsets(span)
     match = re.search(rf"(?<![\w-]){re.escape(code)}(?![\w-])", source.text[start:end]) if code else None

@@ -49,7 +49,7 @@ def test_a_rule_that_fails_is_a_finding_at_the_node_that_it_looked_at_and_the_ot
 @pytest.mark.usefixtures("failing")
 def test_the_finding_names_the_rule_the_error_and_its_place():
     finding, *_ = check(forest(TWO_SLIPS), default_registry())
-    error = "the rule check_badly raised an error here: IndexError: list index out of range"
+    error = "the rule check_badly raised an error at this element: IndexError: list index out of range"
     assert finding.message == f"{error} (test_internal_errors.py, in _fail_on)"
     assert "Please report this" in finding.advice
 

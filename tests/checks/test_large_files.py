@@ -260,7 +260,7 @@ def test_of_more_findings_of_a_kind_than_are_shown_it_is_said_how_many(monkeypat
         ("more-findings", "info"),
         ("wrong-value", "error"),
     ]
-    assert findings[2].message == "2 more of this kind: unknown-node"
+    assert findings[2].message == "2 more unknown-node findings are not shown"
 
 
 def test_of_many_names_a_message_lists_the_first():

@@ -90,7 +90,7 @@ WRONG = {
         GRIP.replace("self._width = width", "self._width, self.interface = width, None"),
         "faulty-class",
         "self.interface",
-        "'interface' is a property of ClientLeaf, which cannot be set",
+        "'interface' is a read-only property of ClientLeaf",
     ),
     "a missing type": (
         GRIP.replace('    action_type = "my_msgs/action/Grip"\n', ""),

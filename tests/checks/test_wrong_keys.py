@@ -434,7 +434,7 @@ def test_beside_a_leaf_of_a_palette_a_key_without_value_is_one_level_milder(body
 def test_a_milder_finding_says_what_may_speak_against_it():
     body = f'<Sequence>{LATE}<Drive gear="{{speed}}"/></Sequence>'
     (finding,) = check(forest_of(document(body)), REGISTRY, [PALETTE])
-    assert finding.message.endswith("which writes it, is ticked later, unless C++ code does")
+    assert finding.message.endswith("which writes it, is ticked later, unless C++ code writes it")
 
 
 def test_the_output_of_a_leaf_of_a_palette_writes_a_key_and_its_input_does_not():
@@ -466,4 +466,4 @@ def test_what_is_wrong_with_a_key_beside_a_palette_is_never_silent(body, finding
 def test_a_name_that_may_be_an_enumeration_is_mentioned_with_that_reason():
     body = '<Sequence><Look seen="{s}"/><ScriptCondition code="s == RED"/></Sequence>'
     (finding,) = check(forest_of(document(body)), REGISTRY, [PALETTE])
-    assert "unless it is an enumeration: [language.enums] in sar.toml" in finding.message
+    assert "unless it is an enumerator, which [language.enums] in sar.toml" in finding.message

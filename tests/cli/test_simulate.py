@@ -267,7 +267,9 @@ def test_a_trace_is_held_against_the_file_that_the_scenario_names(capsys, tree, 
     monkeypatch.delenv(RENEW, raising=False)
     status, out, _ = run(capsys, tree, "--scenario", path)
     assert status == 1
-    assert f"trace: there is no golden file {path.parent / 'golden/trace.txt'} yet. Run with {RENEW}=1" in out
+    assert (
+        f"trace: the golden file {path.parent / 'golden/trace.txt'} does not exist. Run with {RENEW}=1" in out
+    )
     monkeypatch.setenv(RENEW, "1")
     assert run(capsys, tree, "--scenario", path)[0] == 0
     monkeypatch.delenv(RENEW)

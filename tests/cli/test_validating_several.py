@@ -170,7 +170,7 @@ def test_that_there_are_more_findings_of_a_kind_is_said_to_people(capsys, monkey
     many(monkeypatch)
     status, out, err = run(capsys, "a.xml")
     assert (status, err) == (1, "2 errors, others not shown in 1 file\n")
-    assert "info[more-findings]: 3 more of this kind: unknown-node" in out
+    assert "info[more-findings]: 3 more unknown-node findings are not shown" in out
 
 
 def test_that_there_are_more_findings_of_a_kind_is_said_to_tools(capsys, monkeypatch):
@@ -179,7 +179,7 @@ def test_that_there_are_more_findings_of_a_kind_is_said_to_tools(capsys, monkeyp
     assert (last["severity"], last["code"], last["message"]) == (
         "info",
         "more-findings",
-        "3 more of this kind: unknown-node",
+        "3 more unknown-node findings are not shown",
     )
     result = json.loads(run(capsys, "--format", "sarif", "a.xml")[1])["runs"][0]["results"][-1]
     assert (result["ruleId"], result["level"]) == ("more-findings", "note")

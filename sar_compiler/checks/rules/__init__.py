@@ -1,4 +1,4 @@
-"""Rules for errors in trees whose parts are each valid by themselves; one module for each family."""
+"""Rules that find errors in trees whose nodes are all valid individually, one module for each family of rules."""
 
 import bisect
 import functools
@@ -8,7 +8,7 @@ from operator import attrgetter
 from typing import TypeVar
 
 from sar_compiler.checks.rules.entry_accesses import KeyAccesses, key_accesses_of
-from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_telling
+from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_informative
 from sar_compiler.nodes.binding.binder import BoundForest, bind_all
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import trees_in
@@ -42,7 +42,7 @@ class CheckContext:
 
     @functools.cached_property
     def bound_forest(self) -> BoundForest:
-        """Every tree, bound."""
+        """All trees of the forest, with every element bound to its node's spec."""
         return bind_all(self.forest, self.registry, self.palettes, self.btcpp)
 
     @property
@@ -52,7 +52,7 @@ class CheckContext:
 
     @functools.cached_property
     def is_whole(self) -> bool:
-        """Whether all trees are known: each include was read, and no other element may be a misspelt tree."""
+        """Whether all trees are known: each include was read, and no element may be a misspelt tree."""
         roots = (tree_file.root for tree_file in self.forest.files)
         return (
             not self.forest.findings
@@ -62,16 +62,16 @@ class CheckContext:
 
     @functools.cached_property
     def trees(self) -> tuple[BoundTree, ...]:
-        """The trees within the limits of size and depth, the inner ones first."""
+        """The trees within the limits of size and depth, subtrees first."""
         return tuple({tree: None for top in self.bound_forest.tops for tree in trees_in(top.tree)})
 
     def parents(self) -> Iterator[BoundNode]:
-        """Yield the nodes with children from which conclusions can be drawn."""
+        """Yield the nodes with children, except nodes with errors."""
         return (bound for tree in self.trees for bound in tree.parents if bound not in self.nodes_with_errors)
 
     @functools.cached_property
     def scripts(self) -> Sequence[tuple[BoundNode, str, Script]]:
-        """The scripts of these trees, with their nodes and attributes."""
+        """The scripts of all `trees`, with their nodes and attributes."""
         return [
             (bound, attribute, script)
             for tree in self.trees
@@ -82,7 +82,7 @@ class CheckContext:
     def nodes_with(self, find: Callable[[NodeSpec], _OfSpec]) -> Iterator[tuple[BoundNode, _OfSpec]]:
         """Yield the nodes for whose spec `find` returns a result, with that result.
 
-        Most files have no such node, and are not traversed.
+        Most files have no such node. Their trees are not traversed.
         """
         found = {id(spec): each for spec in self.bound_forest.specs if (each := find(spec))}
         for bound in (bound for tree in self.trees for bound in tree.nodes if found):
@@ -102,7 +102,7 @@ class CheckContext:
 
     @functools.cached_property
     def key_accesses(self) -> Mapping[BoundTree, KeyAccesses]:
-        """The accesses of the nodes of each of these trees to keys."""
+        """The key accesses of the nodes, by tree."""
         return {tree: key_accesses_of(tree) for tree in self.trees}
 
     @functools.cached_property
@@ -117,13 +117,13 @@ class CheckContext:
 
     @functools.cached_property
     def outcomes(self) -> PossibleOutcomes:
-        """The possible outcomes of every node."""
+        """The possible outcomes of all nodes in `trees`."""
         return PossibleOutcomes(self.trees, self.nodes_with_errors)
 
     @functools.cached_property
-    def is_telling(self) -> bool:
-        """Whether the outcomes of the nodes allow conclusions."""
-        return any(is_telling(spec) for spec in self.bound_forest.specs)
+    def is_informative(self) -> bool:
+        """Whether a node has outcomes from which the rules can draw conclusions."""
+        return any(is_informative(spec) for spec in self.bound_forest.specs)
 
     @functools.cached_property
     def is_complete(self) -> bool:
@@ -133,7 +133,7 @@ class CheckContext:
 
     @functools.cached_property
     def nodes_with_errors(self) -> frozenset[BoundNode]:
-        """The nodes with an error in their tag, attributes or children; rules skip them."""
+        """The nodes with an error in their tag, attributes or children, which the rules skip."""
         return frozenset(self._find_nodes_with_errors()) if self._errors else frozenset()
 
     @functools.cached_property
@@ -145,20 +145,19 @@ class CheckContext:
         for tree in sorted(self.bound_forest.trees, key=attrgetter("element.position")):
             nodes.setdefault(tree.element.source.path, []).extend(tree.nodes)
         for of_file in nodes.values():
-            if (
-                of_file and of_file[0].element.source.form is not Form.XML
-            ):  # in YAML, a node's children may precede it
+            # In YAML, a node's children may precede its attributes.
+            if of_file and of_file[0].element.source.form is not Form.XML:
                 of_file.sort(key=attrgetter("element.position"))
         for finding in self._errors:
             of_file = nodes.get(finding.source.path, [])
             index = bisect.bisect_right(of_file, finding.span[:2], key=attrgetter("element.position"))
             if index:
                 yield of_file[index - 1]
-        # If a child is missing, the bound children are not the first, second and last of the file.
+        # If a child could not be bound, the positions of the bound children differ from those in the file.
         for tree in self.bound_forest.trees:
             yield from (each for each in tree.parents if len(each.children) != len(each.element.children))
 
 
 def is_misnamed(tree: Element) -> bool:
-    """Return whether a tree has a name instead of an ID."""
+    """Return whether a tree has the attribute `name` instead of `ID`."""
     return "ID" not in tree.attributes and "name" in tree.attributes

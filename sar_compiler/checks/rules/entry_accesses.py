@@ -1,6 +1,6 @@
-"""The accesses of nodes to blackboard keys and entries, and their order, with all subtrees expanded.
+"""The accesses of nodes to blackboard keys and entries, and the order of these accesses, with all subtrees expanded.
 
-It decides which of two accesses happens first in every run, from the positions of their nodes alone.
+Only the positions of two nodes decide which of their accesses happens first in every run.
 """
 
 import bisect
@@ -24,7 +24,7 @@ from sar_compiler.tree.diagnostic import Span
 
 
 class AccessTime(enum.IntEnum):
-    """When a node accesses an entry, relative to the ticks of its children."""
+    """The time at which a node accesses an entry, relative to the ticks of its children."""
 
     BEFORE = 0
     AFTER = 1
@@ -35,13 +35,13 @@ class KeyAccess(NamedTuple):
 
     Attributes:
         bound: The node.
-        attribute: The attribute that contains it.
+        attribute: The attribute that contains the key.
         key: The key, by its name in the node's tree.
         kind: The kind of access.
-        time: Whether it happens before or after the children are ticked.
-        place: Its place in the attribute's value; None for all of it.
-        is_certain: Whether it happens whenever the node is ticked.
-        turn: Its number among those of its script, in the order in which they happen.
+        time: Whether the access happens before or after the children are ticked.
+        place: The start and end of the key in a script; None if the key is not in a script.
+        is_certain: Whether the access happens whenever the node is ticked.
+        turn: The number of the access among all accesses of its script, in the order in which they happen.
     """
 
     bound: BoundNode
@@ -54,7 +54,7 @@ class KeyAccess(NamedTuple):
     turn: int = 0
 
     def span(self) -> Span:
-        """Return its location in the file."""
+        """Return the location of the key in the file."""
         element, place = self.bound.element, self.place or self.position_in_braces
         if place is None:
             return element.value_span(self.attribute)
@@ -62,7 +62,7 @@ class KeyAccess(NamedTuple):
 
     @property
     def position_in_braces(self) -> tuple[int, int] | None:
-        """The position of a key within a value with other text in braces, such as `x: {key}`; None in any other value."""
+        """The start and end of the key in a value that contains keys in braces, such as `x: {key}`; otherwise None."""
         parameter = self.bound.spec.parameters.get(self.attribute)
         if parameter is None or not parameter.value_type.takes_braces:
             return None
@@ -73,7 +73,7 @@ class KeyAccess(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class KeyAccesses:
-    """All accesses of a tree's nodes to keys, without its subtrees.
+    """All accesses of a tree's nodes to keys, without the nodes of its subtrees.
 
     Attributes:
         accesses: The accesses, in the order of the file.
@@ -85,7 +85,7 @@ class KeyAccesses:
 
     @functools.cached_property
     def keys(self) -> frozenset[str]:
-        """The keys, by their names in the tree."""
+        """The accessed keys, by their names in the tree."""
         return frozenset(access.key for access in self.accesses)
 
 
@@ -116,7 +116,7 @@ def _node_accesses(bound: BoundNode) -> Iterator[KeyAccess]:
         for attribute in CONDITIONS:
             if attribute in bound.conditions:
                 time = AccessTime.AFTER if attribute in _POST else AccessTime.BEFORE
-                # Each script after a node belongs to one outcome, and may never run.
+                # Each script after a node belongs to one status, and may never run.
                 yield from _script_accesses(bound, attribute, bound.conditions[attribute], time)
     for name, key in bound.keys.items():
         parameter = bound.spec.parameters.get(name)
@@ -130,7 +130,7 @@ def _node_accesses(bound: BoundNode) -> Iterator[KeyAccess]:
     for name, value in bound.values.items():
         if isinstance(value, Script):
             yield from _script_accesses(bound, name, value, AccessTime.BEFORE)
-        elif value is not None:  # after a finding it is None
+        elif value is not None:  # a value with an error is None
             kind = _role(bound, bound.spec.parameters[name]).kind
             yield from _accesses(bound, name, _keys_in(bound, name, value), kind)
 
@@ -171,7 +171,7 @@ def _is_open(bound: BoundNode) -> bool:
 
 
 def _is_indirect(bound: BoundNode, name: str) -> bool:
-    """Return whether a key contains the script that a node runs, or the name of the key that it uses."""
+    """Return whether an attribute's key contains a script that the node runs, or the name of another key."""
     parameter = bound.spec.parameters.get(name)
     if parameter is None:
         return False
@@ -184,7 +184,7 @@ def _has_scope(spec: NodeSpec) -> bool:
 
 
 def is_root_key(key: str) -> bool:
-    """Return whether a key has the form of a main tree's key: `@key`."""
+    """Return whether a key has the form `@key`, which names a key of the main tree."""
     return key.startswith(ROOT_SIGN)
 
 
@@ -221,13 +221,13 @@ def is_root_key(key: str) -> bool:
 # is BEFORE, and follows them only if it is AFTER. Each script after a node belongs to one outcome, and may never run.
 #
 # The second difficulty is size. An entry may have as many uses as the tree has nodes (a flag that every branch
-# reads), and comparing all pairs takes quadratic time. Places are therefore numbered parents first, so that the
+# reads), and comparing all pairs takes quadratic time. Nodes are therefore numbered parents first, so that the
 # inside of a node is an interval from `number` to `last`, and uses are sorted by these numbers. `is_each_preceded` climbs
 # from A to the root once. At each node it finds by bisection whether any use is left of the path (then it may come
 # first), or right of it (then this node must keep the order).
 #
-# All subtrees are expanded first: one element of the file has a place for each use of its tree, and a key belongs to
-# the scope to which its remapping leads. A comparison of elements would mix the instances.
+# All subtrees are expanded first: one element of the file has a position for each use of its tree, and a key belongs
+# to the scope to which its remapping leads. A comparison of elements would mix the instances.
 
 _READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.BOTH, AccessKind.FIXED)
 
@@ -238,10 +238,10 @@ class TreePosition:
 
     Attributes:
         bound: The node.
-        around: The place of its parent; None for the root.
-        index: Its number among its siblings, from 0.
-        number: Its number among all nodes, parents before their children.
-        last: The number of the last node in it.
+        around: The position of the node's parent; None for the root.
+        index: The node's index among its siblings, from 0.
+        number: The node's number among all nodes, parents before their children.
+        last: The number of the last node below it; its own number for a leaf.
     """
 
     bound: BoundNode
@@ -251,24 +251,24 @@ class TreePosition:
     last: int
 
     def contains(self, other: "TreePosition") -> bool:
-        """Return whether another place is this one or within it."""
+        """Return whether another position is the same or below this position."""
         return self.number <= other.number <= self.last
 
     def child(self, inner: "TreePosition") -> "TreePosition":
-        """Return the child that contains a place within this one."""
+        """Return the child position that contains a position below this position."""
         while inner.around is not None and inner.around is not self:
             inner = inner.around
         return inner
 
 
 class PositionFinder:
-    """The places of all nodes of a tree with its subtrees expanded."""
+    """The positions of all nodes of a tree with its subtrees expanded."""
 
     def __init__(self, top: TreeInstance) -> None:
         self._top = top
 
     def position_of(self, instance: TreeInstance, bound: BoundNode) -> TreePosition:
-        """Return the place of a node in one instance of its tree."""
+        """Return the position of a node in one instance of its tree."""
         return self._places[instance][bound]
 
     @functools.cached_property
@@ -307,20 +307,20 @@ class EntryAccess:
 
     @property
     def position(self) -> TreePosition:
-        """The place of the node in the main tree with its subtrees expanded."""
+        """The position of the node in the main tree with its subtrees expanded."""
         return self.places.position_of(self.instance, self.access.bound)
 
     @property
     def node(self) -> BoundNode:
-        """The node."""
+        """The node that accesses the entry."""
         return self.access.bound
 
 
 class OrderedAccesses:
-    """Accesses in the order of their places, for queries about parts of the tree.
+    """Accesses in the order of their nodes' positions, for queries about parts of the tree.
 
     Attributes:
-        uses: The accesses in their order.
+        uses: The accesses in this order.
     """
 
     def __init__(self, uses: Sequence[EntryAccess]) -> None:
@@ -329,7 +329,7 @@ class OrderedAccesses:
         self.uses = [uses[index] for _, index in numbered]
 
     def has_access_in(self, first: int, last: int) -> bool:
-        """Return whether an access has a place number from *first* to *last*."""
+        """Return whether a node with a number from *first* to *last* has an access."""
         index = bisect.bisect_left(self._numbers, first)
         return index < len(self._numbers) and self._numbers[index] <= last
 
@@ -338,7 +338,7 @@ class OrderedAccesses:
         return self.uses[start : bisect.bisect_right(self._numbers, place.number, start)]
 
     def is_each_preceded(self, first: EntryAccess) -> bool:
-        """Return whether another access precedes all of these, in the sense of `comes_first`."""
+        """Return whether an access precedes all other accesses, as defined by `comes_first`."""
         place: TreePosition = first.position
         if self.uses and self._numbers[0] < place.number and not self.uses[0].position.contains(place):
             return False  # the most frequent case
@@ -358,7 +358,7 @@ class OrderedAccesses:
         return True
 
     def _are_after(self, first: EntryAccess, inner: TreePosition, around: TreePosition) -> bool:
-        """Return whether an access in one child of a node precedes the accesses in the other children."""
+        """Return whether an access in one child of a node precedes those of the node and its other children."""
         return (
             not self.has_access_in(around.number + 1, inner.number - 1)
             and (not self.has_access_in(inner.last + 1, around.last) or _precedes(first, around))
@@ -371,11 +371,11 @@ class EntryAccesses:
     """All accesses to an entry, in the order of the tree.
 
     Attributes:
-        scope: The scope to which its key belongs.
-        key: The key in that scope.
-        uses: The accesses of the nodes.
-        given: The `SubTree` nodes that pass a constant for it.
-        is_parameter: Whether it is read as a parameter of the mission.
+        scope: The scope that contains the entry.
+        key: The entry's key in this scope.
+        uses: The accesses of nodes to the entry.
+        given: The `SubTree` nodes that pass a constant for the entry.
+        is_parameter: Whether the entry's value may come from outside the tree, as for a mission parameter.
     """
 
     scope: Scope
@@ -391,33 +391,33 @@ class EntryAccesses:
     # Computed once, after all uses have been added: an entry may have as many uses as its tree has nodes.
     @functools.cached_property
     def writers(self) -> list[EntryAccess]:
-        """The accesses that may write the entry first; `=` in a script may if a port has the key."""
+        """The accesses that may create the entry. `=` in a script is one of them only if a port has the key."""
         has_port = any(use.access.place is None for use in self.uses)
         return self.of_kinds(AccessKind.WRITE, AccessKind.BOTH, *((AccessKind.CHANGE,) if has_port else ()))
 
     @property
     def is_made(self) -> bool:
-        """Whether any node may write it."""
+        """Whether any node may create the entry."""
         return bool(self.given or self.writers)
 
     @functools.cached_property
     def readers(self) -> list[EntryAccess]:
-        """The uses that may read it."""
+        """The accesses that may read the entry."""
         return self.of_kinds(*_READS)
 
     @functools.cached_property
     def ordered_writers(self) -> OrderedAccesses:
-        """The same uses as `writers`, by their places."""
+        """The accesses of `writers`, in the order of their positions."""
         return OrderedAccesses(self.writers)
 
     @functools.cached_property
     def ordered_readers(self) -> OrderedAccesses:
-        """The same uses as `readers`, by their places."""
+        """The accesses of `readers`, in the order of their positions."""
         return OrderedAccesses(self.readers)
 
     @functools.cached_property
     def possible_readers(self) -> frozenset[BoundNode]:
-        """The nodes that may read it."""
+        """The nodes that may read the entry."""
         return frozenset(use.node for use in self.readers)
 
 
@@ -430,7 +430,7 @@ class EntryTable:
         entries: The entries, in the order in which the tree names them.
         accesses: The key accesses of each tree.
         is_open: Whether a node may access any key in ways that the file does not show.
-        is_foreign: Whether a node is only described: the tree runs elsewhere, where other programs may write as well.
+        is_foreign: Whether a model only describes a node, so that another program runs the tree and may write entries.
     """
 
     top: TreeInstance
@@ -463,7 +463,7 @@ class EntryTable:
 
     @functools.cached_property
     def unused_arguments(self) -> frozenset[tuple[Scope, str]]:
-        """The entries that a subtree is passed under keys that it does not use."""
+        """The entries that are passed to a subtree under keys that the subtree does not use."""
         return frozenset(
             instance.scope.owner(key)
             for instance in self.top.iterate()
@@ -474,7 +474,7 @@ class EntryTable:
 
     @functools.cached_property
     def unclosed_keys(self) -> Mapping[BoundTree, frozenset[str | None]]:
-        """Each tree's keys with only one brace, and their intended form."""
+        """The intended form, with both braces, of each tree's keys that lack a brace."""
         return {
             tree: frozenset(
                 complete_key_braces(text)
@@ -486,7 +486,7 @@ class EntryTable:
 
 
 def entry_table_of(top: TreeInstance, accesses: Mapping[BoundTree, KeyAccesses] | None = None) -> EntryTable:
-    """Return the accesses to each entry; pass the accesses of each tree if they are known."""
+    """Return the table of the entries of an expanded tree; pass the key accesses of the trees if they are known."""
     if accesses is None:
         trees = dict.fromkeys(instance.tree for instance in top.iterate())
         accesses = {tree: key_accesses_of(tree) for tree in trees}
@@ -518,9 +518,9 @@ def _entry(entries: dict[tuple[Scope, str], EntryAccesses], scope: Scope, key: s
 
 
 def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str] | None:
-    """Return the outermost `SubTree` that passes an entry to a use's tree, and the attribute that does.
+    """Return the outermost `SubTree` that passes the entry on to the tree of the access, and the attribute that does so.
 
-    None if the use is in the tree to which the entry belongs, or the entry is passed without an attribute.
+    None if the access is in the tree to which the entry belongs, or if no attribute passes the entry.
     """
     found = None
     instance, key = use.instance, use.access.key
@@ -533,20 +533,20 @@ def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str]
 
 
 def common_position(first: TreePosition, second: TreePosition) -> TreePosition:
-    """Return the innermost place that contains two others."""
+    """Return the innermost position that contains two positions."""
     while first.around is not None and not first.contains(second):
         first = first.around
     return first
 
 
 def branching_position(first: EntryAccess, second: EntryAccess) -> TreePosition | None:
-    """Return the place in which two uses are in different children; None if one node contains the other."""
+    """Return the position of the node with two accesses in different children; None if one contains the other."""
     place, other = first.position, second.position
     return None if place.contains(other) or other.contains(place) else common_position(place, other)
 
 
 def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
-    """Return whether the first use always happens before the second one's first time."""
+    """Return whether the first access has always happened before the second access happens for the first time."""
     if not first.access.is_certain:
         return False
     place, other = first.position, second.position
@@ -567,7 +567,7 @@ def _comes_first_in_node(first: KeyAccess, second: KeyAccess) -> bool:
 
 
 def _precedes(first: EntryAccess, around: TreePosition) -> bool:
-    """Return whether a use precedes those in later children of an ancestor."""
+    """Return whether an access precedes the accesses in later children of an ancestor."""
     if not first.access.is_certain or not _is_straight(first, around):
         return False
     means = around.bound.spec.semantics
@@ -577,12 +577,12 @@ def _precedes(first: EntryAccess, around: TreePosition) -> bool:
 
 
 def _is_straight(use: EntryAccess, around: TreePosition | None) -> bool:
-    """Return whether all ancestors of *use* below *around* (None: all ancestors) advance only after it."""
+    """Return whether all ancestors of a node below *around*, or all its ancestors, continue only after the access."""
     return use.position is around or any(each is around for each in enclosing_sequences(use))
 
 
 def enclosing_sequences(use: EntryAccess) -> Iterator[TreePosition | None]:
-    """Yield the places around a use, up to the first node that may continue without it.
+    """Yield the positions of a node's ancestors, up to the first ancestor that may continue without the access.
 
     Yields None after the root.
     """
@@ -604,12 +604,12 @@ def enclosing_sequences(use: EntryAccess) -> Iterator[TreePosition | None]:
 
 
 def _is_in_first_script(use: EntryAccess) -> bool:
-    """Return whether a use is in the first script that its node runs."""
+    """Return whether an access is in the first script that its node runs."""
     return use.access.attribute == next(iter(use.node.conditions), None)
 
 
 def _is_first(place: TreePosition, around: TreePosition) -> bool:
-    """Return whether a node is the first in all its ancestors, up to a child of a given one."""
+    """Return whether a node is in the first child of all its ancestors below *around*."""
     while place.around is not None and place.around is not around:
         if place.index:
             return False
@@ -618,7 +618,7 @@ def _is_first(place: TreePosition, around: TreePosition) -> bool:
 
 
 def nodes_between(first: EntryAccess, second: EntryAccess) -> Sequence[BoundNode]:
-    """Return the nodes between two uses in a sequence, including the first use's node."""
+    """Return the children of a sequence from the child with the first access up to the child before the second."""
     around = common_position(first.position, second.position)
     start, end = around.child(first.position), around.child(second.position)
     return around.bound.children[start.index : end.index]

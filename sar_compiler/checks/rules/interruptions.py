@@ -20,13 +20,14 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 
 def check_reactive(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield nodes that a control without memory repeats or interrupts in every tick."""
-    if not context.is_telling:
+    """Yield findings about nodes that a control without memory restarts or interrupts in every tick."""
+    if not context.is_informative:
         return
     outcomes = context.outcomes
     for bound in outcomes.running:
         if bound.is_reactive and bound not in context.nodes_with_errors:
-            yield from (_sequence if bound.spec.semantics.is_sequence else _selector)(bound, outcomes)
+            check = _check_sequence if bound.spec.semantics.is_sequence else _check_selector
+            yield from check(bound, outcomes)
     for top in context.bound_forest.tops:
         if top.tree.root is not None:
             yield from (
@@ -34,7 +35,7 @@ def check_reactive(context: CheckContext) -> Iterator[Diagnostic]:
             )
 
 
-def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+def _check_sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for child, later in _pairs_with_later(bound, outcomes):
         if not outcomes.possible_results(child) & S:
             return  # the later nodes are never reached
@@ -52,7 +53,7 @@ def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
 
 
 def _pairs_with_later(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[tuple[BoundNode, BoundNode]]:
-    """Yield each child that precedes a child that takes time, and the latter."""
+    """Yield pairs of a child and the next child after it that takes time."""
     later: BoundNode | None = None
     pairs: list[tuple[BoundNode, BoundNode]] = []
     for child in reversed(bound.children):
@@ -63,7 +64,7 @@ def _pairs_with_later(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[
     return reversed(pairs)
 
 
-def _selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+def _check_selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for child, later in _pairs_with_later(bound, outcomes):
         found = outcomes.find_restarted(_first_node(child), outcomes.always_takes_time)
         if (
@@ -75,11 +76,11 @@ def _selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
             yield _restart(place, later, bound, "after it has failed")
             return
     if outcomes.takes_time(bound.children[-1]):
-        yield from _lost_progress(bound, outcomes)
+        yield from _check_lost_progress(bound, outcomes)
 
 
 def _first_node(bound: BoundNode) -> BoundNode:
-    """Return the first node of nested sequences, on which the later ones may depend."""
+    """Return the first node of nested sequences, whose result decides whether the later nodes are ticked."""
     while (
         bound.children and bound.spec.semantics.is_sequence and not bound.conditions and bound.oneshot is None
     ):
@@ -96,7 +97,7 @@ def _restart(found: FoundLeaf, later: BoundNode, bound: BoundNode, when: str) ->
     return found.place.element.finding("endless-restart", message, hint=_remember(bound))
 
 
-def _lost_progress(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+def _check_lost_progress(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     before: BoundNode | None = None
     for child in bound.children:
         interrupting = before
@@ -123,7 +124,7 @@ def _starts_over(bound: BoundNode) -> bool:
 
 
 def _check_finished_work(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield finished work that is restarted in every tick, because no earlier node changes its result."""
+    """Yield findings about finished work that a reactive selector restarts in every tick, for lack of a condition."""
     waiting = [root]
     while waiting:
         bound = waiting.pop()
@@ -140,10 +141,10 @@ def _check_finished_work(root: BoundNode, outcomes: PossibleOutcomes) -> Iterato
 
 def _check_repeated_work(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children):
-        # If an earlier branch begins with a condition, it may check whether the work is done, unless it also has an effect.
+        # An earlier branch may check whether the work is done, unless it begins with a condition and has an effect.
         if index and not _fails_after_effect(bound.children[index - 1], outcomes):
             return
-        # A branch that begins with a condition checks by itself whether there is work left.
+        # A branch that begins with a condition may check itself whether there is work left.
         if not index or not outcomes.certain_results(child) & S or is_question(_first_node(child)):
             continue
         found = outcomes.find_restarted(child, has_world_effect)
@@ -162,7 +163,7 @@ def _oneshot_hint(child: BoundNode, found: FoundLeaf) -> str:
 
 
 def _fails_after_effect(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
-    """Return whether a node has an effect, and is known to fail in its first tick because of its first condition."""
+    """Return whether a node begins with a condition that is known to fail, and also has an effect."""
     first = _first_node(bound)
     asks = is_question(first) and outcomes.certain_results(first) & F and first is not bound
     return bool(asks) and outcomes.find_leaf(bound, has_world_effect) is not None
@@ -180,7 +181,7 @@ def _remember(bound: BoundNode) -> str:
 
 
 def check_parallels(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about children of a Parallel that interfere with each other."""
+    """Yield findings about children of a parallel node that interfere with each other."""
     for bound in context.parents():
         if bound.spec.semantics.order is Order.TOGETHER:
             yield from _check_cancelled(bound, context.outcomes)
@@ -244,15 +245,15 @@ def _actions(bound: BoundNode, place: BoundNode | None) -> Iterator[_Action]:
     if bound.subtree is not None and bound.subtree.root is not None:
         yield from _actions(bound.subtree.root, place or bound)
     for use in bound.spec.uses:
-        name = _name(use, bound)
+        name = _resource_name(use, bound)
         if use.kind == "action" and name:
             yield _Action(name, FoundLeaf(bound, place or bound))
     for child in bound.children:
         yield from _actions(child, place)
 
 
-def _name(use: Use, bound: BoundNode) -> str:
-    """Return the name of a resource that a leaf uses; empty if part of it comes from a key."""
+def _resource_name(use: Use, bound: BoundNode) -> str:
+    """Return the name of the server or topic that a leaf uses; empty if part of the name comes from a key."""
     name = use.name
     for parameter in bound.spec.parameters.values():
         placeholder = f"{{{parameter.name}}}"

@@ -32,7 +32,7 @@ from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity
 from sar_compiler.tree.guessing import Guesses, likeness
 
 _LIKE, _CLOSE = 0.7, 0.75
-"""The similarities of two keys above which one may be, and above which it must be, a typo of the other."""
+"""The similarity from which one key may be a typo of another, and the similarity from which it certainly is."""
 
 
 def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
@@ -40,7 +40,7 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
     if not context.is_complete:
         return  # another error may be the reason why a key is not written
     reported: set[tuple[str, int, int]] = set()
-    with gc_paused():  # the results for keys grow with the file, and are kept
+    with gc_paused():  # the objects for keys are many in a large file, and live as long as the check
         for top in context.bound_forest.tops:
             board = entry_table_of(top, context.key_accesses)
             model = context.bound_forest.models.subtrees.get(top.tree.name)
@@ -56,7 +56,7 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def refused_key_types(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield only the findings about the types of keys."""
+    """Yield the findings about the types of keys, without other findings about keys."""
     for top in context.bound_forest.tops:
         board = entry_table_of(top, context.key_accesses)
         rules = KeyTypeRules(
@@ -111,13 +111,13 @@ def _check_unwritten(entry: EntryAccesses, board: EntryTable, context: CheckCont
     if is_open or not context.is_main(board.top.tree):
         return
     if _may_be_enumeration(use, entry, enums):
-        unless = "unless it is an enumeration: [language.enums] in sar.toml declares those"
+        unless = "unless it is an enumerator, which [language.enums] in sar.toml can declare"
         yield from _lower_severity([_unwritten_finding(use, entry, None)] if board.is_foreign else [], unless)
     elif not board.is_foreign:
         yield _unwritten_finding(use, entry, None)
     else:
-        # Keys that only other programs' nodes read are probably written there, unless they resemble a key of the
-        # tree.
+        # A key that only nodes of another program read is probably written by that program, unless it resembles a
+        # written key of the tree.
         own = next((each for each in readers if not each.node.spec.is_foreign), use if near else None)
         if own is not None:
             yield from _lower_severity([_unwritten_finding(own, entry, near)])
@@ -129,13 +129,13 @@ def _is_explained(use: EntryAccess, entry: EntryAccesses, board: EntryTable, enu
         return True
     # `check_scripts` reports = instead of ==, and `check_subtrees` an unused attribute.
     is_assignment = use.access.kind is AccessKind.CHANGE and is_condition(use.node, use.access.attribute)
-    return is_assignment or _is_given_another(use, board)
+    return is_assignment or _is_passed_unused_key(use, board)
 
 
 def _lower_severity(
-    findings: Iterable[Diagnostic], unless: str = "unless C++ code does"
+    findings: Iterable[Diagnostic], unless: str = "unless C++ code writes it"
 ) -> Iterator[Diagnostic]:
-    """Yield findings one severity lower, because nodes of other programs may write keys that the file does not show."""
+    """Yield findings as notes, because nodes of other programs may write keys that the file does not show."""
     for finding in findings:
         yield replace(finding, message=f"{finding.message}, {unless}", severity=Severity.INFO)
 
@@ -145,7 +145,7 @@ def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None)
     if argument is not None:
         return _unwritten_argument(*argument, entry, near)
     access, key = use.access, use.access.key
-    suggestion, hint = None, _how_to_give(use, key)
+    suggestion, hint = None, _writing_hint(use, key)
     if near is not None and key == entry.key:
         suggestion = near if access.place else f"{{{near}}}" if access.attribute in use.node.keys else near
     if access.kind is AccessKind.CHANGE:
@@ -176,7 +176,7 @@ def _unwritten_argument(
     return place.element.finding("unwritten-key", message, value=attribute, suggestion=suggestion, hint=hint)
 
 
-def _how_to_give(use: EntryAccess, key: str) -> str:
+def _writing_hint(use: EntryAccess, key: str) -> str:
     if _is_name_of_key(use):
         return f'{use.access.attribute} takes the name without braces: write {use.access.attribute}="{key}"'
     if use.instance.around is not None:
@@ -195,8 +195,8 @@ def _is_typo(entry: EntryAccesses, near: str) -> bool:
     return len(entry.uses) == 1 and close and not plural and not numbered
 
 
-def _is_given_another(use: EntryAccess, board: EntryTable) -> bool:
-    """Return whether the tree of a use is passed a key that it does not use."""
+def _is_passed_unused_key(use: EntryAccess, board: EntryTable) -> bool:
+    """Return whether a `SubTree` passes a key to the tree of an access that the tree does not use."""
     place = use.instance.place
     if place is None:
         return False
@@ -219,7 +219,7 @@ def _nearest(key: str, others: Collection[str], guesses: Guesses) -> str | None:
 
 
 def _may_be_enumeration(use: EntryAccess, entry: EntryAccesses, enums: Collection[str]) -> bool:
-    """Return whether a name that scripts only read may be an enumerator: a declared one, or any in capitals."""
+    """Return whether a name that scripts only read is a declared enumerator, or may be one because of its capital."""
     if (
         use.access.place is None
         or use.access.kind is not AccessKind.READ
@@ -308,7 +308,7 @@ def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> I
     if entry.readers or entry.of_kinds(AccessKind.CHANGE):
         return
     if _nearest(entry.key, board.unwritten.get(entry.scope, ()), context.guesses) is not None:
-        return  # the misspelt key is reported where it is read
+        return  # the misspelt key is reported at the node that reads it
     if (entry.scope, entry.key) in board.unused_arguments:
         return  # `check_subtrees` reports the unused attribute
     for use in entry.writers:
@@ -325,23 +325,23 @@ def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> I
 def find_unwritten_ends(entry: EntryAccesses, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     """Yield the first read of an entry that may happen after its writers ended without writing it.
 
-    Only leaves whose outcomes declare the keys that they write are checked (`Answer.writes`). A read is reported if a run
+    Only leaves whose outcomes declare the keys that they write are checked (`Outcome.writes`). A read is reported if a run
     is possible in which it is the first access after such an end. This is decided from the positions of the two nodes.
-    From the writer upwards, the rule computes what the nodes around it can return after such an end, up to the node in
-    which writer and reader are in different children. The reader is reached if that node then continues to the reader's
-    branch. If anything on the way may depend on the same end (a condition, a script before a node, a branch that is
-    chosen), nothing is reported: a wrong finding is worse than none.
+    From the writer upwards, the rule computes what its ancestors can return after such an end, up to the node in which
+    writer and reader are in different children. The reader is reached if that node then continues to the reader's
+    branch. If anything on the path may depend on the same end (a condition, a script before a node, a branch that is
+    chosen), nothing is reported, because a wrong finding is worse than a missing finding.
     """
     if not entry.writers or any(_silent_outcomes(writer) is None for writer in entry.writers):
         return
     for use in entry.of_kinds(AccessKind.READ):
         before = [each for each in entry.writers if each.position.number < use.position.number]
         if before and all(_can_pass(writer, use, outcomes) for writer in before):
-            yield _finding(before[-1], use)
+            yield _maybe_unwritten_finding(before[-1], use)
             return
 
 
-def _finding(writer: EntryAccess, use: EntryAccess) -> Diagnostic:
+def _maybe_unwritten_finding(writer: EntryAccess, use: EntryAccess) -> Diagnostic:
     outcomes = _silent_outcomes(writer) or []
     labels = ", ".join(f"'{each.name}'" for each in outcomes if each.status != "RUNNING")
     when = f"ends with {labels}" if labels else "runs"
@@ -355,7 +355,7 @@ def _finding(writer: EntryAccess, use: EntryAccess) -> Diagnostic:
 
 
 def _silent_outcomes(writer: EntryAccess) -> list[Outcome] | None:
-    """Return the outcomes of a leaf with which it does not write a key; None if that is not known."""
+    """Return the outcomes with which a leaf does not write a key; None if the leaf does not declare its writes."""
     outcomes = writer.node.spec.outcomes
     if not outcomes or any(outcome.writes is None for outcome in outcomes):
         return None
@@ -363,7 +363,7 @@ def _silent_outcomes(writer: EntryAccess) -> list[Outcome] | None:
 
 
 def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes) -> bool:
-    """Return whether a read can be the first access to a key after its writer has ended without writing it."""
+    """Return whether a read can be the first access to a key after the key's writer has ended without writing it."""
     around = common_position(writer.position, use.position)
     if around in (writer.position, use.position):
         return False
@@ -379,7 +379,7 @@ def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes)
 
 
 def _outcomes_without_write(writer: EntryAccess, top: TreePosition, outcomes: PossibleOutcomes) -> int:
-    """Return a node's outcome set after one of its leaves did not write a key; empty if unknown."""
+    """Return the outcome set of the node at *top* after a leaf below it did not write a key; empty if not known."""
     ended = 0
     for outcome in _silent_outcomes(writer) or ():
         ended |= BITS[outcome.status]
@@ -403,7 +403,7 @@ def _outcomes_without_write(writer: EntryAccess, top: TreePosition, outcomes: Po
 
 
 def _is_guarded(use: EntryAccess, top: TreePosition) -> bool:
-    """Return whether an earlier node in the branch may prevent a read."""
+    """Return whether an earlier node in the reader's branch may prevent a read."""
     place = use.position
     if _has_scripts(place.bound) and use.access.attribute != next(iter(place.bound.conditions), None):
         return True

@@ -1,4 +1,4 @@
-"""Rules about nodes that no tick reaches, that never end, or that have no effect or an unintended one."""
+"""Rules about nodes that no tick reaches, that never end, or that have no effect or an unintended effect."""
 
 import itertools
 import math
@@ -16,14 +16,14 @@ _VERBS = {S: "succeeds", F: "fails", R: "runs"}
 
 
 def check_reachability(context: CheckContext) -> Iterator[Diagnostic]:
-    """Report nodes that no tick reaches, and nodes that never end."""
-    if not context.is_telling:
+    """Yield findings about nodes that no tick reaches, and about nodes that never end."""
+    if not context.is_informative:
         return
     outcomes = context.outcomes
     for bound in outcomes.blocked:
         if bound not in context.nodes_with_errors:
             yield from _check_last_reachable(bound, outcomes)
-    # At the top of the tree, endless repetition is the way to keep a robot running.
+    # The root of a tree may repeat forever, which is the usual way to keep a robot running.
     tops = {top.tree.root for top in context.bound_forest.tops}
     for bound in context.parents():
         if bound.spec.semantics.order is not Order.IN_ORDER:
@@ -64,7 +64,7 @@ def _gate_reason(gate: Gate, children: Sequence[BoundNode]) -> str:
 
 
 def _check_last_reachable(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Report the first child that is unreachable because its predecessor never passes the tick on."""
+    """Yield a finding about the first child that is never ticked because of its predecessor's results."""
     goes_on = bound.spec.semantics.goes_on
     for before, child in itertools.pairwise(bound.children):
         results = outcomes.possible_results(before)
@@ -81,14 +81,14 @@ def _unreachable(bound: BoundNode, why: str) -> Diagnostic:
 
 
 DEFAULT_PERIOD = 0.5
-"""Seconds between two ticks, if the mission does not define them."""
+"""The time between two ticks in seconds, if the mission does not define it."""
 _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first tick"}
-"""Descriptions of a child that never has the result to which its decorator reacts."""
+"""Descriptions of a child that never returns the status to which its decorator reacts, by this status."""
 
 
 def check_needless_nodes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Report nodes that are not needed, or that prevent their children from working."""
-    # Notes are given neither for trees that another program runs nor for trees with errors.
+    """Yield findings about nodes that are not needed, or that prevent their children from working."""
+    # Nodes that are not needed are not reported in trees that another program runs, and in trees with errors.
     is_own = context.is_complete and not context.is_foreign
     for bound in context.parents():
         if len(bound.children) == len(bound.element.children) == 1:
@@ -107,7 +107,7 @@ def _check_decorator(bound: BoundNode, child: BoundNode, outcomes: PossibleOutco
         hint = f"delete <{bound.element.tag}>, or move it"
         yield bound.element.finding("without-effect", message, hint=hint)
     elif means.limit_sec is not None:
-        yield from _timeout(bound)
+        yield from _check_timeout(bound)
     elif means.changes == R:
         yield from _check_interrupting(bound, child, outcomes)
     elif means.repeats:
@@ -121,14 +121,14 @@ def _needless_finding(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
     elif _cancels_inner_decorator(bound, child) and not child.conditions:
         why, hint = f"it reverses the effect of '{child.name}'", "delete both"
     elif means.rounds is not None and means.rounds(bound) == 1:
-        why = "a node is executed once without it, too"
+        why = f"'{child.name}' is executed once without it, too"
     else:
         return None
     return bound.element.finding("needless-node", f"'{bound.name}' is not needed: {why}", hint=hint)
 
 
 def _cancels_inner_decorator(bound: BoundNode, child: BoundNode) -> bool:
-    """Return whether a decorator reverses the effect of the decorator inside it."""
+    """Return whether a decorator reverses the effect of the decorator that is its child."""
     once, twice = child.spec.semantics.possible, bound.spec.semantics.possible
     if once is None or twice is None or {bound.spec.kind, child.spec.kind} != {Kind.DECORATOR}:
         return False
@@ -150,7 +150,7 @@ def _check_interrupting(
 
 
 def _check_one_shot(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Report loops around a node that is executed only once."""
+    """Yield a finding about a loop whose child is executed only once."""
     retries = bound.spec.semantics.repeats == F
     once, within = _find_one_shot(child)
     if once is None or (retries and not outcomes.possible_results(within) & F):
@@ -170,7 +170,7 @@ def _find_one_shot(child: BoundNode) -> tuple[BoundNode | None, BoundNode]:
     return None, child
 
 
-def _timeout(bound: BoundNode) -> Iterator[Diagnostic]:
+def _check_timeout(bound: BoundNode) -> Iterator[Diagnostic]:
     seconds = _limit_sec(bound)
     if seconds == math.inf:
         message = f"'{bound.name}' has no effect: msec=\"0\" is no limit"
@@ -182,7 +182,7 @@ def _timeout(bound: BoundNode) -> Iterator[Diagnostic]:
             f"{DEFAULT_PERIOD:g} s by default (tick_rate_hz)"
         )
         yield bound.element.finding("short-timeout", message, hint="write a longer time")
-    elif seconds is not None and (found := _too_long_within(bound.children[0], seconds)) is not None:
+    elif seconds is not None and (found := _find_long_wait(bound.children[0], seconds)) is not None:
         wait, spent = found
         own = wait.spec.semantics.wait_sec
         own_sec = own and own(wait)
@@ -194,13 +194,13 @@ def _timeout(bound: BoundNode) -> Iterator[Diagnostic]:
         hint = f"write a limit above {spent + (own_sec or 0):g} s, or a shorter wait"
         yield bound.element.finding("short-timeout", message, hint=hint, severity=Severity.WARNING)
     else:
-        yield from _longer_inside(bound, seconds)
+        yield from _check_inner_limits(bound, seconds)
 
 
-def _too_long_within(
+def _find_long_wait(
     bound: BoundNode, limit_sec: float, spent_sec: float = 0
 ) -> tuple[BoundNode, float] | None:
-    """Return the first wait that a time limit always halts, and the seconds that pass before it begins."""
+    """Return the first waiting node that a time limit always halts, and the seconds that pass before it starts."""
     wait = bound.spec.semantics.wait_sec
     own_sec = (wait and wait(bound)) or 0
     if own_sec and spent_sec + own_sec >= limit_sec:
@@ -212,7 +212,7 @@ def _too_long_within(
     )
     spent_sec += own_sec
     for child in inside:
-        found = _too_long_within(child, limit_sec, spent_sec)
+        found = _find_long_wait(child, limit_sec, spent_sec)
         if found is not None:
             return found
         if _runs_through(bound):
@@ -233,12 +233,12 @@ def _least_sec(bound: BoundNode) -> float:
 
 
 def _runs_through(bound: BoundNode) -> bool:
-    """Return whether a node starts with its first child, and ticks each child until it succeeds before the next one."""
+    """Return whether a node always starts with its first child, and continues only after a child has succeeded."""
     means = bound.spec.semantics
     return means.is_sequence and not bound.is_reactive and not means.resumes
 
 
-def _longer_inside(bound: BoundNode, seconds: float | None) -> Iterator[Diagnostic]:
+def _check_inner_limits(bound: BoundNode, seconds: float | None) -> Iterator[Diagnostic]:
     waiting = list(bound.children) if seconds is not None else []
     while waiting:
         inner = waiting.pop()
@@ -246,7 +246,7 @@ def _longer_inside(bound: BoundNode, seconds: float | None) -> Iterator[Diagnost
         if limit is not None and seconds is not None and seconds <= limit < math.inf:
             message = (
                 f"'{inner.name}' has no effect: its limit of {limit:g} s never expires before the {seconds:g} s of "
-                f"'{bound.name}' around it"
+                f"the outer '{bound.name}'"
             )
             yield inner.element.finding("without-effect", message, hint="write a shorter time, or delete it")
         elif limit is None or limit == math.inf:

@@ -33,7 +33,7 @@ _DOING_AND_UNDOING = 2
 
 
 def check_order(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield leaves that can only fail at their position, and leaves that depend on an effect undone before them."""
+    """Yield findings about leaves that run before the effect that they need, or after it has been undone."""
     if not context.is_complete:
         return
     reported: set[BoundNode] = set()
@@ -41,7 +41,7 @@ def check_order(context: CheckContext) -> Iterator[Diagnostic]:
         leaves = list(_leaves(top))
         effects = _Effects(leaves)
         for leaf in leaves:
-            finding = _too_early(leaf, effects) or _undone(leaf, effects)
+            finding = _check_too_early(leaf, effects) or _check_undone(leaf, effects)
             if finding is not None and leaf.use.node not in reported:
                 reported.add(leaf.use.node)
                 yield finding
@@ -62,13 +62,13 @@ class _LeafFacts:
             fill_attributes(outcome.when) for outcome in spec.outcomes if outcome.status != "FAILURE"
         ]
         if any(not script or _holds(script, _variables(self.facts)) for script in self.conditions):
-            self.conditions = []  # it may act from the start
+            self.conditions = []  # the leaf may do more than fail from the start
         self.needs = frozenset(use.name for script in self.conditions for use in name_uses(_parse(script)))
         uses = (use for script in self.results for use in name_uses(_parse(script)))
         self.changes = self.writes | {use.name for use in uses if use.access is not Access.READ}
 
     def enables(self, other: "_LeafFacts") -> bool:
-        """Return whether this leaf's effect on the initial facts lets another leaf do more than fail."""
+        """Return whether an effect of this leaf on the initial facts allows another leaf to do more than fail."""
         for script in self.results:
             facts = _variables({**self.facts, **other.facts})
             if _run(script, facts) and any(_holds(condition, facts) for condition in other.conditions):
@@ -77,10 +77,10 @@ class _LeafFacts:
 
 
 class _FactLeaf(NamedTuple):
-    """A leaf with facts, in one instance of its tree."""
+    """A leaf that declares facts, in one instance of its tree."""
 
     use: EntryAccess
-    words: _LeafFacts
+    declared: _LeafFacts
 
 
 def _leaves(top: TreeInstance) -> Iterator[_FactLeaf]:
@@ -105,18 +105,17 @@ def _leaves(top: TreeInstance) -> Iterator[_FactLeaf]:
             key = (id(spec), *names.items())
             if key not in known:
                 known[key] = _LeafFacts(spec, names)
-            words = known[key]
-            if words.needs or words.reads or words.changes:
-                yield _FactLeaf(
-                    EntryAccess(instance, KeyAccess(bound, "", "", AccessKind.READ), places), words
-                )
+            declared = known[key]
+            if declared.needs or declared.reads or declared.changes:
+                access = KeyAccess(bound, "", "", AccessKind.READ)
+                yield _FactLeaf(EntryAccess(instance, access, places), declared)
 
 
 def _numbers(bound: BoundNode) -> dict[str, str]:
-    """Return the replacements of a leaf's integer attributes, by name."""
+    """Return the texts that replace the placeholders of a leaf's integer attributes, by attribute."""
     numbers = (parameter for parameter in bound.spec.constant_attributes if parameter.is_integer_parameter)
     return {
-        # The value of a key is unknown here: it becomes a name that no script can evaluate.
+        # The value of a key is unknown, so it is replaced by a name that no script can evaluate.
         each.name: _UNKNOWN
         if each.name in bound.keys
         else number_text(bound.values.get(each.name, each.default))
@@ -136,7 +135,7 @@ def _parse(script: str) -> Script:
 
 
 def _holds(script: str, facts: PlainVariables) -> bool:
-    """Return whether a script over facts is true or cannot be evaluated."""
+    """Return whether a condition on facts is true or cannot be evaluated."""
     try:
         return Program(_parse(script)).holds(facts)
     except EvaluationError:
@@ -144,7 +143,7 @@ def _holds(script: str, facts: PlainVariables) -> bool:
 
 
 def _run(script: str, facts: PlainVariables) -> bool:
-    """Apply a script to facts; return whether it could be evaluated."""
+    """Execute a script that changes facts; return whether it could be evaluated."""
     try:
         Program(_parse(script)).run(facts)
     except EvaluationError:
@@ -153,41 +152,41 @@ def _run(script: str, facts: PlainVariables) -> bool:
 
 
 class _Effects:
-    """The leaves of a tree by the facts that they read and change."""
+    """The leaves of a tree, indexed by the facts that they read and change."""
 
     def __init__(self, leaves: Sequence[_FactLeaf]) -> None:
         self._alike: dict[_LeafFacts, list[_FactLeaf]] = {}
         for leaf in leaves:
-            self._alike.setdefault(leaf.words, []).append(leaf)
+            self._alike.setdefault(leaf.declared, []).append(leaf)
         self._changing: dict[str, list[_LeafFacts]] = {}
-        for words in self._alike:
-            for fact in words.changes:
-                self._changing.setdefault(fact, []).append(words)
+        for declared in self._alike:
+            for fact in declared.changes:
+                self._changing.setdefault(fact, []).append(declared)
         self._enabling: dict[_LeafFacts, list[OrderedAccesses]] = {}
-        self._readers = sorted((leaf for leaf in leaves if leaf.words.reads), key=_number)
+        self._readers = sorted((leaf for leaf in leaves if leaf.declared.reads), key=_number)
         self._untouched: dict[tuple[_FactLeaf, _FactLeaf, frozenset[str]], bool] = {}
 
-    def enabling_leaves(self, words: _LeafFacts) -> Sequence[OrderedAccesses]:
-        """Return the leaves that enable a result of leaves with given declarations, grouped by declarations."""
-        if words not in self._enabling:
-            others = {each: None for fact in sorted(words.needs) for each in self._changing.get(fact, ())}
-            self._enabling[words] = [
+    def enabling_leaves(self, declared: _LeafFacts) -> Sequence[OrderedAccesses]:
+        """Return the leaves that enable leaves with the given declarations, grouped by the former's declarations."""
+        if declared not in self._enabling:
+            others = {each: None for fact in sorted(declared.needs) for each in self._changing.get(fact, ())}
+            self._enabling[declared] = [
                 OrderedAccesses([leaf.use for leaf in self._alike[each]])
                 for each in others
-                if each.enables(words)
+                if each.enables(declared)
             ]
-        return self._enabling[words]
+        return self._enabling[declared]
 
     @functools.cached_property
     def _leaves_before_readers(self) -> dict[tuple[str, TreePosition], list[_FactLeaf]]:
-        """The leaves that change a fact which is read, by the sequences in which other leaves follow them."""
-        read = {fact for leaf in self._readers for fact in leaf.words.reads}
-        changing = {words: words.changes & read for words in self._alike if words.changes & read}
+        """The leaves that change a fact which some leaf reads, by this fact and each sequence around the leaf."""
+        read = {fact for leaf in self._readers for fact in leaf.declared.reads}
+        changing = {declared: declared.changes & read for declared in self._alike if declared.changes & read}
         leading: dict[tuple[str, TreePosition], list[_FactLeaf]] = {}
-        for leaf in sorted((leaf for words in changing for leaf in self._alike[words]), key=_number):
+        for leaf in sorted((leaf for declared in changing for leaf in self._alike[declared]), key=_number):
             for around in enclosing_sequences(leaf.use):
                 if around is not None and around.bound.spec.semantics.is_sequence:
-                    for fact in changing[leaf.words]:
+                    for fact in changing[leaf.declared]:
                         leading.setdefault((fact, around), []).append(leaf)
         return leading
 
@@ -197,7 +196,7 @@ class _Effects:
         inner, around = leaf.use.position, leaf.use.position.around
         while around is not None and len(found) < _DOING_AND_UNDOING:
             before: list[_FactLeaf] = []
-            for fact in leaf.words.reads:
+            for fact in leaf.declared.reads:
                 others = self._leaves_before_readers.get((fact, around), [])
                 count = bisect.bisect_left(others, inner.number, key=_number)
                 before += others[max(count - _DOING_AND_UNDOING, 0) : count]
@@ -206,14 +205,14 @@ class _Effects:
         return list(found)[:_DOING_AND_UNDOING][::-1]
 
     def is_read_between(self, first: _FactLeaf, second: _FactLeaf, facts: frozenset[str]) -> bool:
-        """Return whether a leaf in a sequence between two others reads one of some facts."""
+        """Return whether a leaf between two other leaves of a sequence reads one of the given facts."""
         key = (first, second, facts)
         if key not in self._untouched:
             start, end = (
                 bisect.bisect_left(self._readers, _number(leaf), key=_number) for leaf in (first, second)
             )
             self._untouched[key] = any(
-                other.words.reads & facts and _leads_to(first, other) and _leads_to(other, second)
+                other.declared.reads & facts and _leads_to(first, other) and _leads_to(other, second)
                 for other in self._readers[start:end]
             )
         return self._untouched[key]
@@ -223,29 +222,31 @@ def _number(leaf: _FactLeaf) -> int:
     return leaf.use.position.number
 
 
-def _too_early(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
-    givers = [
-        each for each in effects.enabling_leaves(leaf.words) if len(each.uses) > (leaf.use in each.uses[:1])
+def _check_too_early(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
+    enabling = [
+        each
+        for each in effects.enabling_leaves(leaf.declared)
+        if len(each.uses) > (leaf.use in each.uses[:1])
     ]
-    if not givers or not all(each.is_each_preceded(leaf.use) for each in givers):
+    if not enabling or not all(each.is_each_preceded(leaf.use) for each in enabling):
         return None
-    uses = [next(use for use in each.uses if use is not leaf.use) for each in givers]
-    giver = min(uses, key=lambda use: use.position.number).node
+    uses = [next(use for use in each.uses if use is not leaf.use) for each in enabling]
+    needed = min(uses, key=lambda use: use.position.number).node
     message = (
-        f"'{leaf.use.node.name}' can only fail here: it needs the effect of '{giver.name}' (line {giver.element.line}), "
+        f"'{leaf.use.node.name}' can only fail here: it needs the effect of '{needed.name}' (line {needed.element.line}), "
         "which follows it"
     )
-    return leaf.use.node.element.finding("wrong-order", message, hint=f"move it after '{giver.name}'")
+    return leaf.use.node.element.finding("wrong-order", message, hint=f"move it after '{needed.name}'")
 
 
-def _undone(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
-    """Return a finding about a leaf that depends on an earlier effect which another leaf has undone."""
-    before = effects.last_two_before(leaf) if leaf.words.reads else []
+def _check_undone(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
+    """Return a finding about a leaf that needs an earlier leaf's effect which another leaf undoes before it."""
+    before = effects.last_two_before(leaf) if leaf.declared.reads else []
     if len(before) < _DOING_AND_UNDOING:
         return None
     doing, undoing = before
-    facts = doing.words.changes & undoing.words.changes & leaf.words.reads
-    if not facts or not undoing.words.writes or effects.is_read_between(doing, undoing, facts):
+    facts = doing.declared.changes & undoing.declared.changes & leaf.declared.reads
+    if not facts or not undoing.declared.writes or effects.is_read_between(doing, undoing, facts):
         return None
     name, other = leaf.use.node.name, undoing.use.node
     message = (

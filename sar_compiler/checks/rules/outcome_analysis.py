@@ -1,8 +1,8 @@
 """The possible results of each bound node, whether it can take time, and which leaves a restart repeats.
 
-They are computed once for all rules, from the leaves to the root, from the declarations of leaves and the semantics
-of controls and decorators (`nodes.semantics`). A node that only a model describes, or that declares nothing, allows
-no conclusions: it may return anything, and none of its results is known to occur.
+The results are computed once for all rules, from the leaves to the root. They follow from the declarations of leaves
+and the semantics of controls and decorators (`nodes.semantics`). A node that only a model describes, or that declares
+nothing, may return any status, and no status is known to occur.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -18,10 +18,10 @@ _YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FA
 _SHIFT = 4
 _UNKNOWN = ALL
 _CONDITIONS = {"_failureIf": (True, F), "_successIf": (True, S), "_skipIf": (True, K), "_while": (False, K)}
-"""The conditions in the order of their evaluation: the truth value that decides, and the result in that case."""
+"""The conditions in the order of evaluation, with the truth value that decides the node's result, and this result."""
 
 OutcomeSets = int
-"""The possible results of a node in the lower bits, and those known to occur in some run in the bits above."""
+"""A node's possible results in the lower four bits, and the results known to occur in some run in the higher bits."""
 
 
 class FoundLeaf(NamedTuple):
@@ -29,7 +29,7 @@ class FoundLeaf(NamedTuple):
 
     Attributes:
         leaf: The leaf.
-        place: Its node in the searched tree: the leaf itself, or the `SubTree` that contains it.
+        place: The node of the searched tree that is the leaf, or the `SubTree` that contains it.
     """
 
     leaf: BoundNode
@@ -37,19 +37,19 @@ class FoundLeaf(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Its name in messages: the leaf's name, with the name of the subtree if it is in another tree."""
+        """The leaf's name in messages, with the name of its tree if that is not the searched tree."""
         inside = (
             "" if self.leaf is self.place else f" in the tree '{self.place.element.attributes.get('ID')}'"
         )
         return f"'{self.leaf.name}'{inside}"
 
     def name_next_to(self, other: BoundNode) -> str:
-        """Return its name in a message that names another node as well."""
+        """Return the leaf's name in a message that names another node as well."""
         return self.name if self.leaf.name != other.name else name_next_to(self.leaf, other)
 
 
 def name_next_to(bound: BoundNode, other: BoundNode) -> str:
-    """Return a node's name in a message that names another one, with its line if both have the same name."""
+    """Return a node's name in a message that names another node, with its line if both have the same name."""
     if bound.name != other.name:
         return f"'{bound.name}'"
     return f"'{bound.name}' (line {bound.element.line}{file_of(bound.element, other.element)})"
@@ -59,12 +59,12 @@ class PossibleOutcomes:
     """The possible outcomes of all nodes of a set of trees.
 
     Args:
-        trees: The trees, the inner ones first.
-        broken: Nodes from which no conclusions are drawn.
+        trees: The trees, subtrees first.
+        broken: The nodes with errors, which may return any status.
 
     Attributes:
-        blocked: The sequences and selectors whose end no tick reaches.
-        running: Those with a node that is known to take time.
+        blocked: The sequences and selectors in which a child never lets them continue with the next child.
+        running: The sequences and selectors with a child that is known to take time.
     """
 
     def __init__(self, trees: Iterable[BoundTree], broken: Collection[BoundNode] = ()) -> None:
@@ -90,10 +90,10 @@ class PossibleOutcomes:
         return bool(self.certain_results(bound) & R)
 
     def find_restarted(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> FoundLeaf | None:
-        """Return the first leaf that meets a condition and is restarted with a node.
+        """Return the first leaf below a node that meets a condition and always restarts when the node restarts.
 
-        Nodes that depend on a result are left out: those after the first child of a selector, in a branch, or
-        under a condition. So are nodes that are executed only once.
+        Leaves that are ticked only after certain results are skipped: leaves after the first child of a selector, in
+        a branch, or under a condition. Nodes that are executed only once are skipped as well.
         """
         if bound.oneshot is not None or bound.conditions or bound in self._broken:
             return None
@@ -109,7 +109,7 @@ class PossibleOutcomes:
         return next((found for child in first if (found := self.find_restarted(child, wanted))), None)
 
     def find_leaf(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> FoundLeaf | None:
-        """Return the first leaf in a node that meets a condition."""
+        """Return the first leaf below a node that meets a condition."""
         if bound.subtree is not None:
             inner = self.find_leaf(bound.subtree.root, wanted) if bound.subtree.root else None
             return None if inner is None else FoundLeaf(inner.leaf, bound)
@@ -142,7 +142,7 @@ class PossibleOutcomes:
             self._known[use] = self._apply_conditions(
                 use, _UNKNOWN if root is None else self._outcome_sets(root)
             )
-        # Inlined, because this loop dominates the time for a large tree.
+        # `_outcome_sets` is inlined, because this loop dominates the time for a large tree.
         known, leaves, leaf = self._known.get, self._leaves.get, self._leaf
         for parent in tree.parents:
             children = tuple(
@@ -160,7 +160,7 @@ class PossibleOutcomes:
             self._known[parent] = outcome_sets
 
     def _ordered_outcomes(self, bound: BoundNode, children: tuple[OutcomeSets, ...]) -> OutcomeSets:
-        """Return the outcome sets of a sequence or selector, which depend only on its children."""
+        """Return the outcome sets of a sequence or selector, which depend only on its children's outcome sets."""
         # For a reactive control the result depends on which children are leaves.
         leaves = bound.is_reactive and tuple(child.spec.kind.is_leaf for child in bound.children)
         key = (id(bound.spec), children, leaves)
@@ -204,8 +204,8 @@ class PossibleOutcomes:
         return outcome_sets | added
 
 
-def is_telling(spec: NodeSpec) -> bool:
-    """Return whether a node allows conclusions: not if it returns at once or its outcomes are unknown."""
+def is_informative(spec: NodeSpec) -> bool:
+    """Return whether a node declares more than that it immediately succeeds or fails."""
     if not spec.kind.is_leaf:
         return spec.semantics.order is not Order.IN_ORDER
     outcomes = spec.statuses if not spec.is_only_described else frozenset()
@@ -226,7 +226,7 @@ def is_question(leaf: BoundNode) -> bool:
 
 
 def consequence(leaf: BoundNode) -> str:
-    """Return the consequence of restarting a leaf in every tick: "would be sent a new goal in every tick"."""
+    """Describe the consequence of restarting a leaf in every tick, such as "would be sent a new goal in every tick"."""
     if _drives(leaf.spec):
         return "would be sent a new goal in every tick"
     verb, _, rest = leaf.spec.effects.partition(" ")
@@ -236,7 +236,7 @@ def consequence(leaf: BoundNode) -> str:
 
 
 def _infinitive(verb: str) -> str:
-    """Return the first word of a leaf's effect as an infinitive, to follow "would": drive, search, carry."""
+    """Return the infinitive of the verb with which a leaf's effect begins: "carry" for "carries"."""
     if verb.endswith("ies"):
         return f"{verb[:-3]}y"
     return verb[:-2] if verb.endswith(("ches", "shes", "sses", "xes", "oes")) else verb[:-1]

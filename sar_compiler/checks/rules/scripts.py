@@ -28,26 +28,25 @@ from sar_compiler.runtime.variables import RefusedValueError, ScriptValue
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 _NO_OPERATORS = frozenset({"if", "then", "else"})
-_ALWAYS = "every tick of this node raises this error. Calculate with numbers, and join strings with .."
-_IN_BRANCH = (
-    "every tick that takes this branch raises this error. Calculate with numbers, and join strings with .."
-)
+_REMEDY = "Use arithmetic operators only with numbers, and '..' to join strings"
+_ALWAYS = f"this error is raised in every tick of the node. {_REMEDY}"
+_IN_BRANCH = f"this error is raised in every tick that takes the branch. {_REMEDY}"
 _NEVER_TICKED = frozenset({("_failureIf", True), ("_successIf", True), ("_skipIf", True), ("_while", False)})
-"""Conditions with the truth value for which the node is never ticked."""
+"""Conditions, with the truth value that prevents all ticks of the node."""
 _CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
 
 
 def check_scripts(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield conditions that assign instead of comparing, and statements that do nothing or always raise an error."""
+    """Yield findings about conditions that assign or are constant, and statements that do nothing or raise an error."""
     for bound, attribute, script in context.scripts:
         asked = is_condition(bound, attribute)
         if asked:
-            yield from _constant(bound, attribute, script)
+            yield from _check_constant(bound, attribute, script)
         if script.plain_form is (ComparisonChain if asked else Assignment):
-            continue  # it cannot be wrong
+            continue  # no other rule applies to a single comparison or assignment
         if asked:
             yield from _check_assignments(bound, attribute, script)
-        yield from _idle(bound, attribute, script, is_condition=asked)
+        yield from _no_ops(bound, attribute, script, is_condition=asked)
         yield from _check_raising(bound, attribute, script, is_condition=asked)
         # `check_versions` reports syntax that an older version refuses.
         if context.version >= STATEMENTS:
@@ -82,7 +81,7 @@ def _check_assignments(bound: BoundNode, attribute: str, script: Script) -> Iter
     yield bound.element.finding("assignment-as-condition", message, span, suggestion=suggestion, hint=hint)
 
 
-def _constant(bound: BoundNode, attribute: str, script: Script) -> Iterator[Diagnostic]:
+def _check_constant(bound: BoundNode, attribute: str, script: Script) -> Iterator[Diagnostic]:
     whole = constant_truth(script)
     clauses = constant_clauses(script) if whole is None else [(script.statements[-1], whole)]
     for clause, truth in clauses:
@@ -93,16 +92,16 @@ def _constant(bound: BoundNode, attribute: str, script: Script) -> Iterator[Diag
             message += f", so '{bound.name}' is never ticked"
         hint = "delete the condition, or compare a variable in it"
         if variables:
-            others = "them" if len(set(variables)) > 1 else f"'{variables[0]}'"
-            hint = f"no value of {others} changes the result. Correct a comparison, or swap && and ||"
+            names = "the variables" if len(set(variables)) > 1 else f"'{variables[0]}'"
+            hint = f"all values of {names} give the same result. Correct a comparison, or swap && and ||"
         # A condition `true` or `false` may switch a node off on purpose.
         severity = Severity.WARNING if variables else Severity.INFO
         span = bound.element.value_part_span(attribute, start, end)
         yield bound.element.finding("constant-condition", message, span, hint=hint, severity=severity)
 
 
-def _idle(bound: BoundNode, attribute: str, script: Script, *, is_condition: bool) -> Iterator[Diagnostic]:
-    """Yield statements whose value is not used, consecutive ones as one."""
+def _no_ops(bound: BoundNode, attribute: str, script: Script, *, is_condition: bool) -> Iterator[Diagnostic]:
+    """Yield findings about statements whose value is not used, one for each series of such statements."""
     without_value = script.statements[:-1] if is_condition else script.statements
     for is_idle, group in itertools.groupby(without_value, _is_idle):
         statements = list(group)
@@ -130,7 +129,7 @@ def _idle_hint(statements: list[Expression]) -> str:
 def _check_raising(
     bound: BoundNode, attribute: str, script: Script, *, is_condition: bool
 ) -> Iterator[Diagnostic]:
-    """Yield the operations that raise for all values of the variables."""
+    """Yield findings about operations that raise an error for all values of the variables."""
     always, in_branches = find_certain_errors(script, is_condition=is_condition)
     for error in (*always, *in_branches):
         span = bound.element.value_part_span(attribute, error.start, error.end)
@@ -144,7 +143,7 @@ def _check_raising(
 def _check_touching(
     bound: BoundNode, attribute: str, script: Script, *, is_condition: bool
 ) -> Iterator[Diagnostic]:
-    """Yield the first statement on one line with the previous statement, without a separator between them."""
+    """Yield a finding about the first statement that follows another in the same line without a separator."""
     for before, statement in itertools.pairwise(script.statements):
         is_value = is_condition and statement is script.statements[-1]
         if _is_idle(before) or (_is_idle(statement) and not is_value):
@@ -161,12 +160,12 @@ def _check_touching(
 
 
 class _Samples(NamedTuple):
-    """The possible values of an expression.
+    """Samples of the possible values of an expression.
 
     Attributes:
-        values: The value, if it is known; else, for each possible type, a value that every operator for this type
+        values: The value, if it is known. Otherwise, a value of each possible type that every operator for this type
             accepts.
-        is_known: Whether it is known.
+        is_known: Whether the value is known.
     """
 
     values: tuple[ScriptValue, ...]
@@ -179,7 +178,7 @@ _NUMBER, _ANY = _Samples((1.0,)), _Samples((1.0, "1"))
 def find_certain_errors(
     script: Script, *, is_condition: bool
 ) -> tuple[list[EvaluationError], list[EvaluationError]]:
-    """Return the errors that a script always raises, and those of branches of `? :` that may never be taken."""
+    """Return the errors that a script always raises, and the errors in branches of `? :` that may not be taken."""
     folding = _Folding(script.text)
     values = [folding.values_of(statement) for statement in script.statements]
     if is_condition and values:
@@ -193,11 +192,11 @@ class _Folding:
     def __init__(self, text: str) -> None:
         self.errors: list[EvaluationError] = []
         self.in_branches: list[EvaluationError] = []
-        """The errors of branches of `? :` that may never be taken."""
+        """The errors in branches of `? :` that may not be taken."""
         self._text = text
 
     def values_of(self, node: Expression) -> _Samples:
-        """Return the possible values of an expression; any value if it always raises."""
+        """Return the possible values of an expression; any value if the expression always raises an error."""
         if isinstance(node, Literal):
             return _Samples((node.value,), is_known=True)
         if isinstance(node, Prefix):
@@ -227,13 +226,13 @@ class _Folding:
         error_of: Callable[[RefusedValueError, tuple[Any, ...]], EvaluationError],
         *operands: _Samples,
     ) -> _Samples:
-        """Return the possible results of an operator; keep its error if it has none."""
+        """Return the possible results of an operator; record the error if all operands raise one."""
         results: list[ScriptValue] = []
         errors = []
         for values in itertools.product(*(each.values for each in operands)):
             try:
                 results.append(calculate(*values))
-            except RefusedValueError as error:  # noqa: PERF203 - each may fail
+            except RefusedValueError as error:  # noqa: PERF203 - each call may fail
                 errors.append(error_of(error, values))
         if not results:
             self.errors.append(errors[0])
@@ -265,7 +264,7 @@ class _Folding:
         return self._choice_values(node.then, node.otherwise)
 
     def _choice_values(self, then: Expression, otherwise: Expression) -> _Samples:
-        """Return the possible values of a choice, which always raises an error only if both branches do."""
+        """Return the possible values of a choice. Its errors are certain only if both branches raise an error."""
         before = len(self.errors)
         self.values_of(then)
         middle = len(self.errors)

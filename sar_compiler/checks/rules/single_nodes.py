@@ -21,7 +21,7 @@ _FORMER_KEY = r"(?a) *\$(\{@?[A-Za-z_]\w*\}) *"
 
 
 def check_classes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield the first node of each abstract class, whose instantiation would fail."""
+    """Yield a finding about the first node of each abstract class, which cannot be instantiated."""
     abstract = {spec.tag: spec for spec in context.bound_forest.specs if spec.absent_methods}
     for bound in (node for tree in context.bound_forest.trees for node in tree.nodes if abstract):
         spec = abstract.pop(bound.spec.tag, None)
@@ -36,23 +36,23 @@ def _missing_in(spec: NodeSpec) -> str:
 
 
 def check_strings(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield strings that begin or end like a key."""
-    for bound, names in context.nodes_with(_texts):
+    """Yield findings about strings that begin or end like a key in braces."""
+    for bound, names in context.nodes_with(_string_attributes):
         if bound.values:
-            yield from _close_text(bound, names)
+            yield from _check_braces(bound, names)
     for use in (use for tree in context.trees for use in tree.uses):
-        yield from _close_text(
+        yield from _check_braces(
             use, [name for name in use.remapping.constants if name in use.element.attributes]
         )
 
 
-def _texts(spec: NodeSpec) -> list[str]:
+def _string_attributes(spec: NodeSpec) -> list[str]:
     """Return the attributes of a node that accept any string."""
     attributes = (each for each in spec.parameters.values() if each.role is ParameterRole.ATTRIBUTE)
     return [each.name for each in attributes if each.value_type.python in (str, None)]
 
 
-def _close_text(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
+def _check_braces(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
     element = bound.element
     for name in names:
         written = element.attributes.get(name, "")
@@ -65,13 +65,13 @@ def _close_text(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
 
 
 def check_bounds(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield numbers that a node accepts but that make no sense."""
+    """Yield findings about numbers that a node accepts but that are outside the plausible range."""
     for bound, bounds_of in context.nodes_with(_bounds):
         for name, bounds in bounds_of.items():
             number = bound.values.get(name)
             if number is not None and number not in bounds:
                 written = bound.element.attributes[name]
-                message = f"{name}: {written} makes no sense for <{bound.spec.tag}>"
+                message = f"{name}: {written} is not a plausible value for <{bound.spec.tag}>"
                 yield bound.element.finding(
                     "out-of-range", message, value=name, hint=f"write a number {bounds}"
                 )
@@ -82,7 +82,7 @@ def _bounds(spec: NodeSpec) -> dict[str, PlausibleRange]:
 
 
 def check_units(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield numbers that are unusual in the unit of their attribute. Negative ones are ignored: they have many meanings."""
+    """Yield findings about numbers whose magnitude is unusual in the unit of their attribute."""
     for bound, units in context.nodes_with(_units):
         for name, unit in units.items():
             number = bound.values.get(name)
@@ -97,7 +97,7 @@ def check_units(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _units(spec: NodeSpec) -> dict[str, str]:
-    """Return the units of the attributes that are numbers."""
+    """Return the units of a node's numeric attributes, by attribute name."""
     numbers = (each for each in spec.attributes if each.value_type.python in (int, float))
     units = {each.name: each.value_type.unit or unit_of_key(each.name) for each in numbers}
     return {name: unit for name, unit in units.items() if unit}
@@ -112,16 +112,16 @@ _SEPARATES = {
 
 
 def check_names(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield siblings that were explicitly given the same name, and names that look like a path."""
+    """Yield findings about siblings with the same explicit name, and about names that look like a path."""
     for tree in context.trees if context.is_complete and not context.is_foreign else ():
-        yield from _separators(tree.nodes)
+        yield from _check_separators(tree.nodes)
         for bound in tree.parents:
             children = bound.children
             if len(children) > 1 and len({child.name for child in children}) < len(children):
-                yield from _equal_children(children)
+                yield from _check_equal_names(children)
 
 
-def _separators(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
+def _check_separators(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
     for bound in nodes:
         found = None if bound.name.isidentifier() else re.search(_SEPARATOR, bound.name)
         if found is None or "name" not in bound.element.attributes:
@@ -132,7 +132,7 @@ def _separators(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
         yield bound.element.finding("separator-in-name", message, value="name", hint=hint)
 
 
-def _equal_children(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
+def _check_equal_names(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
     first: dict[str, BoundNode] = {}
     for child in children:
         if not child.element.attributes.get("name") or child.subtree is not None:

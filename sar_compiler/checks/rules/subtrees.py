@@ -1,4 +1,4 @@
-"""Rules about unused trees, and about keys that are passed to subtrees but not used there."""
+"""Rules about unused trees, and about keys that are passed to a subtree that does not use them."""
 
 import functools
 import itertools
@@ -19,10 +19,10 @@ _KeysOf = Callable[[BoundTree], frozenset[str] | None]
 
 
 def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield unused trees, and attributes of `SubTree` that its tree does not use or uses differently."""
+    """Yield findings about unused trees, and about attributes of `SubTree` that do not match the tree's use of keys."""
     compared = functools.cache(_compared_strings)
     for tree in context.trees:
-        yield from _keys_as_texts(tree, context, compared)
+        yield from _keys_as_strings(tree, context, compared)
     if not context.is_complete:
         return  # an error in a tree may be the reason why it does not use a key, or another tree
     yield from _unused_trees(context)
@@ -30,14 +30,14 @@ def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
     for tree in context.trees:
         for use in tree.uses:
             yield from _unused_arguments(use, context, keys_of)
-            yield from _texts_of_outputs(use, context)
+            yield from _strings_for_outputs(use, context)
         yield from _unused_ports(tree, context, keys_of(tree))
 
 
 def _unused_ports(
     tree: BoundTree, context: CheckContext, keys: frozenset[str] | None
 ) -> Iterator[Diagnostic]:
-    """Yield the ports in a tree's model that the tree does not use; users of the tree rely on the model."""
+    """Yield findings about ports that a tree's model declares but the tree does not use."""
     model = context.bound_forest.models.subtrees.get(tree.name)
     if model is None or keys is None or context.forest.trees.get(tree.name) is not tree.element:
         return
@@ -45,7 +45,7 @@ def _unused_ports(
         if port.name not in keys:
             free = sorted(key for key in keys if key not in model.ports and not key.startswith("@"))
             near = context.guesses.nearest(port.name, free)
-            message = f"the tree '{tree.name}' does not use the port '{port.name}'"
+            message = f"the tree '{tree.name}' does not use the port '{port.name}' of its model"
             hint = f"it uses {join_with_commas(free)}" if free else "delete it"
             yield port.element.finding("model-mismatch", message, value="name", suggestion=near, hint=hint)
 
@@ -56,7 +56,7 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
     if not mains or context.forest.main.main_tree_name is None:
         return
     used = set(trees_in(mains[0]))
-    # Unused trees may use each other: report only the outermost one.
+    # Unused trees may use each other. Only the outermost tree is reported.
     inner = {node.subtree for tree in context.bound_forest.trees for node in tree.subtrees()}
     for tree in context.bound_forest.trees:
         element = tree.element
@@ -75,10 +75,10 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
             yield element.finding("unused-tree", message, value="ID", hint=hint)
 
 
-def _keys_as_texts(
+def _keys_as_strings(
     tree: BoundTree, context: CheckContext, compared: Callable[[BoundTree], frozenset[tuple[str, object]]]
 ) -> Iterator[Diagnostic]:
-    """Yield strings for a subtree that are names of keys in the outer tree: version 3 passed keys without braces."""
+    """Yield findings about strings for a subtree that are keys of the outer tree. Version 3 passed keys without braces."""
     given = [(use, name, text) for use in tree.uses for name, text in use.remapping.constants.items()]
     if not given:
         return
@@ -100,7 +100,7 @@ def _keys_as_texts(
 
 
 def _compared_strings(tree: BoundTree) -> frozenset[tuple[str, object]]:
-    """Return the keys that a tree's scripts compare with strings, and these strings, which are valid arguments."""
+    """Return the pairs of a key and a string that a tree's scripts compare. Such a string is a valid argument."""
     scripts = (script for node in tree.scripted for _, script in node.scripts())
     statements = (each for script in scripts for each in script.statements)
     return frozenset(
@@ -114,7 +114,7 @@ def _compared_strings(tree: BoundTree) -> frozenset[tuple[str, object]]:
 
 
 def _keys_of_trees(accesses: Mapping[BoundTree, KeyAccesses]) -> _KeysOf:
-    """Return a function that returns the keys that a tree uses; None if a node may access any key."""
+    """Return a function that returns the keys that a tree uses, or None if a node of the tree may access any key."""
 
     @functools.cache
     def keys_of(tree: BoundTree) -> frozenset[str] | None:
@@ -133,8 +133,8 @@ def _keys_of_trees(accesses: Mapping[BoundTree, KeyAccesses]) -> _KeysOf:
     return keys_of
 
 
-def _texts_of_outputs(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield strings in place of the keys to which a tree writes according to its model."""
+def _strings_for_outputs(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield findings about strings that are passed to a tree's output ports instead of keys."""
     model = context.bound_forest.models.subtrees.get(use.element.attributes.get("ID", ""))
     for port in model.ports.values() if model is not None else ():
         text = use.element.attributes.get(port.name)
@@ -170,7 +170,7 @@ def _unused_arguments(use: BoundNode, context: CheckContext, keys_of: _KeysOf) -
 
 
 def _undeclared_arguments(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield keys passed to a tree whose model does not declare them, if only the model is known."""
+    """Yield findings about keys that the model of a tree does not declare, if only the model is known."""
     model = context.bound_forest.models.subtrees.get(use.spec.tag)
     if model is None or not model.ports:  # a model without ports may only declare that the tree exists
         return

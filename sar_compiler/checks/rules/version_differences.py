@@ -30,7 +30,7 @@ from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic
 
 
 def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield names and syntax that newer versions refuse, and constructs that older ones lack or evaluate differently."""
+    """Yield findings about constructs that newer versions refuse, or older versions lack or evaluate differently."""
     collector = FindingCollector(context.btcpp)
     for tree in (tree for tree_file in context.forest.files for tree in tree_file.trees):
         fault = tree_id_fault(tree.attributes.get("ID", ""))
@@ -53,7 +53,7 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield literals that a port accepts here but BehaviorTree.CPP cannot read."""
+    """Yield findings about literals that this project reads as a port's type, but BehaviorTree.CPP does not."""
     for bound, types in context.nodes_with(_readable_types):
         for name, cpp in types.items():
             text = bound.element.attributes.get(name)
@@ -81,7 +81,7 @@ def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _readable_types(spec: NodeSpec) -> dict[str, str]:
-    """Return the C++ types of the ports that a node reads, or the names of its queue types."""
+    """Return the C++ type of each port that a node reads; the queue type's name for the queue of a loop."""
     found = {}
     for port in spec.ports:
         kind = port.value_type
@@ -132,7 +132,7 @@ def _newer_nodes(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _explicit(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield nodes in explicit form in positions in which BehaviorTree.CPP does not find them."""
+    """Yield findings about nodes such as `<Action ID="...">` that BehaviorTree.CPP does not find at their position."""
     for control, _ in context.nodes_with(lambda spec: spec.tag == DROPS_EXPLICIT):
         for bound in control.children:
             tag = bound.element.tag
@@ -146,7 +146,7 @@ def _explicit(context: CheckContext) -> Iterator[Diagnostic]:
 _GROUPS = {
     **dict.fromkeys(("+", "-", "*", "/"), "numbers"),
     **dict.fromkeys(("~", "!", "&", "|", "^"), "bits"),
-    "..": "texts",
+    "..": "strings",
 }
 _ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
 _BOTH_LATER = ("evaluates this from the left, as (a || b) && c", "write a || (b && c)")
@@ -158,10 +158,10 @@ class OlderReading(NamedTuple):
     """A part of a script that an older version rejects or evaluates differently.
 
     Attributes:
-        start: Its start, in characters of the script's text.
-        end: Its end.
-        what: The behaviour of the version, to follow "BehaviorTree.CPP 4.8 ...".
-        hint: An equivalent that all versions read alike.
+        start: The offset of the part's first character in the script's text.
+        end: The offset after the part's last character.
+        what: The behaviour of the older version, which completes the sentence "BehaviorTree.CPP 4.8 ...".
+        hint: A remedy that all versions read alike.
     """
 
     start: int
@@ -198,16 +198,16 @@ def _missing_semicolons(script: Script) -> Iterator[OlderReading]:
 
 
 class _FlatPart:
-    """The operators read so far of an expression outside of parentheses."""
+    """The operators read so far at one level of parentheses of an expression."""
 
     def __init__(self) -> None:
         self._first = ""
         self._is_either = self._is_chosen = self._is_assigned = False
 
     def read_operator(self, sign: str) -> tuple[str, str] | None:
-        """Read the next operator; return the error and the hint, or None."""
+        """Read the next operator; return a description and a remedy if older versions refuse it, otherwise None."""
         if sign == "?" or sign in _ASSIGNMENTS:
-            return self._take_single(sign)
+            return self._read_single(sign)
         if sign in {"||", "&&"}:
             both_later, self._is_either = self._is_either and sign == "&&", sign == "||" or self._is_either
             return _BOTH_LATER if both_later else None
@@ -216,10 +216,10 @@ class _FlatPart:
         other = _GROUPS.get(self._first)
         if not group or group == other:
             return None
-        what = f"refuses {sign} beside {self._first} without parentheses: they belong to {group} and {other}"
+        what = f"refuses {sign} (for {group}) beside {self._first} (for {other}) without parentheses"
         return what, _IN_PARENTHESES
 
-    def _take_single(self, sign: str) -> tuple[str, str] | None:
+    def _read_single(self, sign: str) -> tuple[str, str] | None:
         is_second = self._is_chosen if sign == "?" else self._is_assigned
         if sign == "?":
             self._is_chosen, self._is_either = True, False
@@ -230,17 +230,17 @@ class _FlatPart:
 
 def _operators(script: Script) -> Iterator[OlderReading]:
     starts = {statement.start for statement in script.statements}
-    around: list[_FlatPart] = []
+    levels: list[_FlatPart] = []
     is_refused = False
     for token in tokenize(script.text):
         if token.start in starts:
-            around = [_FlatPart()]
+            levels = [_FlatPart()]
         sign = token.text if token.kind is TokenKind.SIGN else ""
         if sign in {")", ":"}:
-            around.pop()
-        wrong = around[-1].read_operator(sign) if around else None
+            levels.pop()
+        wrong = levels[-1].read_operator(sign) if levels else None
         if wrong is not None and not (is_refused and wrong is not _BOTH_LATER):
             yield OlderReading(token.start, token.end, *wrong)
             is_refused = is_refused or wrong is not _BOTH_LATER
         if sign in {"(", "?"}:
-            around.append(_FlatPart())
+            levels.append(_FlatPart())

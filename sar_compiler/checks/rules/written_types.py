@@ -1,4 +1,4 @@
-"""Rules about values that the ports of a key cannot read, or that BehaviorTree.CPP cannot write to it."""
+"""Rules about values of an entry that a port with its key cannot read, or that BehaviorTree.CPP cannot write."""
 
 import itertools
 from collections.abc import Collection, Iterator
@@ -65,12 +65,12 @@ _WRITING = (AccessKind.WRITE, AccessKind.CHANGE, AccessKind.BOTH)
 
 
 class _TypedPort(NamedTuple):
-    """A port of a node with the key.
+    """A port that has the key of the checked entry as its value.
 
     Attributes:
-        bound: The node.
+        bound: The node of the port.
         parameter: The port.
-        cpp: Its C++ type, normalized; the name of the queue's type for the queue of a loop.
+        cpp: The port's normalized C++ type. For the queue of a loop, it is the queue type's name.
     """
 
     bound: BoundNode
@@ -89,12 +89,12 @@ class _TypedPort(NamedTuple):
 
     @property
     def is_of_user(self) -> bool:
-        """Whether it reads strings only if the C++ code defines the conversion, as far as its model shows."""
+        """Whether the port has a type of the C++ program, which must define how to convert strings to it."""
         return needs_converter(self.cpp) and self.bound.spec.provenance is Provenance.DESCRIBED
 
     @property
     def type_text(self) -> str:
-        """The type, for a message."""
+        """The port's type as messages name it."""
         return "items" if is_loop_queue(self.cpp) else self.cpp or ANY
 
 
@@ -102,10 +102,10 @@ class _WrittenValue(NamedTuple):
     """A value that is written to an entry.
 
     Attributes:
-        cpp: Its C++ type, normalized.
+        cpp: The value's normalized C++ type.
         value: The value itself, if the file shows it.
-        is_shown: Whether the file shows it.
-        text: The string for a number that is a string in BehaviorTree.CPP; None for any other value.
+        is_shown: Whether the file shows the value.
+        text: The constant as written, if BehaviorTree.CPP stores it as a string; None for any other value.
     """
 
     cpp: str
@@ -121,15 +121,16 @@ class _KeyWrite(NamedTuple):
     """A location that writes an entry.
 
     Attributes:
-        element: The element.
-        attribute: The attribute.
-        key: The key, by its name there.
-        place: The attribute and the part of its value that is written; None for all of it.
+        element: The element that contains the location.
+        attribute: The attribute that names the key.
+        key: The key, by its name in the element's tree.
+        place: The attribute that contains the written value, and the value's start and end in it; None instead of start
+            and end for the whole attribute.
         values: The possible values; None if they are not known.
         port: The port that writes; None for a script, a constant, a copy or an item.
         is_copy: Whether a node copies the value with its type.
-        is_constant: Whether it is an argument of a subtree.
-        is_item: Whether it is an item of a loop.
+        is_constant: Whether the value is an argument of a subtree.
+        is_item: Whether the value is an item of a loop.
     """
 
     element: Element
@@ -156,9 +157,9 @@ class KeyTypeRules:
 
     Args:
         board: The entries.
-        types: The types that ports and constants give them.
+        types: The types that ports and constants give the entries.
         btcpp: The version of BehaviorTree.CPP that the trees are for; None if it is not configured.
-        enums: The names of enumerations.
+        enums: The names of the declared enumerators.
     """
 
     def __init__(
@@ -170,9 +171,9 @@ class KeyTypeRules:
         self._version = btcpp or NEWEST
         self._severity = btcpp_severity(btcpp)
         self._entries = {(entry.scope, entry.key): entry for entry in board.entries}
-        # Kinds of ports that have the same type: an entry that only they use needs no comparison.
+        # Sets of ports that all have the same type. An entry that only such ports use needs no comparison.
         self._of_one_type: set[tuple[int, ...]] = set()
-        # Cache of the possible values of entries, because a copy of a copy is requested often.
+        # The possible values of entries are cached, because copies of copies request them often.
         self._values: dict[tuple[Scope, str], _PossibleValues] = {}
 
     def check_entry(self, entry: EntryAccesses) -> Iterator[Diagnostic]:
@@ -198,15 +199,15 @@ class KeyTypeRules:
             if found and write.is_item:
                 break
         if not entry.is_parameter:
-            # If an entry has a type, all ports have been compared with it.
+            # If an entry has a type, all ports have been compared with this type.
             is_open = is_untyped(first.cpp) or first.cpp == TEXT
             readers = [port for port in ports if is_open or is_loop_queue(port.cpp)]
-            yield from self._unreadable(writes, readers)
+            yield from self._check_unreadable(writes, readers)
             yield from self._check_replaced([*kinds.values()] if is_untyped(first.cpp) else [])
             if scripts and writes and not entry.given:
-                yield from self._late_scripts(writes[0], scripts, first)
+                yield from self._check_late_scripts(writes[0], scripts, first)
             if scripts and entry.given:
-                yield from self._failing_scripts(entry)
+                yield from self._check_passed_scripts(entry)
 
     def _port(self, use: EntryAccess) -> _TypedPort | None:
         bound, name = use.node, use.access.attribute
@@ -257,7 +258,7 @@ class KeyTypeRules:
     def _values_written(
         self, use: EntryAccess, port: _TypedPort | None, expression: Expression | None, depth: int = 0
     ) -> _PossibleValues:
-        """Return the values that a use writes: from a script's expression, a copied key or string, or a port."""
+        """Return the possible values that an access writes; None if they are not known."""
         bound, scope = use.node, use.instance.scope
         source = bound.spec.semantics.copies
         if use.access.place is not None:
@@ -309,7 +310,7 @@ class KeyTypeRules:
     def _check_ports(
         self, write: _KeyWrite, ports: list[_TypedPort], first: EntryType
     ) -> Iterator[Diagnostic]:
-        """Yield the first port that does not match the values that a location writes."""
+        """Yield a finding about the first port that does not accept the values that a location writes."""
         values, element = write.values, write.element
         if write.port is not None and not is_untyped(write.port.cpp):
             if first.cpp == TEXT and write.port.cpp != TEXT:
@@ -319,7 +320,7 @@ class KeyTypeRules:
         if not values:
             return
         for port in ports:
-            if not any(_is_taken(value, port, write) for value in values):
+            if not any(_is_accepted(value, port, write) for value in values):
                 yield _misfit_here(write, values[0], port)
                 return
             if all(_exceeds_children(value, port) for value in values):
@@ -346,13 +347,13 @@ class KeyTypeRules:
         yield from itertools.islice(itertools.chain(refused, notes), 1)
 
     def _is_read_as(self, value: _WrittenValue, cpp: str) -> bool:
-        """Return whether a known value is not a string, or is a string that can be read as a number type."""
+        """Return whether a known value is not a string, or is a string that can be converted to a number type."""
         return not isinstance(value.value, str) or can_be_converted(value.value, cpp, self._version)
 
     def _refused_by(
         self, port: _TypedPort, write: _KeyWrite, values: tuple[_WrittenValue, ...], first: EntryType
     ) -> Diagnostic | None:
-        """Return the finding about values that a port makes BehaviorTree.CPP reject; None if there are none."""
+        """Return the finding about values that BehaviorTree.CPP rejects because of a port; None if it accepts them."""
         types = [value.cpp for value in values]
         shown, is_new, is_given = " or ".join(dict.fromkeys(types)), False, first.parameter is None
         # The types of constants, items and ports are compared when the tree is bound.
@@ -373,7 +374,7 @@ class KeyTypeRules:
         return self._refusal(what, write.element, write.span, port, is_new=is_new)
 
     def _is_text_lost(self, port: _TypedPort, write: _KeyWrite, types: list[str], first: EntryType) -> bool:
-        """Return whether an entry is empty for a loop after `SetBlackboard`, whose port has no type, copied a string."""
+        """Return whether a loop finds its queue empty, because `SetBlackboard` has copied a string to the new entry."""
         is_named_first = first.parameter is not None and not first.cpp
         is_loop = is_loop_queue(port.cpp) and self._version >= LISTS.since
         return is_loop and is_named_first and write.is_copy and types == [TEXT]
@@ -384,13 +385,13 @@ class KeyTypeRules:
         if not value.is_shown or (not port.reads and (write.is_constant or write.is_item)):
             return True
         if port.cpp == STATUS and isinstance(written, str) and not (write.is_constant or write.is_item):
-            # A script reads an existing status as a number, and knows no words for it.
+            # A script converts a string for an existing status to a number, and does not accept names of statuses.
             is_number_there = written in ("true", "false") or _begins_as_number(written)
             return not write.is_copy and not port.reads and is_number_there
         return can_be_converted(written, port.cpp, self._version)
 
-    def _unreadable(self, writes: list[_KeyWrite], ports: list[_TypedPort]) -> Iterator[Diagnostic]:
-        """Yield the first port that can read none of the values that other ports write."""
+    def _check_unreadable(self, writes: list[_KeyWrite], ports: list[_TypedPort]) -> Iterator[Diagnostic]:
+        """Yield a finding about the first port that can read none of the values that other ports write."""
         types = [value.cpp for write in writes for value in write.values or ()]
         writer = next((write for write in writes if write.port is not None), None)
         if writer is None or writer.port is None or any(write.values is None for write in writes):
@@ -409,24 +410,24 @@ class KeyTypeRules:
                 return
 
     def _check_replaced(self, uses: list[EntryAccess]) -> Iterator[Diagnostic]:
-        """Yield the first port that cannot overwrite the value of another one."""
+        """Yield a finding about the first port that cannot overwrite the value of another port."""
         ports = [(use, port) for use in uses if (port := self._port(use)) is not None and port.writes]
-        for (earlier, held), (later, port) in itertools.combinations(ports, 2):
-            if can_replace(port.cpp, held.cpp) or is_loop_queue(held.cpp) or is_loop_queue(port.cpp):
+        for (earlier, first), (later, port) in itertools.combinations(ports, 2):
+            if can_replace(port.cpp, first.cpp) or is_loop_queue(first.cpp) or is_loop_queue(port.cpp):
                 continue
-            if _has_written(earlier, later) or not can_replace(held.cpp, port.cpp):
+            if _has_written(earlier, later) or not can_replace(first.cpp, port.cpp):
                 name, element = port.parameter.name, port.bound.element
-                line = f"line {held.bound.element.line}{file_of(held.bound.element, element)}"
+                line = f"line {first.bound.element.line}{file_of(first.bound.element, element)}"
                 what = (
-                    f"'{port.bound.keys[name]}' is {port.cpp} here, but {held.cpp} is written to it ({line})"
+                    f"'{port.bound.keys[name]}' is {port.cpp} here, but {first.cpp} is written to it ({line})"
                 )
                 yield self._refusal(f"{name}: {what}", element, element.value_span(name), port)
                 return
 
-    def _late_scripts(
+    def _check_late_scripts(
         self, write: _KeyWrite, ports: list[_TypedPort], first: EntryType
     ) -> Iterator[Diagnostic]:
-        """Yield scripts in an entry that a node writes: BehaviorTree.CPP reads scripts when it creates the tree."""
+        """Yield findings about scripts in entries that a node writes. BehaviorTree.CPP needs them before any tick."""
         for port in ports:
             spec, name, element = port.bound.spec, port.parameter.name, port.bound.element
             if not spec.semantics.counterpart.built_in:
@@ -444,8 +445,8 @@ class KeyTypeRules:
                     "cpp-type-mismatch", message, value=name, hint=hint, severity=self._severity
                 )
 
-    def _failing_scripts(self, entry: EntryAccesses) -> Iterator[Diagnostic]:
-        """Yield scripts passed to a subtree that raise an error in every tick."""
+    def _check_passed_scripts(self, entry: EntryAccesses) -> Iterator[Diagnostic]:
+        """Yield findings about scripts that are passed to a subtree and raise an error in every tick."""
         for place, use in itertools.product(entry.given, entry.uses):
             constants, element = place.remapping.constants, place.element
             port = self._port(use)
@@ -473,7 +474,7 @@ class KeyTypeRules:
                     break
 
     def _is_written(self, scope: Scope, key: str) -> bool:
-        """Return whether a name in a script is a key that may be written, or an enumeration."""
+        """Return whether a name in a script is a key that may be written, or a declared enumerator."""
         entry = self._entries.get(scope.owner(key))
         return key in self._enums or (entry is not None and (entry.is_made or entry.is_parameter))
 
@@ -491,7 +492,7 @@ class KeyTypeRules:
 
 
 def _has_written(earlier: EntryAccess, later: EntryAccess) -> bool:
-    """Return whether a node has certainly written before a later one: both are in one sequence, which a failure ends."""
+    """Return whether a write has certainly happened before a later write, because both nodes are in one sequence."""
     around = earlier.position.around
     if around is None or around is not later.position.around:
         return False
@@ -499,7 +500,7 @@ def _has_written(earlier: EntryAccess, later: EntryAccess) -> bool:
 
 
 def _script_in(text: str, port: _TypedPort) -> Script | None:
-    """Return the script in a string; None if it is not a script, which is reported as a value that the port cannot read."""
+    """Return the script in a string; None if the string is not a script, which another rule reports."""
     try:
         script = port.parameter.value_type.convert(text)
     except ConversionError:
@@ -508,10 +509,10 @@ def _script_in(text: str, port: _TypedPort) -> Script | None:
 
 
 def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[int, EntryAccess], bool]:
-    """Return a use of an entry for each kind of port, and whether anything other than a typed port writes it.
+    """Return one access to an entry for each kind of port, and whether anything other than a typed port writes it.
 
-    For an entry with many uses, each port of a kind of node is compared once. A port that counts children is compared
-    once for each number of children.
+    If an entry has many uses, each port of a kind of node is compared only once. A port that counts children is
+    compared once for each number of children.
     """
     kinds: dict[int, EntryAccess] = {}
     others_write = bool(entry.given)
@@ -530,7 +531,7 @@ def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[int, EntryAccess], bool]
 
 
 def _is_lost(value: _WrittenValue, cpp: str) -> bool:
-    """Return whether a number cannot overwrite the value of a port."""
+    """Return whether a number cannot be written to an entry of a port's type without losing its value."""
     if cpp == TEXT:
         return is_number(value.cpp)
     number = value.value
@@ -539,8 +540,8 @@ def _is_lost(value: _WrittenValue, cpp: str) -> bool:
     return not number.is_integer() or (number < 0 and cpp == "uint64_t")
 
 
-def _is_taken(value: _WrittenValue, port: _TypedPort, write: _KeyWrite) -> bool:
-    """Return whether a port accepts a value; an output port must accept the strings that scripts write."""
+def _is_accepted(value: _WrittenValue, port: _TypedPort, write: _KeyWrite) -> bool:
+    """Return whether a port accepts a value. An output port only needs to accept the strings that scripts write."""
     written = value.value
     if not value.is_shown or fits(port.parameter.value_type, written):
         return True
@@ -563,7 +564,7 @@ def _items_of(bound: BoundNode, cpp: str) -> Iterator[_WrittenValue]:
 
 
 def _exceeds_children(value: _WrittenValue, port: _TypedPort) -> bool:
-    """Return whether a port counts children, and a value is larger than their number."""
+    """Return whether a port counts children, and a value is larger than the number of children."""
     there, name = len(port.bound.children), port.parameter.name
     if name not in port.bound.spec.semantics.counts or not value.is_shown or not there:
         return False
@@ -580,7 +581,7 @@ def _unreachable_count(write: _KeyWrite, value: _WrittenValue, port: _TypedPort)
 
 
 def _misfit_here(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Diagnostic:
-    what = "a text" if isinstance(value.value, str) else str(value.value)
+    what = "a string" if isinstance(value.value, str) else str(value.value)
     label, whose = port.parameter.value_type.label, port_label(port.parameter.name, port.bound, write.element)
     message = f"{write.attribute}: '{write.key}' is {what} here, and {label} for {whose}"
     hint = f"write {label}, or use two keys"
@@ -588,7 +589,7 @@ def _misfit_here(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Di
 
 
 def _assigned_expression(use: EntryAccess) -> Expression | None:
-    """Return the expression that a script assigns to a key unchanged; None for any other use."""
+    """Return the expression that a script assigns to a key; None if the access is not such an assignment."""
     if use.access.place is None:
         return None
     for name, script in use.node.scripts():
