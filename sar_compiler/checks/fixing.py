@@ -154,14 +154,7 @@ def fixes(
 def each_fix(
     source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic], is_meant: IsMeant = is_safe
 ) -> Iterator[Fix]:
-    """Yield the fix of each finding. Fixes may overlap, so apply them one by one.
-
-    Args:
-        source: As for `fixes`.
-        tree_file: As for `fixes`.
-        findings: As for `fixes`.
-        is_meant: As for `fixes`.
-    """
+    """Yield the fix of each finding; see `fixes` for the arguments. Fixes may overlap, so apply them one by one."""
     values = _Values(list(tree_file.root.iterate()) if tree_file is not None else [])
     for finding in sorted(findings, key=lambda each: (each.span.line, each.span.column)):
         if finding.source is source and finding.suggestion is not None and is_meant(finding):

@@ -1,1 +1,1 @@
-"""Ticking of trees with py_trees, without ROS: nodes, scripts and clocks."""
+"""Nodes, scripts, the blackboard and clocks: everything that ticks a tree with py_trees, without ROS."""

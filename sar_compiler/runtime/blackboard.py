@@ -1,8 +1,8 @@
-"""The keys of a compiled tree, on py_trees' blackboard.
+"""The blackboard entries of a compiled tree, which py_trees' blackboard stores.
 
-py_trees has one store for the whole process. Each compiled tree has a unique prefix in it, and each instance of a
-subtree a path below that, so the entry of a key is determined when the tree is compiled:
-`Scope.resolve` follows the subtree's remapping up to the scope that owns the entry.
+py_trees' blackboard is one table for the whole process. Each compiled tree has a unique prefix in this table, and each
+instance of a subtree has a path below the prefix. So the entry of a key is determined when the tree is compiled:
+`Scope.resolve` follows the remapping of subtrees up to the scope that owns the entry.
 """
 
 import functools
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.entry_cells import Memo
 
 ROOT_SIGN = "@"
-"""The prefix of a key of the root scope."""
+"""The prefix of a key that belongs to the root scope."""
 _PRIVATE = "_"
 STROKE = "%2F"
-"""The replacement of `/` in a key or in a subtree's name, for the absolute name of an entry."""
+"""The replacement of `/` in keys and subtree names that are part of an entry's absolute name."""
 
 _instances = itertools.count()
 
@@ -31,7 +31,7 @@ class MissingEntryError(SarError, KeyError):
     """A key without a value was read.
 
     Attributes:
-        key: The key, as written.
+        key: The key, as written in the tree file.
     """
 
     def __init__(self, key: str) -> None:
@@ -47,13 +47,13 @@ class Board:
     """All entries of one compiled tree.
 
     Args:
-        name: The prefix of its keys on py_trees' blackboard; made unique in this process.
+        name: The prefix of the entries' names on py_trees' blackboard; a suffix makes it unique in this process.
 
     Attributes:
-        is_numbered: Whether its entries hold numbers in place of values; see `NumberedBoard`.
-        stamps: The number of writes of each entry; an entry exists if it is in this table.
-        kinds: The declared entries, written or not, with their types; None for those of any type. Both tables are
-            changed in place and never replaced, because functions of scripts have them as arguments.
+        is_numbered: Whether entries contain numbers instead of values; see `NumberedBoard`.
+        stamps: The number of writes of each existing entry, by absolute name.
+        kinds: The type of each declared entry, which may not exist yet, by absolute name; None if it may have any type.
+            `stamps` and `kinds` are never replaced, because compiled scripts have these dictionaries as arguments.
     """
 
     def __init__(self, name: str) -> None:
@@ -67,35 +67,35 @@ class Board:
 
     @functools.cached_property
     def storage(self) -> dict[str, Any]:
-        """py_trees' blackboard, which is not imported to check a tree."""
+        """The dictionary of py_trees' blackboard, which is imported only when a tree is run."""
         return _storage()
 
     @functools.cached_property
     def prefix(self) -> str:
-        """The prefix of the absolute names of its entries."""
+        """The prefix of the entries' absolute names."""
         number = next(_instances)
         return f"/{self._name}~{number}" if number else f"/{self._name}"
 
     def has(self, name: str) -> bool:
-        """Return whether there is an entry with an absolute name."""
+        """Return whether an entry with an absolute name exists."""
         return name in self.storage
 
     def get(self, name: str) -> object:
-        """Return an entry's value, or raise a `KeyError` if there is none."""
+        """Return an entry's value; raise a `KeyError` if the entry does not exist."""
         return self.storage[name]
 
     def set(self, name: str, value: object) -> None:
-        """Write an entry, and create it if there is none."""
+        """Write an entry, which is created if it does not exist."""
         self.storage[name] = value
         self.stamps[name] = self.stamps.get(name, 0) + 1
 
     def declare(self, name: str, kind: type | None) -> None:
-        """Declare an entry, which stays empty until it is written; its first type is kept."""
+        """Declare an entry, which has no value until it is written; a second declaration has no effect."""
         if name not in self.kinds:
             self.kinds[name] = kind
 
     def set_kind(self, name: str, kind: type) -> None:
-        """Set the type of an entry that has none."""
+        """Set the type of an entry without a declared type."""
         if self.kinds.get(name) is None:
             self.kinds[name] = kind
 
@@ -104,17 +104,17 @@ class Board:
         return name in self.kinds
 
     def kind_of(self, name: str) -> type | None:
-        """Return the type of an entry; None if it has none."""
+        """Return the declared type of an entry; None if no type was declared."""
         return self.kinds.get(name)
 
     def remove(self, name: str) -> None:
-        """Remove an entry, if there is one, and its type."""
+        """Remove an entry, if it exists, and its declaration."""
         self.storage.pop(name, None)
         self.stamps.pop(name, None)
         self.kinds.pop(name, None)
 
     def stamp(self, name: str) -> int:
-        """Return the number of writes of an entry; 0 if there is none."""
+        """Return the number of writes of an entry; 0 if it does not exist."""
         return self.stamps.get(name, 0)
 
     def names(self) -> Iterator[str]:
@@ -122,32 +122,32 @@ class Board:
         yield from list(self.stamps)
 
     def values(self) -> dict[str, object]:
-        """Return the entries by their names below the prefix, in the order of their creation."""
+        """Return the values of all entries by their names below the prefix, in the order of creation."""
         begin = len(self.prefix) + 1
         return {name[begin:]: self.get(name) for name in self.names()}
 
     def watch_entry(self, name: str) -> None:
-        """Count the writes of an entry from now on, because a node's behaviour depends on it."""
+        """Count the writes of an entry from now on, because the behaviour of a node depends on this number."""
         self._watched.add(name)
 
-    def memo(self, entries: "Sequence[Entry]") -> "Memo | None":  # noqa: ARG002 - for numbered ones
-        """Return a cache of the effects of code on some entries; None unless the board is numbered."""
+    def memo(self, entries: "Sequence[Entry]") -> "Memo | None":  # noqa: ARG002 - used by numbered boards
+        """Return a cache for the effects of code on the given entries; None unless the board is numbered."""
         return None
 
     def restamp(self, name: str, stamp: int) -> None:
-        """Set the number of writes of an entry, if there is one."""
+        """Set the number of writes of an entry, if it exists."""
         if self.stamps.get(name, stamp) != stamp:
             self.stamps[name] = stamp
 
 
 class Entry(NamedTuple):
-    """An entry, which may not have been written yet.
+    """An entry of the blackboard, which may not have been written yet.
 
     Attributes:
-        board: The board that holds it.
-        name: Its absolute name.
+        board: The board that contains the entry.
+        name: The absolute name of the entry.
         key: The key as written in the tree file.
-        passed_on: Whether the key is remapped to one of an enclosing tree.
+        passed_on: Whether a remapping leads from the key to an entry of an outer tree.
     """
 
     board: Board
@@ -157,68 +157,68 @@ class Entry(NamedTuple):
 
     @property
     def exists(self) -> bool:
-        """Whether it has been written."""
+        """Whether the entry has a value."""
         return self.board.has(self.name)
 
     @property
     def is_declared(self) -> bool:
-        """Whether a port, a write or the mission has declared it."""
+        """Whether a port, a write or the mission has declared the entry."""
         return self.board.is_declared(self.name)
 
     @property
     def kind(self) -> type | None:
-        """The type that a string is parsed as: `bool`, `int`, `float` or `str`; None if it has none."""
+        """The declared type, to which strings are converted: `bool`, `int`, `float` or `str`; None if there is none."""
         return self.board.kind_of(self.name)
 
     @property
     def stamp(self) -> int:
-        """The number of writes."""
+        """The number of writes of the entry."""
         return self.board.stamp(self.name)
 
     def read(self) -> object:
-        """Return its value.
+        """Return the entry's value.
 
         Raises:
-            MissingEntryError: If it has not been written.
-            UnknownValueError: If its value is unknown.
+            MissingEntryError: If the entry has not been written.
+            UnknownValueError: If the value is unknown.
         """
         try:
-            held = self.board.get(self.name)
+            value = self.board.get(self.name)
         except KeyError:
             raise MissingEntryError(self.key) from None
-        if isinstance(held, UnknownValue):
-            raise UnknownValueError(held)
-        return held
+        if isinstance(value, UnknownValue):
+            raise UnknownValueError(value)
+        return value
 
     @property
     def is_unknown(self) -> bool:
-        """Whether it was written with an unknown value."""
+        """Whether the entry's value is unknown."""
         return self.exists and isinstance(self.board.get(self.name), UnknownValue)
 
     def declare(self, kind: type | None = None) -> None:
-        """Declare the entry; its first type is kept."""
+        """Declare the entry; a second declaration has no effect."""
         self.board.declare(self.name, kind)
 
     def write(self, value: object) -> None:
-        """Write it."""
+        """Write a value to the entry."""
         self.board.set(self.name, value)
 
     def remove(self) -> None:
-        """Remove it."""
+        """Remove the entry."""
         self.board.remove(self.name)
 
 
 @mission_context(preview=lambda: Scope(Board("preview")))
 class Scope:
-    """The keys of one tree instance: the main tree's or a subtree's.
+    """The scope of the keys of one tree instance, which is the main tree or a subtree.
 
     Args:
         board: The board with the entries.
         path: The instance's path; empty for the main tree.
-        parent: The scope of the enclosing tree.
-        remapping: The parent's key for each remapped key.
-        autoremap: Whether every other key is remapped to the parent's key of the same name.
-        own: Keys that always belong to this scope, because they are constants.
+        parent: The scope of the tree that contains the `SubTree` node; None for the main tree.
+        remapping: The parent scope's key for each remapped key.
+        autoremap: Whether every other key is remapped to the parent scope's key of the same name.
+        own: Keys that always belong to this scope, because a constant is passed for each.
     """
 
     def __init__(
@@ -247,7 +247,7 @@ class Scope:
         """Return the entry of a key in this scope."""
         scope, name = self.owner(key)
         folder = scope._folder
-        # A slash in a key must not lead into the folder of a subtree.
+        # A slash in a key must not lead to the entries of a subtree.
         passed_on = scope is not self and not key.startswith(ROOT_SIGN)
         return Entry(self.board, f"{folder}/{name.replace('/', STROKE)}", key, passed_on)
 
@@ -256,7 +256,7 @@ class Scope:
         return f"{self.board.prefix}/{self.path}" if self.path else self.board.prefix
 
     def entries(self) -> Iterator[tuple[str, Entry]]:
-        """Yield the keys written in this scope and its remapped keys, with their entries."""
+        """Yield the keys of this scope's existing entries and the remapped keys, with their entries."""
         for name in self.board.names():
             folder, _, key = name.rpartition("/")
             if folder == self._folder:
@@ -265,7 +265,7 @@ class Scope:
             yield key, self.resolve(key)
 
     def owner(self, key: str) -> "tuple[Scope, str]":
-        """Return the scope that owns the entry of a key, and the key there."""
+        """Return the scope that owns the entry of a key, and the entry's key in that scope."""
         scope = self
         while scope._parent is not None and not key.startswith(ROOT_SIGN) and key not in scope._own:
             if key in scope._remapping:
@@ -277,7 +277,7 @@ class Scope:
 
 
 def entry_of(variable: str) -> str:
-    """Return the key of a variable such as `key.attribute`."""
+    """Return the key in a variable name of py_trees such as `key.attribute`."""
     return variable.partition(".")[0]
 
 

@@ -1,4 +1,4 @@
-"""Breakpoints: a tick that waits before a node until it is continued."""
+"""Breakpoints: nodes before which a tick waits until the user continues it."""
 
 import threading
 import time
@@ -12,16 +12,16 @@ from sar_compiler.runtime.kernel.tree_nodes import TreeNode, Visit
 
 
 class Breakpoints:
-    """The breakpoints of a tree, set in one thread while another ticks the tree.
+    """The breakpoints of a tree, set in one thread while another thread ticks the tree.
 
     Args:
         log: Function for messages about breakpoints, called in the thread that ticks.
-        patience_sec: The time without a call of `keep_alive`, in seconds of the steady clock, after which breakpoints have no
-            effect: a closed browser must not block a robot's tree.
+        patience_sec: The time without a call of `keep_alive`, in seconds of the steady clock, after which breakpoints
+            have no effect, because a closed browser must not block a robot's tree.
 
     Attributes:
-        held_at: The behaviour at which a tick waits; None if none waits.
-        wake: Function called when a waiting tick may continue, from the thread that sets breakpoints.
+        held_at: The behaviour at which a tick waits; None if no tick waits.
+        wake: Function called in the thread that sets breakpoints, when a waiting tick may continue.
     """
 
     def __init__(self, log: Callable[[str], object], patience_sec: float) -> None:
@@ -42,19 +42,19 @@ class Breakpoints:
             self._behaviours[id(behaviour)] = behaviour
 
     def remove(self, behaviour: Behaviour) -> None:
-        """Remove the breakpoint at a node, if there is one; a tick that waits there continues."""
+        """Remove the breakpoint at a node, if there is one, and continue a tick that waits there."""
         with self._lock:
             self._behaviours.pop(id(behaviour), None)
         self.wake()
 
     def clear(self) -> None:
-        """Remove all breakpoints."""
+        """Remove all breakpoints, and continue a waiting tick."""
         with self._lock:
             self._behaviours.clear()
         self.wake()
 
     def resume(self) -> None:
-        """Continue the waiting tick; its breakpoint stays for the next tick."""
+        """Continue the waiting tick; the breakpoint remains for the next tick."""
         self._is_continued = True
         self.wake()
 
@@ -68,17 +68,17 @@ class Breakpoints:
             self.wake()
 
     def wait_at(self, behaviour: Behaviour) -> Generator[None, None, None]:
-        """Yield as long as a tick has to wait at a node."""
+        """Yield repeatedly while a tick has to wait at a node."""
         if behaviour not in self or self._is_abandoned():
             return
         self.held_at, self._is_continued = behaviour, False
-        self._log(f"A breakpoint pauses the tree at '{behaviour.name}': continue to tick it")
+        self._log(f"A breakpoint pauses the tree before '{behaviour.name}' until you continue it")
         try:
             while behaviour in self and not self._is_continued and not self._is_abandoned():
                 yield
         finally:
             self.held_at = None
-        self._log("the tree is ticked again")
+        self._log("The tree is ticked again")
 
     def _is_abandoned(self) -> bool:
         return time.monotonic() - self._alive_at > self._patience_sec
@@ -87,12 +87,12 @@ class Breakpoints:
 def tick_with_breakpoints(
     tree: LiveTree, breakpoints: Breakpoints, visits: list[Visit]
 ) -> Generator[None, None, None]:
-    """Tick a tree once, and yield whenever the tick has to wait; closing the generator aborts the tick.
+    """Tick a tree once, and yield while the tick has to wait; closing the generator aborts the tick.
 
     Args:
         tree: The tree.
-        breakpoints: The breakpoints. Nodes below foreign controls and decorators, which only these tick, have none.
-        visits: Receives the ticked nodes, in the order of their ends; the caller may clear it between steps.
+        breakpoints: The breakpoints. They have no effect at nodes below a foreign control or decorator.
+        visits: Receives the ticked nodes, in the order in which their ticks end. The caller may clear it between steps.
     """
     ticker = tree.ticker
     ticker.enter()

@@ -1,4 +1,4 @@
-"""The time source of a tree, which tests, simulators and robots provide."""
+"""The clocks that measure a tree's durations in tests, simulations and on a robot."""
 
 import time
 from typing import Protocol
@@ -7,7 +7,7 @@ from sar_compiler.runtime.context import mission_context
 
 
 class WallClock:
-    """Seconds of the machine's steady clock."""
+    """The machine's steady clock."""
 
     def now(self) -> float:
         """Return the time in seconds; only differences are meaningful."""
@@ -15,7 +15,7 @@ class WallClock:
 
 
 class ManualClock:
-    """A clock that changes only when it is moved, for tests and simulated runs.
+    """A clock that only `advance` changes, for tests and simulated runs.
 
     Args:
         start: The initial time, in seconds.
@@ -29,13 +29,13 @@ class ManualClock:
         return self._now
 
     def advance(self, seconds: float) -> None:
-        """Move the clock forward (or back, as after a reset of a simulator)."""
+        """Move the clock forward, or backward by a negative number of seconds, as when a simulator is reset."""
         self._now += seconds
 
 
 @mission_context(preview=WallClock)
 class Clock(Protocol):
-    """A source of time for the durations written in a tree."""
+    """The interface of a clock that measures the durations in a tree."""
 
     def now(self) -> float:
         """Return the time in seconds; only differences are meaningful."""
@@ -43,7 +43,7 @@ class Clock(Protocol):
 
 
 def clock_text(seconds: float) -> str:
-    """Return a duration as minutes and seconds, with hours if necessary: `1:05`, `2:00:00`."""
+    """Format a duration in seconds as minutes and seconds, with hours if there are any: `1:05`, `2:00:00`."""
     whole = max(0, int(seconds))
     hours, minutes = divmod(whole // 60, 60)
     return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"

@@ -1,9 +1,9 @@
-"""Conditions that no value of their variables can change: `x != 'A' || x != 'B'`, `x < 1 && x > 2`.
+"""Conditions with the same result for all values of their variables: `x != 'A' || x != 'B'`, `x < 1 && x > 2`.
 
-A comparison of a variable with literals changes its result only at these literals. So it is enough to evaluate
-the condition with one value of each interval between them, for all combinations of the variables. A comparison
-of anything else, such as `x < y + 1`, is replaced by a Boolean variable; equal comparisons by the same variable, and
-opposite ones by its negation.
+A comparison of a variable with literals changes its result only at these literals. So it is enough to evaluate the
+condition with one value of each interval between the literals, for all combinations of the variables. Any other
+comparison, such as `x < y + 1`, is replaced by a Boolean variable. Equal comparisons are replaced by the same variable,
+and opposite comparisons by its negation.
 """
 
 import functools
@@ -31,20 +31,20 @@ from sar_compiler.runtime.expressions import (
 from sar_compiler.runtime.variables import PlainVariables, RefusedValueError, ScriptValue, number_of
 
 _MOST_COMBINATIONS = 4096
-"""The maximum number of combinations; conditions with more are not analysed."""
+"""The maximum number of combinations of values; conditions with more combinations are not analysed."""
 _LOGICAL = frozenset({"&&", "||"})
 _OF_EQUALS = {"==": 1, "<=": 1, ">=": 1, "!=": 0, "<": 0, ">": 0}
 """The results of comparing a value with itself."""
 
 
 def constant_truth(script: Script) -> bool | None:
-    """Return the value of a condition that is the same for all values of its variables.
+    """Return the truth of a condition if it is the same for all values of its variables.
 
     Args:
         script: The condition.
 
     Returns:
-        True or False; None if the values decide, if it assigns a variable, or if it raises for every value.
+        The truth; None if it depends on the values, or if the condition assigns a variable or always raises an error.
     """
     # Most scripts need no evaluation, and a cache lookup takes longer than this check.
     if not script.statements or _is_decided_by_a_value(script):
@@ -53,10 +53,10 @@ def constant_truth(script: Script) -> bool | None:
 
 
 def constant_clauses(script: Script) -> Iterator[tuple[Expression, bool]]:
-    """Yield the largest constant parts of a condition that compare variables, each with its truth.
+    """Yield the largest parts of a condition that contain variables but have a constant truth, with this truth.
 
     Args:
-        script: The condition; its parts are the operands of `&&`, `||` and `!`.
+        script: The condition. Its parts are the operands of `&&`, `||` and `!`.
     """
     waiting = [*script.statements[-1:]]
     while waiting:
@@ -86,7 +86,7 @@ def _is_decided_by_a_value(script: Script) -> bool:
 
 
 class _SampledCondition:
-    """A condition, rewritten so that a few values of each variable represent all of them.
+    """A condition that is rewritten so that a few values of each variable represent all values.
 
     Args:
         script: The condition, without assignments.
@@ -99,7 +99,7 @@ class _SampledCondition:
         self._script = replace(script, statements=(self._rewrite(script.statements[-1]),))
 
     def constant_truth(self) -> bool | None:
-        """Return the value if it is the same for all variables that do not raise an error."""
+        """Return the truth if it is the same for all values without an error; otherwise None."""
         choices = [{0, 1, *_representatives(literals)} for literals in self._literals.values()]
         if math.prod(map(len, choices)) > _MOST_COMBINATIONS:
             return None
@@ -134,7 +134,7 @@ class _SampledCondition:
         return self._unknown(node) if any(isinstance(part, Name) for part in parts(node)) else node
 
     def _compare(self, left: Expression, step: OperatorTerm) -> Expression:
-        """Return the comparison of two neighbours in a chain."""
+        """Return the rewritten comparison of two neighbours in a chain."""
         operator, right = step.operator, step.operand
         if not any(isinstance(part, Name) for side in (left, right) for part in parts(side)):
             return _comparison(left, operator, right)
@@ -154,20 +154,20 @@ class _SampledCondition:
         return self._unknown(_comparison(left, operator, right))
 
     def _unknown(self, node: Expression) -> Name:
-        """Return the variable that replaces an unanalysed part; equal parts have the same variable."""
+        """Return the variable that replaces a part that is not analysed; equal parts have the same variable."""
         name = self._unjudged.setdefault(node, Name(f"?{len(self._unjudged)}", **_source_range(node)))
         self._literals.setdefault(name.name, set())
         return name
 
 
 def _representatives(literals: Iterable[ScriptValue]) -> Iterator[ScriptValue]:
-    """Yield a value of each interval between the literals, for numbers and strings, and the literals."""
+    """Yield the literals and a value of each interval between them, for numbers and strings."""
     numbers, texts = set(), {""}
     for literal in literals:
         if not isinstance(literal, str):
             numbers.add(float(literal))
             continue
-        texts |= {literal, literal + "\x01"}  # the second one is the next string in order
+        texts |= {literal, literal + "\x01"}  # the literal and the string that follows it in order
         with suppress(RefusedValueError):
             numbers.add(float(number_of(literal)))
     if len(texts) > 1:

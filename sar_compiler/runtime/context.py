@@ -11,7 +11,7 @@ _MARK = "__mission_context__"
 
 
 class PreviewError(SarError):
-    """A placeholder for an object of the mission context cannot be created."""
+    """The placeholder for an object of the mission context cannot be created."""
 
 
 @overload
@@ -23,15 +23,15 @@ def mission_context(
 ) -> type[T] | Callable[[type[T]], type[T]]:
     """Mark a class as part of the mission context: `@mission_context`, or `@mission_context(preview=make)`.
 
-    A leaf's constructor parameter that is annotated with such a class is not an attribute of its tag:
-    the mission that compiles the tree provides the object.
+    A constructor parameter of a leaf that is annotated with such a class is not an attribute of the leaf's tag. The
+    mission that compiles the tree provides the object.
 
     Args:
         cls: The class.
-        preview: Creates a placeholder, for a tree that is compiled only for display or tests; the class itself by default.
+        preview: Function that creates a placeholder for trees that are only displayed or tested; by default the class.
 
     Returns:
-        The class; without an argument, a decorator that marks a class.
+        The class; a decorator that marks a class if *cls* is not given.
     """
 
     def mark(marked: type[T]) -> type[T]:
@@ -42,12 +42,12 @@ def mission_context(
 
 
 def is_mission_context(cls: type) -> bool:
-    """Return whether a class is injected rather than written in a tree file."""
+    """Return whether the mission provides the objects of a class, so that they are not attributes in a tree file."""
     return hasattr(cls, _MARK)
 
 
 def preview_of(cls: type) -> object:
-    """Create the placeholder that the class was marked with.
+    """Create the placeholder for an object of the mission context.
 
     Raises:
         PreviewError: If the placeholder cannot be created.
@@ -57,6 +57,6 @@ def preview_of(cls: type) -> object:
         return factory()
     except Exception as error:
         raise PreviewError(
-            f"a placeholder for the context object {cls.__name__} cannot be created ({type(error).__name__}: {error}): "
-            "mark its class with a function that creates one, @mission_context(preview=make)"
+            f"a placeholder for the context object {cls.__name__} cannot be created ({type(error).__name__}: {error}). "
+            "Mark its class with a function that creates one: @mission_context(preview=make)"
         ) from error

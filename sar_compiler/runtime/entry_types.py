@@ -1,4 +1,4 @@
-"""Conversion of new values to the types of blackboard entries."""
+"""Conversion of values that are written to blackboard entries to the entries' types."""
 
 import enum
 from collections.abc import Mapping
@@ -20,16 +20,16 @@ _BOOLS = ("True", "TRUE", "False", "FALSE")
 
 
 def value_to_keep(current: object, value: object, enums: Mapping[str, int]) -> object:
-    """Return the value to store when a new value is written to an entry with a value.
+    """Return the value to store when an entry's value is replaced.
 
     Args:
-        current: The current value; None if there is none.
+        current: The current value of the entry; None if it has no value.
         value: The new value.
         enums: The named constants.
 
     Returns:
-        The new value with the current value's type: numbers and strings are converted if no precision is lost. A bool
-            may be replaced by any other value, because it is an integer to a script.
+        The new value with the current value's type. Numbers and strings are converted if no precision is lost. Any
+            integer may replace a bool, because scripts read a bool as an integer.
 
     Raises:
         RefusedValueError: If the value cannot be converted.
@@ -50,54 +50,55 @@ def value_to_keep(current: object, value: object, enums: Mapping[str, int]) -> o
 
 
 def read_as(text: str, kind: type) -> ScriptValue:
-    """Return the value of a string for an entry that was declared with a type.
+    """Convert a string to the declared type of an entry.
 
     Args:
         text: The string.
-        kind: The type: `bool`, `int`, `float` or `str`.
+        kind: The declared type: `bool`, `int`, `float` or `str`.
 
     Raises:
-        RefusedValueError: If the string is not such a value.
+        RefusedValueError: If the string is not a value of the type.
     """
     if kind is str:
         return text
     return fit(text.lower() if text in _BOOLS else text, bool) if kind is bool else fit(number_of(text), kind)
 
 
-def value_to_assign(held: object, kind: type | None, value: ScriptValue, enums: Mapping[str, int]) -> object:
+def value_to_assign(old: object, kind: type | None, value: ScriptValue, enums: Mapping[str, int]) -> object:
     """Return the value to store when a script assigns to an entry.
 
     Args:
-        held: The current value; None if there is none.
-        kind: The declared type; None if it has only that of its value.
+        old: The current value of the entry; None if it has no value.
+        kind: The declared type of the entry; None if no type was declared.
         value: The new value.
         enums: The named constants.
 
     Returns:
-        The value with the entry's type; a string for a number without a declared type becomes a real number.
+        The value with the entry's type. A string for an entry with a number and without a declared type becomes a real
+            number.
 
     Raises:
         RefusedValueError: If the value cannot be converted.
     """
-    if isinstance(value, str) and not isinstance(held, str):
+    if isinstance(value, str) and not isinstance(old, str):
         if kind is not None:
             return read_as(value, kind)
-        if isinstance(held, (int, float)) and not isinstance(held, bool):
+        if isinstance(old, (int, float)) and not isinstance(old, bool):
             return float(parse_number_text(value, enums))
-    return value_to_keep(held, value, enums)
+    return value_to_keep(old, value, enums)
 
 
-def value_to_write(held: object, value: object) -> object:
-    """Return the value to store when a port writes to an entry."""
-    numbers = type(held) in _NUMBERS and type(value) in _NUMBERS
-    if numbers and type(held) is not type(value) and held is not None:
+def value_to_write(old: object, value: object) -> object:
+    """Return the value to store when a port writes to an entry; a number gets the entry's type if this is exact."""
+    numbers = type(old) in _NUMBERS and type(value) in _NUMBERS
+    if numbers and type(old) is not type(value) and old is not None:
         with suppress(RefusedValueError):
-            return value_to_keep(held, value, {})
+            return value_to_keep(old, value, {})
     return value
 
 
 def value_of(value: object) -> ScriptValue | None:
-    """Return the value that a script reads from an entry; None if it cannot calculate with it.
+    """Return the value that a script reads from an entry; None if scripts cannot calculate with it.
 
     A bool is read as 1 or 0, and a member of an enumeration as its number.
 

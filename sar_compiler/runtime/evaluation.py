@@ -1,4 +1,4 @@
-"""Evaluation of scripts, which are compiled to functions once and called in each tick."""
+"""Evaluation of scripts, which are compiled once to functions that are called in each tick."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
@@ -38,10 +38,10 @@ class EvaluationError(SarError):
     """A script cannot be evaluated with the current values of its variables.
 
     Attributes:
-        message: The error.
-        start: The start of the expression that failed, in characters of the script's text.
-        end: The end of that expression.
-        hint: A short instruction, if there is one.
+        message: The description of the error.
+        start: The offset of the failed expression's start in the script's text.
+        end: The offset after the failed expression.
+        hint: A short instruction; None if there is no remedy.
     """
 
     def __init__(self, message: str, start: int, end: int, hint: str | None = None) -> None:
@@ -57,11 +57,11 @@ class Program:
 
     Args:
         script: The script.
-        enums: The named constants; such a name is never read as a variable.
+        enums: The named constants, whose names are never read as variables.
 
     Attributes:
         script: The script.
-        statements: A function for each statement.
+        statements: A function that evaluates each statement.
     """
 
     def __init__(self, script: Script, enums: Mapping[str, int] = _NO_ENUMS) -> None:
@@ -73,10 +73,10 @@ class Program:
         """Evaluate the script.
 
         Returns:
-            The value of its last expression; 0.0 if it has none.
+            The value of the last expression; 0.0 if the script is empty.
 
         Raises:
-            EvaluationError: If a variable is missing or a value is invalid. Earlier assignments remain.
+            EvaluationError: If a variable is missing or a value is invalid. Earlier assignments are not undone.
         """
         value: ScriptValue = 0.0
         for statement in self.statements:
@@ -87,15 +87,15 @@ class Program:
         """Evaluate the script as a condition.
 
         Raises:
-            EvaluationError: As for `run`, or if its value is neither 0 nor 1.
+            EvaluationError: As for `run`, or if the script's value is neither true nor false.
         """
         return self.as_condition(self.run(variables))
 
     def as_condition(self, value: ScriptValue) -> bool:
-        """Return the script's value as the result of a condition.
+        """Convert the script's value to the result of a condition.
 
         Raises:
-            EvaluationError: If it is neither 0 nor 1.
+            EvaluationError: If the value is neither true nor false.
         """
         try:
             return operators.as_condition(value)
@@ -118,7 +118,7 @@ class _ScriptCompiler:
         }
 
     def make(self, expression: Expression) -> Evaluate:
-        """Return the function that calculates an expression."""
+        """Return a function that evaluates an expression."""
         return self._makers[type(expression)](expression)
 
     def _literal(self, node: Literal) -> Evaluate:
@@ -135,7 +135,7 @@ class _ScriptCompiler:
             try:
                 return variables.read(name)
             except VariableError as error:
-                hint = _how_to_define(name) if isinstance(error, UnknownVariableError) else None
+                hint = _definition_hint(name) if isinstance(error, UnknownVariableError) else None
                 raise EvaluationError(str(error), node.start, node.end, hint) from error
 
         return run
@@ -200,7 +200,7 @@ class _ScriptCompiler:
             result = value(variables)
             try:
                 if calculate is not None:
-                    # Not through an enumeration, because the target of an assignment is a variable.
+                    # The target of an assignment is always a variable, even if it has the name of a constant.
                     result = self._calculate(node, calculate, variables.read(name), result)
                 return variables.create(name, result) if creates else variables.assign(name, result)
             except VariableError as error:
@@ -216,8 +216,8 @@ class _ScriptCompiler:
 
 
 def condition_type_error(script: Script, error: RefusedValueError) -> EvaluationError:
-    """Return the error for a script's value that is neither true nor false."""
-    hint = "'=' assigns a value; write '==' to compare" if script.closing_assignment else None
+    """Return the error for a condition whose value is neither true nor false."""
+    hint = "'=' assigns a value. Write '==' to compare" if script.closing_assignment else None
     start, end = (script.statements[-1].start, script.statements[-1].end) if script.statements else (0, 0)
     message = f"'{excerpt(script.text[start:end])}' is not a condition: {error}"
     return EvaluationError(message, start, end, hint)
@@ -231,7 +231,7 @@ def chain_error(
     left: ScriptValue,
     right: ScriptValue,
 ) -> EvaluationError:
-    """Return the error of a chain, located from its start to the operand that failed."""
+    """Return the error of an operator in a chain, located from the chain's start to the operator's right operand."""
     following = next((later.start for later in node.steps if later.start > step.start), None)
     end = node.end if following is None else len(text[:following].rstrip())
     one_text = isinstance(left, str) != isinstance(right, str)
@@ -243,24 +243,25 @@ def chain_error(
 def _assignment_failure(node: Assignment, error: VariableError) -> EvaluationError:
     target = node.target
     if isinstance(error, UnknownVariableError | UnknownValueError):
-        hint = _makes(target.name) if isinstance(error, UnknownVariableError) else None
+        hint = _creation_hint(target.name) if isinstance(error, UnknownVariableError) else None
         return EvaluationError(str(error), target.start, target.end, hint)
     message = f"this value cannot be assigned to '{target.name}': {error}"
     return EvaluationError(message, node.start, node.end, "a variable keeps the type of its first value")
 
 
 def failure(text: str, node: Expression, error: VariableError) -> EvaluationError:
-    """Return the error of an expression."""
+    """Return the error for an expression that cannot be calculated."""
     message = f"'{excerpt(text[node.start : node.end])}' cannot be calculated: {error}"
     return EvaluationError(message, node.start, node.end)
 
 
-def _how_to_define(name: str) -> str:
-    # An assignment to a name of a C++ program's enumerations would hide its number.
+def _definition_hint(name: str) -> str:
+    # An assignment to the name of a C++ program's enumerator would hide its number.
     if name.isupper():
-        return f"if it is an enumeration of the C++ program, add its number to sar.toml under [language.enums]; '{name} := ...' creates a variable"
-    return _makes(name)
+        enumerator = "add an enumerator of the C++ program to [language.enums] in sar.toml"
+        return f"{enumerator}, or create a variable with {name} := ..."
+    return _creation_hint(name)
 
 
-def _makes(name: str) -> str:
-    return f"'{name} := ...' creates it"
+def _creation_hint(name: str) -> str:
+    return f"to create it, write {name} := ..."

@@ -1,7 +1,7 @@
 """Events of a tree at the level of leaf outcomes, shared by runs, proofs and journals.
 
-An event contains the action of a leaf and its outcome, so that its consumers need not derive outcomes from statuses. The
-last event of a tick is its end.
+An event contains the action of a leaf and its outcome, so that the consumers of events need not derive outcomes from
+statuses. The last event of a tick is the end of the tick.
 """
 
 from collections.abc import Iterable, Mapping
@@ -10,33 +10,33 @@ from typing import NamedTuple
 from uuid import UUID
 
 STARTED, RETURNED, HALTED, TICKED = "started", "returned", "halted", "ticked"
-"""The kinds of events: a leaf starts, returns an outcome, is halted while it runs; a tick of the tree ends."""
+"""The kinds of events: a leaf starts, returns an outcome, or is halted while it runs, or a tick of the tree ends."""
 
 DECIDED = "decided"
-"""A node with children has ended by itself: a time limit, a script condition, a loop without items. Only in recorded runs."""
+"""A node with children has ended by itself, for example at a time limit or because of a condition; only in recorded runs."""
 
 RESET = "reset"
-"""A leaf that had ended was reset; only in recorded runs, because they omit outcomes that equal those of the previous tick."""
+"""A leaf that had ended was reset; only in recorded runs, which omit outcomes that are equal to the previous tick's."""
 
 
 FactChanges = tuple[tuple[str, object], ...]
-"""Facts by name, each with its new value."""
+"""The changed facts, as pairs of a name and the new value."""
 
 
 class Event(NamedTuple):
     """An action of a leaf, or the end of a tick.
 
     Attributes:
-        path: The names of the leaf's ancestors from the root down, and its own; for the end of a tick, only the root's.
-        number: The leaf's number, from 0 in pre-order, as journals number nodes; for the end of a tick, the root's.
-        what: `STARTED`, `RETURNED`, `HALTED`, `DECIDED`, `RESET` or `TICKED`.
-        status: The status of the leaf, the node or the root; empty for the root if the tick was not finished.
-        label: The label of the outcome, or the reason of the node; empty if there is only the status.
-        facts: The facts that the outcome has changed; in a recorded run, the recorded ones by kind, with their data.
-        tick: The number of the tick in its run, from 1; 0 without a run.
+        path: The names of the leaf's ancestors, from the root, and of the leaf; for the end of a tick, the root's name.
+        number: The leaf's number in pre-order, from 0, as in journals. For the end of a tick, it is the root's number.
+        what: The kind of event: `STARTED`, `RETURNED`, `HALTED`, `DECIDED`, `RESET` or `TICKED`.
+        status: The status of the leaf, the node that has decided, or the root; empty if the tick was not finished.
+        label: The label of the outcome, or the reason of the node; empty if there is only a status.
+        facts: The facts that the outcome has changed. In a recorded run, they are the recorded events, by kind.
+        tick: The number of the tick in its run, from 1; 0 if there is no run.
         time_sec: The time since the start of the run, in seconds; None if any time may have passed.
         ran_sec: The run time of a node that has ended by itself, in seconds; 0 for other events.
-        statuses: For the end of a recorded tick, the recorded statuses in their order, each with the node's number.
+        statuses: For the end of a recorded tick, pairs of a node's number and status, in the order of the records.
         is_unsure: Whether a condition of the leaf may have decided instead of the leaf; only in imported runs.
     """
 
@@ -59,26 +59,26 @@ class Event(NamedTuple):
 
     @property
     def outcome(self) -> str:
-        """The outcome's label, or else its status; empty for other events."""
+        """The label of a returned outcome, or its status if it has no label; empty for other kinds of events."""
         return (self.label or self.status) if self.what == RETURNED else ""
 
     @property
     def action(self) -> str:
-        """The action in one word: the outcome, or else the kind of event."""
+        """The returned outcome, or the kind of event if no outcome was returned."""
         return self.outcome or self.what
 
 
 def changes_in(before: Mapping[str, object], after: Mapping[str, object]) -> FactChanges:
-    """Return the facts whose values have changed."""
+    """Return the changed facts, sorted by name."""
     return tuple((name, after[name]) for name in sorted(after) if before.get(name) != after[name])
 
 
 ValueChange = tuple[object, object]
-"""A value before and after; None if there is none."""
+"""The value before and the value after a change; None for a missing value."""
 
 
 def value_changes(before: Mapping[str, object], after: Mapping[str, object]) -> dict[str, ValueChange]:
-    """Return the changed values, by their names."""
+    """Return the changes of values, by name."""
     names = {**before, **after}
     return {
         name: (before.get(name), after.get(name)) for name in names if before.get(name) != after.get(name)
@@ -89,11 +89,11 @@ class TickRecord(NamedTuple):
     """The result of a tick.
 
     Attributes:
-        events: The events of leaves, in order; the last one is the end of the tick.
-        facts: The facts that have changed.
-        keys: The keys of the blackboard that have changed.
-        statuses: The status of each ticked node, by its id, if known.
-        error: The error raised in it, in words; empty if there is none or it is unknown.
+        events: The events of leaves, in order, and the end of the tick.
+        facts: The changed facts, by name.
+        keys: The changed blackboard keys, by name.
+        statuses: The status of each ticked node, by the id of its behaviour; empty if not known.
+        error: The message of the error that the tick raised; empty if there was none, or it is not known.
     """
 
     events: tuple[Event, ...]
@@ -121,14 +121,14 @@ class TickRecord(NamedTuple):
 def append_end(
     events: Iterable[Event], root: str, status: str, tick: int = 0, time_sec: float | None = None
 ) -> tuple[Event, ...]:
-    """Return the events of a tick, with its end.
+    """Append the end of a tick to its events, and set the number and time of all events.
 
     Args:
         events: The events of leaves.
         root: The name of the root.
         status: The root's status; empty if the tick was not finished.
         tick: The number of the tick.
-        time_sec: Its time.
+        time_sec: The time of the tick since the start of the run, in seconds.
     """
     end = Event((root,), 0, TICKED, status)
     return tuple(each._replace(tick=tick, time_sec=time_sec) for each in (*events, end))

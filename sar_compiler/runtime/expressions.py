@@ -1,4 +1,4 @@
-"""Parsed scripts: expressions with their locations, and their static analysis."""
+"""Parsed scripts: expressions with their locations, and the names that they use."""
 
 import enum
 import functools
@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Union
 
 
-# Instances are never changed. Freezing them would double the time to parse a script, and methods that are generated for each class
-# would take half of the time to import this module.
+# Instances are never changed, but frozen dataclasses would double the time to parse a script. Methods that are generated
+# for each class would take half of the time to import this module.
 @dataclass(slots=True, kw_only=True, eq=False, repr=False)
 class ScriptPart:
-    """A part of a script's text, with its start and end."""
+    """A part of a script, with the offsets of its start and end in the text."""
 
     start: int
     end: int
 
     def _content(self) -> list[object]:
-        names: tuple[str, ...] = self.__match_args__  # without the location, which is given by keywords
+        names: tuple[str, ...] = self.__match_args__  # without the location, whose fields are keyword-only
         return [getattr(self, name) for name in names]
 
     def __eq__(self, other: object) -> bool:
@@ -43,7 +43,7 @@ class Literal(ScriptPart):
 
 @dataclass(slots=True, eq=False, repr=False)
 class Name(ScriptPart):
-    """A variable, or a name of an enumeration."""
+    """A variable or a named constant."""
 
     name: str
 
@@ -58,7 +58,7 @@ class Prefix(ScriptPart):
 
 @dataclass(slots=True, eq=False, repr=False)
 class OperatorTerm(ScriptPart):
-    """An operator with the operand on its right; the location is the operator's."""
+    """An operator with its right operand; `start` and `end` are the location of the operator."""
 
     operator: str
     operand: "Expression"
@@ -66,7 +66,7 @@ class OperatorTerm(ScriptPart):
 
 @dataclass(slots=True, eq=False, repr=False)
 class Operation(ScriptPart):
-    """Operators of one rank, applied from left to right: `a + b - c`."""
+    """Operators of equal rank, applied from left to right: `a + b - c`."""
 
     first: "Expression"
     steps: tuple[OperatorTerm, ...]
@@ -74,7 +74,7 @@ class Operation(ScriptPart):
 
 @dataclass(slots=True, eq=False, repr=False)
 class ComparisonChain(ScriptPart):
-    """A chain of comparisons: `a < b <= c` is true if `a < b` and `b <= c` are."""
+    """A chain of comparisons: `a < b <= c` is true if `a < b` and `b <= c` are true."""
 
     first: "Expression"
     steps: tuple[OperatorTerm, ...]
@@ -82,7 +82,7 @@ class ComparisonChain(ScriptPart):
 
 @dataclass(slots=True, eq=False, repr=False)
 class Conditional(ScriptPart):
-    """One of two values: `condition ? then : otherwise`."""
+    """A choice between two values: `condition ? then : otherwise`."""
 
     condition: "Expression"
     then: "Expression"
@@ -91,14 +91,14 @@ class Conditional(ScriptPart):
 
 @dataclass(slots=True, eq=False, repr=False)
 class Assignment(ScriptPart):
-    """An assignment to a variable, by one of `:= = += -= *= /=`."""
+    """An assignment to a variable, with one of the operators `:= = += -= *= /=`."""
 
     operator: str
     target: Name
     value: "Expression"
 
 
-Expression = Union[  # noqa: UP007 - the union names classes by text
+Expression = Union[  # noqa: UP007 - `|` does not support the names in quotes
     Literal, Name, Prefix, Operation, ComparisonChain, Conditional, Assignment
 ]
 
@@ -107,11 +107,11 @@ Expression = Union[  # noqa: UP007 - the union names classes by text
 class Script:
     """A parsed script.
 
-    All locations in it count characters of its text, from 0; an end is the first character after the part.
+    The locations of its parts are offsets in the text, from 0; an end is the offset after the part.
 
     Attributes:
         text: The text as written.
-        statements: Its expressions, in order; the last one's value is the script's.
+        statements: The script's expressions, in order. The value of the last expression is the script's value.
     """
 
     text: str = field(compare=False)
@@ -122,12 +122,12 @@ class Script:
 
     @functools.cached_property
     def by_start(self) -> Mapping[int, Expression]:
-        """The statements by their start."""
+        """The statements, by the offset of their start."""
         return {each.start: each for each in self.statements}
 
     @functools.cached_property
     def plain_form(self) -> type[Assignment] | type[ComparisonChain] | None:
-        """The kind of a simple assignment or comparison; None for other scripts."""
+        """The class of a single assignment or comparison that has only names and literals; None for other scripts."""
         if len(self.statements) != 1:
             return None
         (statement,) = self.statements
@@ -140,31 +140,31 @@ class Script:
 
     @property
     def closing_assignment(self) -> Assignment | None:
-        """The assignment whose value is that of the script: `level = 2`, probably intended as `level == 2`."""
+        """The last statement if it is an assignment, such as `level = 2`, which may be meant as `level == 2`."""
         last = self.statements[-1] if self.statements else None
         return last if isinstance(last, Assignment) else None
 
 
 class Access(enum.Enum):
-    """The use of a name in a script."""
+    """The kind of access by a name in a script."""
 
     READ = "read"
     CREATE = "create"
-    """`:=`: the variable need not exist."""
+    """An assignment with `:=`, which creates a missing variable."""
     CHANGE = "change"
-    """`=` and `+=` and the like: the variable must exist."""
+    """An assignment with `=`, `+=` or a similar operator, which requires that the variable exists."""
 
 
 class NameUse(NamedTuple):
-    """A name in a script.
+    """A use of a name in a script.
 
     Attributes:
         name: The name.
         access: The kind of access.
-        start: The start of the name.
-        end: The end of the name.
-        certain: Whether every run of the script evaluates it; if not, it is in a branch of `?:`, or after the
-            second operand of a chain of comparisons.
+        start: The offset of the name's start in the script's text.
+        end: The offset after the name.
+        certain: Whether every run of the script evaluates the name. If not, the name is in a branch of `?:`, or after
+            the second operand of a chain of comparisons.
     """
 
     name: str
@@ -177,7 +177,7 @@ class NameUse(NamedTuple):
 def name_uses(script: Script) -> Iterator[NameUse]:
     """Yield the uses of names in a script, in the order of evaluation.
 
-    `x += 1` reads `x` and changes it. Names of enumerations are read like variables.
+    `x += 1` reads `x` and changes it. A named constant is reported like a variable that is read.
     """
     for statement in script.statements:
         yield from _uses(statement, certain=True)
@@ -197,12 +197,12 @@ def children(expression: Expression) -> tuple[Expression, ...]:
 
 
 def parts(expression: Expression) -> Iterator[Expression]:
-    """Yield an expression and all of its parts."""
-    left = [expression]
-    while left:
-        part = left.pop()
+    """Yield an expression and all expressions that are parts of it."""
+    waiting = [expression]
+    while waiting:
+        part = waiting.pop()
         yield part
-        left += children(part)
+        waiting += children(part)
 
 
 def _uses(expression: Expression, *, certain: bool) -> Iterator[NameUse]:
@@ -221,7 +221,7 @@ def _uses(expression: Expression, *, certain: bool) -> Iterator[NameUse]:
 
 
 def _always_evaluated(expression: Expression, parts: int) -> int:
-    """Return the number of an expression's parts that every evaluation reaches."""
+    """Return how many of an expression's parts, from the first, every evaluation reaches."""
     if isinstance(expression, Conditional):
         return 1
     if isinstance(expression, ComparisonChain):

@@ -8,8 +8,8 @@ from typing import Any
 from sar_compiler.errors import UndecidableError
 
 PLAIN = (bool, int, str, bytes, type(None))
-"""The types of values that are not copied, but stored with their type."""
-# Types that are copied item by item, in addition to dictionaries.
+"""The types of immutable values, which are stored with their type instead of being copied."""
+# The types other than dictionaries that are copied item by item.
 _COLLECTIONS = (list, tuple, deque, set, frozenset)
 _NAN = "nan"
 
@@ -21,20 +21,20 @@ class FrozenValueError(UndecidableError):
 def freeze(value: object) -> Hashable:
     """Return a hashable copy of a value; copies of equal values of the same type are equal.
 
-    Lists, tuples, sets, dictionaries and deques are copied with their content. Other values are used directly, so they
-    must not be changed in place while states are compared.
+    Lists, tuples, sets, dictionaries and deques are copied with their content. Other values are not copied. They must
+    not be changed in place while states are compared.
 
     Raises:
-        FrozenValueError: If it cannot be hashed.
+        FrozenValueError: If the value cannot be hashed.
     """
     kind = type(value)
-    # With its type, because 1, 1.0 and True are equal in Python.
+    # The copy contains the type, because 1, 1.0 and True are equal in Python.
     if kind in PLAIN:
         return kind, value
     if kind is float:
         return kind, _NAN if math.isnan(value) else value, math.copysign(1.0, value)  # type: ignore[arg-type]
     if kind is dict:
-        return kind, tuple((freeze(key), freeze(held)) for key, held in value.items())  # type: ignore[attr-defined]
+        return kind, tuple((freeze(key), freeze(item)) for key, item in value.items())  # type: ignore[attr-defined]
     if kind in _COLLECTIONS:
         items = (freeze(item) for item in value)  # type: ignore[attr-defined]
         return (
@@ -46,27 +46,27 @@ def freeze(value: object) -> Hashable:
         hash(value)
     except TypeError:
         raise FrozenValueError(
-            f"a value of type {kind.__name__}, which can neither be copied nor hashed: "
-            "store lists, dictionaries, numbers and strings on the blackboard, or add a __hash__ to its class"
+            f"a value of type {kind.__name__}, which can neither be copied nor hashed. "
+            "Store lists, dictionaries, numbers and strings on the blackboard, or add a __hash__ to its class"
         ) from None
     return kind, value
 
 
 def thaw(frozen: Any) -> Any:
-    """Return the value that was frozen, or a copy of it if it can be changed in place."""
-    kind, held, *others = frozen
+    """Return the value that was frozen; a new copy if values of its type can be changed in place."""
+    kind, content, *others = frozen
     if kind is float:
-        return math.nan if held == _NAN else held
+        return math.nan if content == _NAN else content
     if kind is dict:
-        return {thaw(key): thaw(value) for key, value in held}
+        return {thaw(key): thaw(value) for key, value in content}
     if kind is deque:
-        return deque(map(thaw, held), *others)
+        return deque(map(thaw, content), *others)
     if kind in _COLLECTIONS:
-        return kind(map(thaw, held))
-    return held
+        return kind(map(thaw, content))
+    return content
 
 
 def can_change(value: object) -> bool:
-    """Return whether a value of the copied types can be changed in place."""
+    """Return whether a value has one of the copied types and can be changed in place."""
     kind = type(value)
     return kind is dict or (kind in _COLLECTIONS and kind is not frozenset)

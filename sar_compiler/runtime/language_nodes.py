@@ -1,6 +1,6 @@
-"""Behaviours of the language without a kernel node: leaves for scripts and entries, and the conditions of any node.
+"""Leaves of the tree language for scripts and blackboard entries, and the pre- and postconditions of nodes.
 
-py_trees has checks and assignments of single blackboard variables, but no expressions.
+py_trees has leaves that check or set a single blackboard variable, but no expressions.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,13 +20,13 @@ from sar_compiler.runtime.scripting import NodeScript
 from sar_compiler.runtime.ticking import Decorator
 from sar_compiler.runtime.variables import Enums, RefusedValueError, describe_value
 
-# Looked up once, because access to a member of an enumeration is slow.
+# Stored in variables, because access to a member of an enumeration is slow.
 _SUCCESS, _FAILURE = Status.SUCCESS, Status.FAILURE
 _NUMBERS = (int, float)
 
 
 class EntryTypeError(SarError):
-    """An entry cannot take the value that it is given."""
+    """A value cannot be written to an entry, or a key is not a string."""
 
 
 class _ScriptLeaf(Behaviour):
@@ -35,11 +35,11 @@ class _ScriptLeaf(Behaviour):
     Args:
         name: The node's name.
         code: The script.
-        scope: The scope of its variables.
+        scope: The scope of the script's variables.
         enums: The named constants.
 
     Attributes:
-        script: The script.
+        script: The script, which can be run.
     """
 
     is_condition = False
@@ -50,12 +50,12 @@ class _ScriptLeaf(Behaviour):
         self._quick: Callable[[], Status] | None = None
 
     def update(self) -> Status:
-        """Run the script; once its compiled form is known, that replaces this method."""
+        """Run the script; if it has a compiled form, this replaces the method at the first call."""
         if self._quick is None:
             self._quick = self.script.fast_update(_SUCCESS, _FAILURE if self.is_condition else None)
         quick = self._quick
         if quick is not None:
-            # Another wrapper may be around this method.
+            # Not if a subclass or another wrapper has replaced this method.
             if type(self).update is _ScriptLeaf.update and "update" not in vars(self):
                 setattr(self, "update", quick)  # noqa: B010 - for the type checker
             return quick()
@@ -70,21 +70,21 @@ class RunScript(_ScriptLeaf):
 
 
 class ScriptCondition(_ScriptLeaf):
-    """Runs a script, and succeeds if its value is true: true or false, 1 or 0."""
+    """Runs a script, and succeeds if its value is true (1), fails if it is false (0)."""
 
     is_condition = True
 
 
 class SetBlackboard(Behaviour):
-    """Writes an entry: another entry's value, with its type, or a string; fails if the other entry is empty.
+    """Copies a string, or another entry's value with its type, to an entry; fails if the other entry has no value.
 
-    An entry with a type keeps it: that of a port, of a literal, or of the mission. Any other takes the new type.
-    py_trees' SetBlackboardVariable supports neither scopes nor ports.
+    An entry keeps the type that a port, a literal or the mission has declared. An entry without a type gets the type of
+    the new value. py_trees' SetBlackboardVariable supports neither scopes nor ports.
 
     Args:
         name: The node's name.
-        value: The value to write.
-        output_key: The entry's key without braces, or, in braces, the key of an entry that contains it.
+        value: The string or the other entry.
+        output_key: The key of the written entry, without braces. In braces, it is the key of an entry that contains it.
         scope: The scope in which the key is looked up.
         enums: The named constants.
     """
@@ -110,7 +110,7 @@ class SetBlackboard(Behaviour):
             kind, count = board.kinds[name], board.stamps[name] + 1
             if kind is not None and not _is_kept(value, kind, board.storage[name]):
                 return self._write_any()
-        except KeyError:  # the first time it does not exist, or is not declared
+        except KeyError:  # one of the entries does not exist or is not declared yet
             return self._write_any()
         board.storage[name], board.stamps[name] = value, count
         if self.feedback_message:
@@ -129,7 +129,7 @@ class SetBlackboard(Behaviour):
         entry.declare(str if source is None else source.kind)
         try:
             kind = None if is_copied else entry.kind
-            entry.write(value if kind is None else self._as_before(entry, kind, value))
+            entry.write(value if kind is None else self._convert(entry, kind, value))
         except RefusedValueError as error:
             raise EntryTypeError(f"'{self.name}': {entry.key}: {error}") from error
         return _SUCCESS
@@ -145,21 +145,21 @@ class SetBlackboard(Behaviour):
             self._known = entry
         return entry
 
-    def _as_before(self, entry: Entry, kind: type, value: object) -> object:
+    def _convert(self, entry: Entry, kind: type, value: object) -> object:
         if isinstance(value, str):
             return read_as(value, kind)
-        held = entry.board.get(entry.name) if entry.exists else None
-        return value_to_keep(held, value, self._enums.numbers)
+        current = entry.board.get(entry.name) if entry.exists else None
+        return value_to_keep(current, value, self._enums.numbers)
 
 
-def _is_kept(value: object, kind: type, held: object) -> bool:
-    """Return whether an entry of a type certainly accepts a value unchanged."""
+def _is_kept(value: object, kind: type, current: object) -> bool:
+    """Return whether an entry with a declared type and a current value certainly accepts a new value unchanged."""
     given = type(value)
-    return given is kind is str or (given in _NUMBERS and given is type(held))
+    return given is kind is str or (given in _NUMBERS and given is type(current))
 
 
 class UnsetBlackboard(Behaviour):
-    """Removes an entry of the node's tree instance; entries of other instances stay.
+    """Removes an entry that belongs to the node's own tree instance; entries of outer trees remain.
 
     py_trees' UnsetBlackboardVariable does not support scopes.
 
@@ -176,28 +176,28 @@ class UnsetBlackboard(Behaviour):
         self._known: Entry | None = None
 
     def update(self) -> Status:
-        """Remove the entry, if there is one."""
+        """Remove the entry, if it exists."""
         key = self._key.get()
         if key.startswith(ROOT_SIGN):
             self.feedback_message = (
-                f"'{key}' stays: a tree can remove only its own keys, written without {ROOT_SIGN}"
+                f"'{key}' is not removed, because a tree can remove only its own keys, without {ROOT_SIGN}"
             )
             return _SUCCESS
         if self._known is None or self._known.key != key:
-            # The same instance without its remapping.
+            # The scope of the same instance, but without remapping.
             self._known = Scope(self._scope.board, self._scope.path).resolve(key)
         self._known.remove()
         return _SUCCESS
 
 
 class Conditions(Decorator):
-    """A node's pre- and post-conditions, which share the node's status.
+    """The pre- and postconditions of a node: a decorator that shares the node's status.
 
-    Stock py_trees has guards that can only fail, and no hook that runs when a node ends.
+    The decorators of py_trees cannot skip a node, and cannot run a script when a node ends.
 
     Args:
         child: The node.
-        scripts: The conditions, by their attributes' names.
+        scripts: The conditions, by attribute.
         scope: The scope of the scripts' variables.
         enums: The named constants.
     """
@@ -208,7 +208,7 @@ class Conditions(Decorator):
     def __init__(
         self, name: str, child: Behaviour, scripts: Mapping[str, Script], scope: Scope, enums: Enums
     ) -> None:
-        # First, because a behaviour's constructor sets its status, which is the child's here.
+        # Set first, because the base constructor sets the status, which is the child's.
         self.decorated = child
         super().__init__(name, child)
         ready = {
@@ -229,31 +229,31 @@ class Conditions(Decorator):
 
     @property
     def has_while(self) -> bool:
-        """Whether there is a condition for each tick."""
+        """Whether the node has `_while`."""
         return self._while is not None
 
     def run_after(self, outcome: int) -> None:
-        """Run the scripts for an end; INVALID means that the node was halted while it ran."""
+        """Run the postconditions for an outcome; INVALID means that the node was halted while it ran."""
         for script in (self._after[outcome], self._post[outcome]):
             if script is not None:
                 script.run()
 
     def omit_post_after_halts(self) -> None:
-        """Run `_post` only after the node has ended by itself, as BehaviorTree.CPP does despite its documentation."""
+        """Do not run `_post` after a halt, like BehaviorTree.CPP, which contradicts its documentation."""
         self._post[INVALID] = None
 
     def ignore(self) -> None:
-        """Ignore everything except `_onHalted`, as a ThreadedAction of BehaviorTree.CPP does."""
+        """Ignore all conditions except `_onHalted`, as a ThreadedAction of BehaviorTree.CPP does."""
         self._before, self._while = [], None
         self._after = {**dict.fromkeys((SUCCESS, FAILURE)), INVALID: self._after[INVALID]}
         self._post = dict.fromkeys(self._post)
 
     def evaluate_while_at_start(self) -> None:
         """Evaluate `_while` only before the node starts, as a CoroActionNode of BehaviorTree.CPP does."""
-        goes_on = self._while
-        if goes_on is not None:
-            ends = SimpleNamespace(holds=lambda: not goes_on.holds())
-            self._before.append((ends, "_while", SKIPPED))
+        condition = self._while
+        if condition is not None:
+            negated = SimpleNamespace(holds=lambda: not condition.holds())
+            self._before.append((negated, "_while", SKIPPED))
             self._while = None
 
     @property

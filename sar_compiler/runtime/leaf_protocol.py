@@ -3,8 +3,8 @@
 A leaf is an ordinary py_trees behaviour. A runner passes these keyword arguments to `setup`:
 
 * `node`: the rclpy node with which the leaf creates its clients and publishers;
-* `wake`: a `Wake`, to be called (from the runner's own thread) when a result has arrived, so that the
-  tree is ticked at once instead of in the next period.
+* `wake`: a `Wake`, which the leaf calls in the runner's thread when a result has arrived. The tree is then ticked at
+  once instead of in the next period.
 """
 
 from collections.abc import Callable
@@ -18,12 +18,12 @@ Wake = Callable[[], None]
 
 
 def ignore_wake() -> None:
-    """Do nothing, as the `Wake` of a runner without one."""
+    """Do nothing; the default `Wake` for runners that do not pass one."""
 
 
 @runtime_checkable
 class SettlingLeaf(Protocol):
-    """A leaf that may leave something active after it was stopped, such as a pending cancellation."""
+    """A leaf that may still have active work after it was stopped, such as a pending cancellation."""
 
     def is_settled(self) -> bool:
         """Return whether the leaf has no active work; called after the tree was stopped."""
@@ -31,15 +31,15 @@ class SettlingLeaf(Protocol):
 
 
 class NoStatusError(SarError, TypeError):
-    """A method, usually `update()`, did not return a status.
+    """A behaviour's method, usually `update()`, did not return a status.
 
     Attributes:
-        behaviour: The behaviour with the method.
+        behaviour: The behaviour.
     """
 
     def __init__(self, behaviour: Behaviour, returned: object, method: str = "") -> None:
         self.behaviour = behaviour
-        message = f"update() returned {returned!r}, which is not a status: return Status.SUCCESS, FAILURE or RUNNING"
+        message = f"update() returned {returned!r}, which is not a status. Return Status.SUCCESS, FAILURE or RUNNING"
         if method:
             message = f"{message.replace('update', method, 1)}, or the child to tick next"
         super().__init__(message)

@@ -1,6 +1,6 @@
-"""The operators of scripts: BehaviorTree.CPP's rules, on Python's numbers and strings.
+"""The operators of scripts, which apply BehaviorTree.CPP's rules to Python's numbers and strings.
 
-Every numeric result is real. A `RefusedValueError` names the operand that is invalid.
+Every numeric result is a real number. A `RefusedValueError` names the invalid operand.
 """
 
 import functools
@@ -19,10 +19,10 @@ from sar_compiler.runtime.variables import (
 )
 
 EPSILON = 2.0**-23
-"""The tolerance of equality: the step from 1 to the next 32-bit number."""
+"""The tolerance of equality: the difference between 1 and the next 32-bit floating-point number."""
 
 LONGEST_TEXT = 4096
-"""The maximum length of a string made by a script; joining a string to itself in a loop would fill the memory."""
+"""The maximum length of a joined string. A script that joins a string to itself in each tick would fill the memory."""
 
 
 def add(left: ScriptValue, right: ScriptValue) -> ScriptValue:
@@ -33,7 +33,7 @@ def add(left: ScriptValue, right: ScriptValue) -> ScriptValue:
 
 
 def divide(left: ScriptValue, right: ScriptValue) -> ScriptValue:
-    """Divide numbers; division by zero returns infinity, or NaN for zero by zero."""
+    """Divide two numbers. Division by zero returns infinity with the sign of the quotient, and NaN for zero by zero."""
     dividend, divisor = as_real(left), as_real(right)
     if divisor:
         return dividend / divisor
@@ -50,7 +50,7 @@ def join(left: ScriptValue, right: ScriptValue) -> ScriptValue:
 
 
 def complement(value: ScriptValue) -> ScriptValue:
-    """Invert the bits of a number, of which only the integer part is used."""
+    """Invert the bits of the integer part of a number."""
     number = as_real(value)
     return float(~to_int64(float(math.trunc(number)) if math.isfinite(number) else number))
 
@@ -64,7 +64,7 @@ BINARY: Mapping[str, Callable[[ScriptValue, ScriptValue], ScriptValue]] = {
     "&": lambda left, right: float(_bits(left) & _bits(right)),
     "|": lambda left, right: float(_bits(left) | _bits(right)),
     "^": lambda left, right: float(_bits(left) ^ _bits(right)),
-    # Both operands are evaluated, and rejected if they are not bools, whatever the other one is.
+    # Both operands are always evaluated, and rejected if they are neither true nor false.
     "&&": lambda left, right: float(_is_true(left) & _is_true(right)),
     "||": lambda left, right: float(_is_true(left) | _is_true(right)),
 }
@@ -81,9 +81,8 @@ PREFIX: Mapping[str, Callable[[ScriptValue], ScriptValue]] = {
 def compare(operator: str, left: ScriptValue, right: ScriptValue, enums: Mapping[str, int]) -> bool:
     """Return whether a comparison is true.
 
-    Two strings are compared character by character, so '10' is less than '9'. A string that is compared with a
-    number is read as a number. NaN differs from everything, and because no order between it and a number can be
-    denied, `<`, `>`, `<=` and `>=` are true for it, as in BehaviorTree.CPP.
+    Two strings are compared character by character, so '10' is less than '9'. A string that is compared with a number
+    is converted to a number. If one operand is NaN, `<`, `>`, `<=`, `>=` and `!=` are true, as in BehaviorTree.CPP.
     """
     if not (isinstance(left, str) and isinstance(right, str)):
         left, right = _comparable(left, enums), _comparable(right, enums)
@@ -98,10 +97,10 @@ def is_chosen(condition: ScriptValue) -> bool:
 
 
 def as_condition(value: ScriptValue) -> bool:
-    """Return a script's value as the result of a condition: an integer must be 1 or 0, a real number 0 or more.
+    """Convert a script's value to the result of a condition: an integer must be 1 or 0, a real number 0 or more.
 
     Raises:
-        RefusedValueError: If it is anything else.
+        RefusedValueError: If it is another integer, a negative number or a string.
     """
     if not isinstance(value, (int, float)):
         raise RefusedValueError(f"{describe_value(value)} is neither true (1) nor false (0)")
@@ -112,7 +111,7 @@ def _are_equal(left: Any, right: Any) -> bool:
     return bool(left == right if isinstance(left, str) else abs(left - right) <= EPSILON)
 
 
-# True unless the opposite is true, which differs only for NaN.
+# An order is true unless the opposite order is true, which makes a difference only for NaN.
 _COMPARISONS: Mapping[str, Callable[[Any, Any], bool]] = {
     "==": _are_equal,
     "!=": lambda left, right: not _are_equal(left, right),
@@ -137,7 +136,7 @@ def _join(left: str, right: str) -> str:
 
 
 def _as_text(value: object) -> str:
-    """Return a value as a part of a string; real numbers have six digits after the point."""
+    """Convert a value to a part of a joined string; a real number has six digits after the point."""
     if isinstance(value, str):
         return value
     if isinstance(value, int):
@@ -148,12 +147,12 @@ def _as_text(value: object) -> str:
 
 
 def _bits(value: ScriptValue) -> int:
-    """Return the operand of an operator on bits."""
+    """Convert the operand of a bit operator to a 64-bit integer."""
     return to_int64(as_real(value))
 
 
 def _is_true(value: ScriptValue) -> bool:
-    """Return the truth of a number, as for `as_condition`."""
+    """Return the truth of a number by the rules of `as_condition`."""
     number = as_real(value)
     if number < 0 or (isinstance(value, int) and value not in {0, 1}):
         raise RefusedValueError(f"{describe_value(value)} is neither true (1) nor false (0)")
@@ -161,7 +160,7 @@ def _is_true(value: ScriptValue) -> bool:
 
 
 def equal_texts(first: str, second: str, names: Mapping[str, int]) -> bool:
-    """Return whether two strings are equal for a Switch: as strings, as integers, or as real numbers."""
+    """Return whether a Switch treats two strings as equal: as strings, named constants, integers or real numbers."""
     if first == second:
         return True
     one, other = (float(names[text]) if text in names else _number_in(text) for text in (first, second))

@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     from py_trees.common import Status
 
 Fact: TypeAlias = bool | int | float | str
-"""The types of a fact."""
+"""The value of a fact."""
 
 
 class ReturnedStatus(enum.Enum):
-    """A status that a tick returns, as named in an attribute of a tree file."""
+    """A status that a tick returns, as an attribute in a tree file names it."""
 
     SUCCESS = "SUCCESS"
     FAILURE = "FAILURE"
@@ -23,7 +23,7 @@ class ReturnedStatus(enum.Enum):
 
     @property
     def status(self) -> "Status":
-        """The status that a tick returns."""
+        """The py_trees status."""
         from py_trees.common import Status
 
         from sar_compiler.runtime.skipping import SKIPPED
@@ -32,25 +32,25 @@ class ReturnedStatus(enum.Enum):
 
 
 STATUSES = tuple(ReturnedStatus.__members__)
-"""The possible statuses, the most common ones first."""
+"""The names of the possible statuses, the most common statuses first."""
 
 
 @dataclass(frozen=True)
 class Outcome:
     """One possible outcome of a leaf's tick.
 
-    In the scripts, and in the names of facts, `{self}` is replaced by the node's name as an identifier, and
-    `{parameter}` by the name of the node that a reference parameter refers to. In the scripts, it is also replaced by
-    the value of an integer parameter.
+    In scripts and names of facts, `{self}` is replaced by the node's name as an identifier, and `{parameter}` by the
+    name of the node to which a reference parameter refers. In scripts, `{parameter}` may also name an integer parameter
+    and is replaced by its value.
 
     Attributes:
         status: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
-        label: Its meaning in one or two words, such as "found" or "refused"; empty for the status's own name.
-        when: A script over facts; the outcome is possible only if it is true. Empty means always.
+        label: The meaning in one or two words, such as "found" or "refused"; empty for the name of the status.
+        when: A condition on facts with which the outcome is possible; empty if it is always possible.
         then: A script that changes facts when the outcome occurs.
-        p: The minimum and maximum probability that a run of the leaf ends with it; None if unknown.
+        p: The minimum and maximum probability that a run of the leaf ends with this outcome; None if not known.
         sec: The minimum and maximum run time of the leaf in seconds, uniformly distributed.
-        writes: The attributes whose keys it has written; None if unknown.
+        writes: The attributes whose keys the leaf has written with this outcome; None if not known.
     """
 
     status: str
@@ -63,20 +63,20 @@ class Outcome:
 
     @property
     def name(self) -> str:
-        """The label, or else the status."""
+        """The label, or the status if there is no label."""
         return self.label or self.status
 
 
 def nominal(options: Sequence[Outcome]) -> Outcome:
-    """Return the first outcome that is not RUNNING, or the first one."""
+    """Return the first outcome that is not RUNNING, or the first outcome if all are RUNNING."""
     return next((outcome for outcome in options if outcome.status != "RUNNING"), options[0])
 
 
 def probabilities(outcomes: Sequence[Outcome]) -> list[tuple[float, float]]:
     """Return the minimum and maximum probability of each outcome, given that one of them occurs.
 
-    If all have a probability, they are normalised, because some of a leaf's outcomes may be impossible now. An outcome
-    without a probability gets the rest. If all probabilities are zero, nothing is known.
+    If all outcomes have a probability, they are normalised, because other outcomes of the leaf may be impossible now.
+    Otherwise, outcomes without a probability share the rest. If all probabilities are zero, each may be from 0 to 1.
     """
     known = [outcome.p for outcome in outcomes if outcome.p is not None]
     low, high = sum(p[0] for p in known), sum(p[1] for p in known)
@@ -92,7 +92,7 @@ def probabilities(outcomes: Sequence[Outcome]) -> list[tuple[float, float]]:
 
 
 def middle(bounds: Sequence[tuple[float, float]]) -> list[float]:
-    """Return probabilities with the sum 1, all at the same relative position between their bounds."""
+    """Return one probability within each pair of bounds, all at the same relative position, so that their sum is 1."""
     room = sum(high - low for low, high in bounds)
     part = (1.0 - sum(low for low, _ in bounds)) / room if room else 0.0
     return [low + part * (high - low) for low, high in bounds]
@@ -103,7 +103,7 @@ def _probability(weight: float, others: float) -> float:
 
 
 class DeclaredOutcomes:
-    """The declared outcomes of a live leaf, for looking up its status and `outcome_label`.
+    """The declared outcomes of a running leaf, in which its status and `outcome_label` are looked up.
 
     Args:
         outcomes: The outcomes.
@@ -116,24 +116,24 @@ class DeclaredOutcomes:
                 self._labels[outcome.status].append(outcome.label)
         self._all = {label for labels in self._labels.values() for label in labels}
 
-    def label(self, status: str, said: str) -> str:
-        """Return the label of a leaf's outcome; empty if it is unknown.
+    def label(self, status: str, given: str) -> str:
+        """Return the label of a leaf's outcome; empty if it is not known.
 
-        The only outcome of a status needs no `outcome_label`. A label of another status is ignored then.
+        If only one outcome has the status, its label is returned, and any other label is ignored.
 
         Args:
             status: The leaf's status.
-            said: Its `outcome_label`.
+            given: The leaf's `outcome_label`.
         """
         labels = self._labels.get(status, [])
-        if said in labels:
-            return said
+        if given in labels:
+            return given
         return labels[0] if len(labels) == 1 else ""
 
-    def why_invalid(self, status: str, said: str) -> str:
-        """Return why a leaf's `outcome_label` is invalid; empty if it is valid."""
+    def why_invalid(self, status: str, given: str) -> str:
+        """Return the reason why a leaf's `outcome_label` is invalid; empty if it is valid."""
         labels = self._labels.get(status, [])
-        if said in ("", *labels) or (said in self._all and len(labels) == 1):
+        if given in ("", *labels) or (given in self._all and len(labels) == 1):
             return ""
         known = ", ".join(filter(None, labels)) or "none"
-        return f"its outcome_label '{said}' is not declared for {status} (declared: {known})"
+        return f"its outcome_label '{given}' is not declared for {status} (declared: {known})"

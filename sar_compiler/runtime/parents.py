@@ -1,11 +1,11 @@
-"""The common base of nodes with children that follow BehaviorTree.CPP's rules.
+"""The base classes of behaviours that follow BehaviorTree.CPP's rules.
 
-Stock py_trees classes do not know SKIPPED, and keep the statuses of ended children until these are restarted.
-The classes derived from these use the outcome of a child's tick, and reset children like BehaviorTree.CPP:
-a running child is halted, and an ended one only loses its status.
+The classes of py_trees do not support SKIPPED, and keep the statuses of ended children until these are restarted.
+Derived classes of this module use the outcome of a child's tick, and reset children like BehaviorTree.CPP: a running
+child is halted, and an ended child only loses its status.
 
-The class of a node in the kernel (`node_class`) defines its behaviour in a tick and when it is halted, whether it is ticked
-by itself or in a tree.
+The node class in the kernel (`node_class`) defines the effect of a tick and of a halt, whether py_trees or the kernel
+ticks the node.
 """
 
 from collections.abc import Callable, Hashable, Iterator
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
 
 class Children(list[Behaviour]):
-    """The children of a behaviour, in a list that counts the changes of all lists of its kind.
+    """The children of a behaviour, in a list that counts its changes.
 
     Attributes:
-        changes: The number of changes of all such lists so far.
+        changes: The number of changes of all lists of this class so far.
     """
 
     changes: ClassVar[int] = 0
 
     @classmethod
     def from_list(cls, children: list[Behaviour]) -> "Children":
-        """Return children as a list of this class."""
+        """Convert a list of children to this class."""
         return children if isinstance(children, cls) else cls(children)
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
@@ -59,24 +59,24 @@ for _name in (*_PLAIN, "__delitem__", "__iadd__", "__imul__", "__setitem__"):
 
 
 class TickedTree(Protocol):
-    """The view of a kernel tree for a behaviour that has a node in it; see `LiveTree`."""
+    """The part of a kernel tree's interface that the behaviours of its nodes use; see `LiveTree`."""
 
     def is_whole(self) -> bool:
         """Return whether all nodes still have the same children."""
 
     def tick(self, visits: "list[Visit] | None" = None, index: int = 0) -> int:
-        """Tick a node once, and record the ticked nodes below it."""
+        """Tick the node at an index once, and record the ticked nodes below it as visits."""
 
     def stop(self, index: int = 0) -> None:
-        """Stop a node."""
+        """Stop the node at an index."""
 
 
 class KernelTicking(NamedTuple):
-    """Define how py_trees ticks a behaviour through the kernel.
+    """The functions with which py_trees ticks a behaviour through the kernel.
 
     Attributes:
-        make_tree: Function that builds the kernel tree of a root and its descendants, and takes over the state of an earlier tree.
-        show_visits: Function that yields the ticked behaviours, each with its status at that time.
+        make_tree: Function that builds the kernel tree below a root, and copies the state of an earlier tree.
+        show_visits: Function that yields the ticked behaviours, each with its status at the end of its tick.
     """
 
     make_tree: Callable[..., TickedTree]
@@ -84,9 +84,9 @@ class KernelTicking(NamedTuple):
 
 
 class EngineBehaviour(Behaviour):
-    """A behaviour that its node in the kernel ticks and stops.
+    """A behaviour that a node of the kernel ticks and stops.
 
-    If py_trees ticks it by its own methods, it is the root of a kernel tree with all its descendants.
+    If py_trees calls the behaviour's own `tick`, the behaviour is the root of a kernel tree with all its descendants.
 
     Args:
         name: The node's name.
@@ -94,10 +94,10 @@ class EngineBehaviour(Behaviour):
         enums: The named constants.
 
     Attributes:
-        node_class: The class of the node; None for a class that is only a base.
+        node_class: The node class in the kernel; None for an abstract base class.
         ticking: The functions for ticking, which `runtime.ticking` sets.
-        clock: The clock of the node.
-        skipped: Whether the last tick was skipped; the status is then not the tick's, see `runtime.skipping`.
+        clock: The clock that measures the node's durations.
+        skipped: Whether the last tick was skipped, so that the status is older than this tick; see `runtime.skipping`.
     """
 
     node_class: "ClassVar[type[TreeNode] | None]" = None
@@ -105,25 +105,25 @@ class EngineBehaviour(Behaviour):
     skipped = False
     clock: Clock = WallClock()
     place: tuple[TickedTree, int] | None = None
-    """The tree that contains its node, and the node's index in it."""
+    """The kernel tree that contains the behaviour's node, and the node's index in this tree."""
     wake: Wake = staticmethod(ignore_wake)
-    """Requests the next tick at once, for a node that returns RUNNING between children, so that other nodes are ticked."""
+    """Function that requests another tick at once, for nodes that return RUNNING between two children."""
 
     def setup(self, **kwargs: Any) -> None:
         """Store the runner's `wake` function.
 
         Args:
-            **kwargs: The runner's arguments; `wake` is optional and requests another tick at once.
+            **kwargs: The runner's arguments; the optional `wake` is a function that requests another tick at once.
         """
         self.wake = kwargs.get("wake", ignore_wake)
 
     def build_node(self, part: "NodeBuilder") -> "TreeNode":
-        """Build the node with the kernel's builder."""
-        assert self.node_class is not None  # noqa: S101 - only called with a class
+        """Create the behaviour's node in the kernel."""
+        assert self.node_class is not None  # noqa: S101 - abstract classes have no nodes
         return self.node_class(part)
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick once, then yield each ticked node with its status, this one last."""
+        """Tick once, then yield each ticked node with its status at the end of its tick, this node last."""
         visits: list[Visit] = []
         try:
             tree, index = self._tree_and_index()
@@ -143,7 +143,7 @@ class EngineBehaviour(Behaviour):
         return self.status
 
     def stop(self, new_status: Status = Status.INVALID) -> None:
-        """Stop the node; with INVALID, the node and its children are halted."""
+        """Set the status; INVALID halts the node and its children."""
         if new_status == Status.INVALID:
             tree, index = self._tree_and_index()
             tree.stop(index)
@@ -154,9 +154,9 @@ class Cell(NamedTuple):
     """A memory cell of a control or decorator.
 
     Attributes:
-        number: Its index among the node's cells.
-        first: Its initial value.
-        keeps: Whether it keeps its value when the node ends or is halted.
+        number: The index among the node's cells.
+        first: The initial value.
+        keeps: Whether the cell keeps its value when the node ends or is halted.
     """
 
     number: int
@@ -167,23 +167,23 @@ class Cell(NamedTuple):
 class EngineParent(EngineBehaviour):
     """A node with children that follows BehaviorTree.CPP's rules.
 
-    A class without a `node_class` chooses the next child in `begin` and `resume`. Between these calls, and between ticks, it
-    stores its state only in cells, so that `verify` can restore any of its states.
+    A class without a `node_class` chooses the next child in `begin` and `resume`. Between these calls, and between
+    ticks, an object stores its state only in cells, so that `verify` can restore any of its states.
 
     Attributes:
-        is_its_child: Whether it and its child are one node, with one status.
-        cells: Its cells.
+        is_its_child: Whether the behaviour and its child are one node of the tree, with one status.
+        cells: The behaviour's cells.
     """
 
     is_its_child = False
     cells: tuple[Cell, ...] = ()
 
     def cell(self, first: Hashable = 0, *, keeps: bool = False) -> Cell:
-        """Add a cell, in the constructor; `tick[cell]` is its value, which must be hashable and immutable.
+        """Add a cell, in the constructor; `tick[cell]` is the cell's value, which must be hashable and immutable.
 
         Args:
-            first: The initial value, which is restored when the node ends or is halted.
-            keeps: Whether the value is kept instead.
+            first: The initial value, which the cell gets again when the node ends or is halted.
+            keeps: Whether the cell keeps its value when the node ends or is halted.
         """
         added = Cell(len(self.cells), first, keeps)
         self.cells = (*self.cells, added)
@@ -198,11 +198,11 @@ class EngineParent(EngineBehaviour):
         """Begin a tick.
 
         Args:
-            tick: The access to the tick's state and functions.
+            tick: The access to the node's cells, its timer and its children.
 
         Returns:
-            The child to tick first; or the outcome, if no child is needed. With `SKIPPED` the node is skipped, and with any
-                outcome but RUNNING it has ended, and its children are reset.
+            The first child to tick, or the node's outcome. `SKIPPED` means that the node is skipped. With any outcome
+                except RUNNING, the node ends and its children are reset.
         """
         raise NotImplementedError
 
@@ -210,16 +210,16 @@ class EngineParent(EngineBehaviour):
         """Continue a tick after a child.
 
         Args:
-            tick: The access to the tick's state and functions.
-            outcome: The outcome of the child; `SKIPPED` if it was skipped.
+            tick: The access to the node's cells, its timer and its children.
+            outcome: The outcome of the child; `SKIPPED` if the child was skipped.
 
         Returns:
-            As for `begin`. A child that has ended is restarted if it is ticked again.
+            The next child to tick, or the node's outcome, as for `begin`. A child that has ended is restarted.
         """
         raise NotImplementedError
 
     def build_node(self, part: "NodeBuilder") -> "TreeNode":
-        """Build the node with the kernel's builder."""
+        """Create the behaviour's node in the kernel."""
         if self.node_class is not None:
             return self.node_class(part)
         from sar_compiler.runtime.kernel.user_nodes import UserNode

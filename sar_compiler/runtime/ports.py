@@ -1,13 +1,12 @@
 """Ports: values that a leaf reads and writes on the blackboard while the tree runs.
 
-A constructor parameter annotated with one of these types is an attribute of the tag, like any other value;
-a literal in the file is a constant, and `{key}` is an entry of the blackboard::
+A constructor parameter that is annotated with one of these types is an attribute of the leaf's tag. Its value in a tree
+file is a constant, or a `{key}`, which is an entry of the blackboard::
 
     class Say(py_trees.behaviour.Behaviour):
         def __init__(self, name: str, message: Input[str], said: Output[int] | None = None) -> None: ...
 
-        def update(self) -> Status:
-            print(self.message.get())
+        def update(self) -> Status: print(self.message.get())
 """
 
 from collections.abc import Callable
@@ -22,15 +21,15 @@ T = TypeVar("T")
 D = TypeVar("D")
 
 Convert = Callable[[object], Any]
-"""Converts a value on the blackboard to a port's value, or raises `ValueError`."""
+"""A function that converts a value on the blackboard to a port's value, or raises `ValueError`."""
 
 
 class PortError(SarError):
-    """A port has no value: its key was not written, or the value is invalid.
+    """A port cannot be read or written: its key has no value, its value is invalid, or it is a constant.
 
     Attributes:
-        port: The port's name; empty if it is unknown.
-        source: The key that it reads, as the entry has it.
+        port: The port's name; empty if it is not known.
+        source: The key that the port reads, as written in the tree file; empty if no read has failed.
     """
 
     def __init__(self, message: str, port: str = "", source: str = "") -> None:
@@ -44,9 +43,9 @@ class Input(Generic[T]):
 
     Args:
         source: The entry to read, or a constant.
-        convert: Function that converts the entry's value to the port's.
+        convert: Function that converts a value of the entry to a value of the port.
         name: The port's name, for messages.
-        kind: The type whose values need not be converted.
+        kind: The type whose values need no conversion.
 
     Attributes:
         entry: The entry that is read; None for a constant.
@@ -73,7 +72,7 @@ class Input(Generic[T]):
         """Return the current value of the port.
 
         Args:
-            default: The value to return if its key has no value.
+            default: The value to return if the port's key has no value.
 
         Raises:
             PortError: If the key has no value and there is no default, or the value is invalid.
@@ -82,18 +81,18 @@ class Input(Generic[T]):
         if entry is None:
             return self._source
         try:
-            held = entry.board.get(entry.name)
+            value = entry.board.get(entry.name)
         except KeyError:
             if default:
                 return default[0]
             missing = MissingEntryError(entry.key)
             raise self._failure(entry, missing) from missing
-        if type(held) is self._kind:
-            return held
+        if type(value) is self._kind:
+            return value
         try:
-            if isinstance(held, UnknownValue):
-                raise UnknownValueError(held)
-            return self._convert(held)
+            if isinstance(value, UnknownValue):
+                raise UnknownValueError(value)
+            return self._convert(value)
         except (SarError, ValueError) as error:
             raise self._failure(entry, error) from error
 
@@ -106,11 +105,11 @@ class Output(Generic[T]):
     """A value that a node writes.
 
     Args:
-        entry: The entry to write; None if the file names none, and the value is dropped.
-        kind: The type that its values give to an entry without one: `bool`, `int`, `float` or `str`.
+        entry: The entry to write; None if the file names no key, so that values are discarded.
+        kind: The type that a write declares for an entry without a type: `bool`, `int`, `float` or `str`.
 
     Attributes:
-        value: The last value that the node wrote, for tests of the node; None until then.
+        value: The last value that the node wrote, for tests of the node; None before the first write.
     """
 
     def __init__(self, entry: Entry | None = None, kind: type | None = None) -> None:
@@ -119,7 +118,7 @@ class Output(Generic[T]):
         self._kind = kind
 
     def set(self, value: T) -> None:
-        """Write the value; a number in an entry with a type stays integer or real if no precision is lost."""
+        """Write the value. A number is converted to the entry's type if no precision is lost."""
         self.value = value
         if self.entry is not None:
             _write(self.entry, value, self._kind)
@@ -135,9 +134,7 @@ class InOut(Input[T]):
             PortError: If the port is a constant.
         """
         if self.entry is None:
-            message = (
-                f"{self._name or 'the port'} is a constant and cannot be written; write a {{key}} in the file"
-            )
+            message = f"{self._name or 'the port'} is a constant and cannot be written. Write a {{key}} in the tree file"
             raise PortError(message, self._name)
         _write(self.entry, value)
 
@@ -150,6 +147,6 @@ def _write(entry: Entry, value: object, kind: type | None = None) -> None:
         if kind is not None:
             board.set_kind(name, kind)
     elif board.has(name):
-        held = board.get(name)
-        value = value if type(held) is type(value) else value_to_write(held, value)
+        current = board.get(name)
+        value = value if type(current) is type(value) else value_to_write(current, value)
     board.set(name, value)

@@ -1,6 +1,6 @@
-"""Parser of scripts: the `code` of `<Script>`, and pre- and postconditions.
+"""Parser of scripts: the attribute `code` of `<Script>`, and pre- and postconditions.
 
-It uses precedence climbing with the ranks of BehaviorTree.CPP 4; a higher rank binds tighter:
+The parser uses precedence climbing with the ranks of BehaviorTree.CPP 4. A higher rank binds tighter:
 
 ==== =========================== =======================================
 rank operators
@@ -38,12 +38,12 @@ from sar_compiler.runtime.expressions import (
 from sar_compiler.runtime.tokens import ScriptError, Token, TokenKind, excerpt, tokenize
 
 MAX_DEPTH = 100
-"""The deepest nesting of expressions."""
+"""The maximum depth of nested expressions."""
 
 MAX_WORDS = 100_000
 """The maximum number of tokens (numbers, strings, names and signs) of a script."""
 
-# Looked up once, as in `tokens`.
+# Stored in variables, because access to a member of an enumeration is slow.
 _END, _LITERAL, _NAME, _SIGN = TokenKind.END, TokenKind.LITERAL, TokenKind.NAME, TokenKind.SIGN
 _ANY, _CONDITIONAL, _COMPARISON, _PREFIX = 0, 4, 10, 20
 _ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
@@ -66,9 +66,9 @@ _SIMPLE = r"""
     """
 _NO_NAMES = frozenset(("true", "false", "not", "and", "or"))
 _PREFIXES = {"-", "~", "!"}
-# Words of other languages, with the operators that they mean there.
+# Operators of other languages that are words, with the operators that replace them.
 _WORDS = {"and": "&&", "or": "||"}
-# Operators of other languages, as the two tokens that are read in their place.
+# Operators of other languages, as the two tokens into which they are split, with the operators that replace them.
 _OTHER_OPERATORS = {
     ("==", "="): "==",
     ("!=", "="): "!=",
@@ -82,11 +82,11 @@ _OTHER_OPERATORS = {
 }
 _NO_OPERATORS = {
     ("+", "+"): "write 'x += 1'",
-    ("*", "*"): "there are no powers: multiply, or calculate it in a leaf",
+    ("*", "*"): "scripts have no powers. Multiply, or calculate the power in a leaf",
     ("/", "/"): "a script has no comments",
     ("/", "*"): "a script has no comments",
-    ("<", "<"): "bits cannot be shifted; multiply by 2, 4, 8...",
-    (">", ">"): "bits cannot be shifted; divide by 2, 4, 8...",
+    ("<", "<"): "bits cannot be shifted. Multiply by 2, 4, 8...",
+    (">", ">"): "bits cannot be shifted. Divide by 2, 4, 8...",
     ("|", "="): "write 'x = x | y'",
     ("&", "="): "write 'x = x & y'",
     ("^", "="): "write 'x = x ^ y'",
@@ -99,12 +99,11 @@ def parse(text: str, *, allow_empty: bool = False) -> Script:
     """Parse a script.
 
     Args:
-        text: Its text, with XML entities resolved.
-        allow_empty: Whether a text without any expression is a script, as for a `<Script>` node, but not for an
-            attribute such as `_skipIf`.
+        text: The script's text, with XML entities resolved.
+        allow_empty: Whether the script may be empty, as in a `<Script>` node but not in an attribute such as `_skipIf`.
 
     Raises:
-        ScriptError: At the first error.
+        ScriptError: If the script has a syntax error; describes the first one.
     """
     simple = _parse_simple(text)
     script = _ScriptParser(text).script() if simple is None else Script(text, (simple,))
@@ -117,12 +116,12 @@ def parse(text: str, *, allow_empty: bool = False) -> Script:
 
 @functools.cache
 def _simple_pattern() -> re.Pattern[str]:
-    """Return the pattern of most scripts, compiled late because files without scripts do not need it."""
+    """Return the pattern of simple scripts, compiled late because files without scripts do not need it."""
     return re.compile(_SIMPLE, re.VERBOSE)
 
 
 def _parse_simple(text: str) -> Expression | None:
-    """Return the expression of a simple script with a variable, an operator and a value, or None."""
+    """Parse a script that consists of a variable, an operator and a value; return None for any other script."""
     match = _simple_pattern().fullmatch(text)
     if match is None:
         return None
@@ -145,15 +144,15 @@ def _parse_simple(text: str) -> Expression | None:
 
 
 class _ScriptParser:
-    """Parses one text, once."""
+    """The parser of one script; `script` may be called once."""
 
     def __init__(self, text: str) -> None:
         self._text = text
         self._tokens = list(itertools.islice(tokenize(text), MAX_WORDS + 1))
         if len(self._tokens) > MAX_WORDS:
             last = self._tokens[-1]
-            message = f"the script has more than {MAX_WORDS:,} words"
-            raise ScriptError(message, last.start, last.end, hint="calculate it in a leaf")
+            message = f"the script has more than {MAX_WORDS:,} numbers, strings, names and signs"
+            raise ScriptError(message, last.start, last.end, hint="move the calculation to a leaf")
         self._index = 0
         self._next = self._tokens[0]
         self._depth = 0
@@ -171,7 +170,7 @@ class _ScriptParser:
         return Script(self._text, tuple(statements))
 
     def _previous(self, count: int = 1) -> Token | None:
-        """Return the token *count* positions before the next one."""
+        """Return the token *count* positions before the next token; None if there is none."""
         return self._tokens[self._index - count] if self._index >= count else None
 
     def _advance(self) -> Token:
@@ -192,15 +191,15 @@ class _ScriptParser:
 
     @property
     def _end(self) -> int:
-        """The end of the last token that was read."""
+        """The offset after the last token that was read."""
         return self._tokens[self._index - 1].end if self._index else 0
 
     def _rank(self) -> int:
-        """Return the rank of the next operator; less than any rank if there is none."""
+        """Return the rank of the next token as an operator; -1 if it is no operator."""
         return _RANKS.get(self._next.text, -1)
 
     def _expression(self, least: int) -> Expression:
-        """Parse an expression whose operators have at least a given rank."""
+        """Parse an expression whose operators have at least the rank *least*."""
         start = self._next.start
         self._depth += 1
         if self._depth > MAX_DEPTH:
@@ -243,7 +242,9 @@ class _ScriptParser:
             message = "this '(' is not closed"
             raise ScriptError(message, opening.start, opening.end, hint="write the missing ')'")
         message = f"')' is missing before '{excerpt(self._next.text)}'"
-        raise ScriptError(message, self._next.start, self._next.end, hint="brackets contain one expression")
+        raise ScriptError(
+            message, self._next.start, self._next.end, hint="parentheses contain one expression"
+        )
 
     def _assignment(self, target: Expression, start: int) -> Assignment:
         operator = self._advance()
@@ -253,9 +254,9 @@ class _ScriptParser:
                 f"only variables can be assigned to, and '{excerpt(self._text[start:end])}' is not a variable"
             )
             if operator.text == "=":
-                hint = "'=' assigns a value and '==' compares, or brackets are missing"
+                hint = "write '==' to compare, or enclose the assignment in parentheses"
                 raise ScriptError(message, start, operator.end, hint=hint)
-            raise ScriptError(message, start, operator.end, hint="add brackets around the assignment")
+            raise ScriptError(message, start, operator.end, hint="enclose the assignment in parentheses")
         value = self._expression(_ANY)
         return Assignment(operator.text, target, value, start=start, end=self._end)
 
@@ -282,18 +283,18 @@ class _ScriptParser:
         return Operation(first, tuple(steps), start=start, end=self._end)
 
     def _check_name(self, name: Token) -> None:
-        """Reject the name that was just read if it is intended as an operator or a function."""
+        """Raise an error if the name that was just read is meant as the operator `not` or as a function."""
         following = self._next
         opens = following.kind is _SIGN and following.text in {"(", "!", "~"}
         if name.text == "not" and (opens or following.kind in {_NAME, _LITERAL}):
             raise ScriptError("there is no operator 'not'", name.start, name.end, suggestion="!")
         if self._is_next("(") and following.start == name.end and name.text not in _WORDS:
-            message = f"a script cannot call '{excerpt(name.text)}': there are no functions"
-            hint = "calculate it in a leaf, or separate two expressions by ';'"
+            message = f"a script cannot call '{excerpt(name.text)}', because scripts have no functions"
+            hint = "move the calculation to a leaf, or separate two expressions with ';'"
             raise ScriptError(message, name.start, following.end, hint=hint)
 
     def _refuse_word(self) -> None:
-        """Reject `and` and `or` after an expression, where they cannot be variables."""
+        """Raise an error for `and` or `or` after an expression, where it cannot be a variable."""
         word = self._next
         if word.kind is not _NAME or word.text not in _WORDS:
             return
@@ -311,12 +312,12 @@ class _ScriptParser:
             if other is not None:
                 return other
             if (before.text, token.text) == ("(", ")"):
-                return ScriptError("there is nothing in these brackets", before.start, token.end)
+                return ScriptError("these parentheses are empty", before.start, token.end)
             if before.text != ";" and (token.kind is _END or token.text in {")", ";", ":"}):
-                return self._explain_nothing_behind(before)
+                return self._explain_missing_value(before)
         return _explain_misplaced(token)
 
-    def _explain_nothing_behind(self, sign: Token) -> ScriptError:
+    def _explain_missing_value(self, sign: Token) -> ScriptError:
         message = f"a value is missing after '{sign.text}'"
         before = self._previous(2)
         if sign.text == "-" and before is not None and before.text == "-" and before.end == sign.start:
@@ -324,7 +325,7 @@ class _ScriptParser:
         return ScriptError(message, sign.start, sign.end)
 
     def _other_operator(self, before: Token, token: Token) -> ScriptError | None:
-        """Return the error for an operator of another language; None for any other token."""
+        """Return the error for two tokens that form an operator of another language; None for other tokens."""
         signs = (before.text, token.text)
         if before.end != token.start or token.kind is not _SIGN:
             return None
@@ -337,7 +338,7 @@ class _ScriptParser:
 
 
 def _check_depth(statement: Expression) -> None:
-    """Reject statements whose evaluation has too many levels: `((a * b + c) * d + e) * ...`."""
+    """Raise an error for a statement with too many levels of evaluation: `((a * b + c) * d + e) * ...`."""
     level: tuple[Expression, ...] = (statement,)
     for _ in range(MAX_DEPTH):
         level = tuple(part for expression in level for part in children(expression))
@@ -347,8 +348,8 @@ def _check_depth(statement: Expression) -> None:
 
 
 def _too_deep(start: int, end: int) -> ScriptError:
-    message = f"expressions are nested more than {MAX_DEPTH} deep here"
-    return ScriptError(message, start, end, hint="assign parts of it to variables first")
+    message = f"expressions are nested more than {MAX_DEPTH} levels deep"
+    return ScriptError(message, start, end, hint="assign parts of the expression to variables first")
 
 
 def _explain_misplaced(token: Token) -> ScriptError:
@@ -359,8 +360,8 @@ def _explain_misplaced(token: Token) -> ScriptError:
         hint = "write 'condition ? value : other value'"
         return ScriptError("this ':' has no '?'", token.start, token.end, hint=hint)
     if token.text in _ASSIGNMENTS:
-        message = f"only variables can be assigned to, and there is none in front of '{token.text}'"
-        hint = "put an assignment within another expression in brackets"
+        message = f"only variables can be assigned to, and no variable precedes '{token.text}'"
+        hint = "enclose an assignment that is part of another expression in parentheses: (x := 1)"
         return ScriptError(message, token.start, token.end, hint=hint)
     advice = "write the number without '+'" if token.text == "+" else None
     return ScriptError(f"a value is missing before '{token.text}'", token.start, token.end, hint=advice)

@@ -1,11 +1,11 @@
-"""Scripts as Python functions, for numbers and strings in existing entries.
+"""Generation of Python functions from scripts, for numbers and strings in existing entries.
 
-`evaluation` defines the meaning of scripts and reports their errors. This module avoids the calls from operator to operator
-and to the entries. In uncommon cases, the fast path of a statement raises one of `FALLBACK_ERRORS` before it has written
-anything, and `evaluation` then evaluates the statement from the start.
+`evaluation` defines the meaning of scripts and reports their errors. The generated functions are faster, because they
+make no calls for most operators and entries. In uncommon cases, the fast path of a statement raises one of
+`FALLBACK_ERRORS` before it has written anything, and `evaluation` then evaluates the statement from the start.
 
-No other module generates code, and no text of a file becomes part of it. The skeleton contains only numbers and signs of a
-closed list, the names of entries and the constants are arguments, and the code can access no builtins, only `_REACHED`.
+No other module generates code, and no text of a file becomes part of it. A skeleton contains only numbers and the
+operators of a fixed list. Names of entries and constants are arguments. The code can access only `_REACHED`.
 """
 
 import ast
@@ -35,10 +35,10 @@ from sar_compiler.runtime.variables import (
 )
 
 FALLBACK_ERRORS = (KeyError, ArithmeticError, VariableError)
-"""The errors of a statement's fast path after which it has to be evaluated by `evaluation`."""
+"""The errors of a statement's fast path after which `evaluation` evaluates the statement."""
 
 _LONGEST = 1_000
-"""The maximum length of a script, in characters, for which code is generated."""
+"""The maximum length of a script for which code is generated, in characters."""
 
 _ARITHMETIC: Mapping[str, Callable[[], ast.operator]] = {
     "+": ast.Add,
@@ -47,10 +47,10 @@ _ARITHMETIC: Mapping[str, Callable[[], ast.operator]] = {
     "/": ast.Div,
 }
 _JUNCTIONS: Mapping[str, Callable[[], ast.operator]] = {"&&": ast.BitAnd, "||": ast.BitOr}
-# The opposites of the orders: NaN fulfils every order, as in `operators.compare`.
+# An order is the negation of the opposite order, so that every order is true for NaN, as in `operators.compare`.
 _DENIED: Mapping[str, Callable[[], ast.cmpop]] = {"<": ast.GtE, ">": ast.LtE, "<=": ast.Gt, ">=": ast.Lt}
 _COMPARISONS = frozenset(("==", "!=", *_DENIED))
-# Functions that calculate with any values, by their names in the code.
+# The names in the generated code of functions that accept any values, by operator.
 _CALCULATE = {"+": "add", "..": "join", "&": "bits_of_both", "|": "bits_of_any", "^": "bits_of_one"}
 
 
@@ -66,11 +66,11 @@ def compile_fast_script(
 
     Args:
         script: The script.
-        entry: Function that returns the entry of a name.
+        entry: Function that returns the entry to which a name refers.
         enums: The named constants.
-        usual: The functions of `evaluation` for its statements.
-        condition: For a condition, the function that converts its value to a bool.
-        answers: The results in place of true (or of any value, if the script is no condition) and of false.
+        usual: The functions of `evaluation` for the script's statements.
+        condition: Function that converts the value of a condition to a bool; None if the script is no condition.
+        answers: The results instead of true (or of any value, if the script is no condition) and of false.
     """
     if len(script.text) > _LONGEST:
         return None
@@ -92,11 +92,11 @@ class _Return(NamedTuple):
     has_answers: bool
 
     def from_condition(self, holds: ast.expr) -> ast.expr:
-        """Return the code of the result for an expression that is true or false."""
+        """Return the code of the result for the code of a bool."""
         return ast.IfExp(holds, _load("then"), _load("otherwise")) if self.has_answers else holds
 
     def from_given(self) -> ast.expr:
-        """Return the code of the result for the value `given`."""
+        """Return the code of the result for the value in the variable `given`."""
         given = _load("given")
         if self.is_condition:
             return self.from_condition(_call("condition", given))
@@ -107,10 +107,11 @@ class _Return(NamedTuple):
 def _function_of(
     statements: Sequence[SkeletonPart | None], names: int, constants: int, ending: _Return
 ) -> types.FunctionType:
-    """Return a factory of a script's function.
+    """Return a factory for the functions of all scripts with the same skeleton.
 
-    Its arguments are tables of the board, the named constants, the function that converts a value to a bool, the results in place
-    of these, the fallbacks of all statements, the names of the entries, and the constants, both unchanged and as real numbers.
+    The factory's arguments are the dictionaries of the board, the named constants, the function that converts a value
+    to a bool, the results instead of true and false, the fallback of each statement, the names of the entries, and the
+    constants, both unchanged and as real numbers.
     """
     numbers = {"usual": len(statements), "name": names, "constant": constants, "real": constants}
     taken = [f"{name}{at}" for name, count in numbers.items() for at in range(count)]
@@ -139,10 +140,10 @@ def _body(statements: Sequence[SkeletonPart | None], ending: _Return) -> list[as
 
 
 class _FastPath:
-    """The code of one statement.
+    """The generator of the code for one statement.
 
     Attributes:
-        reads: The code that reads the entries, before they are used.
+        reads: The code that reads the entries and precomputes values, which precedes the other code.
     """
 
     def __init__(self) -> None:
@@ -150,12 +151,12 @@ class _FastPath:
         self._names: set[str] = set()
 
     def condition_code(self, part: SkeletonPart, ending: _Return) -> list[ast.stmt]:
-        """Return the code that returns the truth of a condition."""
+        """Return the code that evaluates a condition and returns the result."""
         answer = ast.Return(ending.from_condition(self.truth_code(part)))
         return [*self.reads, answer]
 
     def statement(self, part: SkeletonPart) -> list[ast.stmt]:
-        """Return the code that evaluates a statement."""
+        """Return the code that evaluates a statement, and stores its value in the variable `given`."""
         if not isinstance(part, Applied) or not _is_assignment(part):
             given = _assignment("given", self.value_code(part))
             return [*self.reads, given]
@@ -169,7 +170,7 @@ class _FastPath:
         return [*self.reads, given, *_write(f"name{target.number}", kind, creates=part.sign == ":=")]
 
     def value_code(self, part: SkeletonPart) -> ast.expr:
-        """Return the code of a part's value."""
+        """Return the code for the value of a part."""
         if isinstance(part, VariableSlot):
             return self._read(part, "value", (float, int, str), "seen")
         if isinstance(part, ConstantSlot):
@@ -182,7 +183,7 @@ class _FastPath:
         return self.real(part) if _is_number(part) else self._operator_code(part)
 
     def real(self, part: SkeletonPart) -> ast.expr:
-        """Return the code of a part that must be a number."""
+        """Return the code for the value of a part that must be a number."""
         if isinstance(part, VariableSlot):
             return self._read(part, "number", (float,), "number_seen")
         if isinstance(part, ConstantSlot) and part.kind is float:
@@ -196,7 +197,7 @@ class _FastPath:
         return _call("as_real", self.value_code(part))
 
     def truth_code(self, part: SkeletonPart) -> ast.expr:
-        """Return the code of a part's truth value."""
+        """Return the code for the truth of a part."""
         if isinstance(part, Chain) and part.signs[0] in _JUNCTIONS:
             return self._fold(
                 part, self.truth_code, lambda sign, *two: ast.BinOp(two[0], _JUNCTIONS[sign](), two[1])
@@ -220,12 +221,12 @@ class _FastPath:
     def _flag(
         self, part: VariableSlot, quick: Callable[[ast.expr], ast.expr], otherwise: ast.expr
     ) -> ast.expr:
-        """Return the code of a variable that is probably true or false."""
+        """Return the code for a variable that is probably a bool: *quick* for a bool, *otherwise* for other values."""
         raw = self._raw(part)
         return ast.IfExp(_is_of_type(raw, bool), quick(raw), otherwise)
 
     def _raw(self, part: VariableSlot) -> ast.expr:
-        """Return the code of the raw value in a variable's entry."""
+        """Return the code for the unconverted value in a variable's entry."""
         return self._read(part, "raw", ())
 
     def _choice(self, part: SkeletonPart) -> ast.expr:
@@ -240,7 +241,7 @@ class _FastPath:
         return folded
 
     def _operator_code(self, part: Applied | Chain) -> ast.expr:
-        """Return the code of an operator without a fast path: on possible strings, or on bits."""
+        """Return the code for operators without a fast path, whose operands may be strings or are bits."""
         if isinstance(part, Applied):
             return _call("complement", self.value_code(part.operands[0]))
         folded = self.value_code(part.operands[0])
@@ -252,7 +253,7 @@ class _FastPath:
         return folded
 
     def _comparisons(self, part: Chain) -> ast.expr:
-        """Return the code of a chain of comparisons."""
+        """Return the code for a chain of comparisons."""
         if len(part.signs) == 1 or all(
             isinstance(each, (VariableSlot, ConstantSlot)) for each in part.operands
         ):
@@ -263,7 +264,7 @@ class _FastPath:
         return _conjunction([_usual_comparison(*each) for each in compared])
 
     def _comparison(self, sign: str, left: SkeletonPart, right: SkeletonPart) -> ast.expr:
-        """Return the code of a comparison, fast for two numbers, and for a variable and a string."""
+        """Return the code for a comparison, with a fast path for two numbers, and for a variable and a string."""
         parts, kind = (left, right), str if _is_text(left) or _is_text(right) else float
         is_known = _is_text if kind is str else _is_number
         if not all(isinstance(each, VariableSlot) or is_known(each) for each in parts):
@@ -283,7 +284,7 @@ class _FastPath:
         )
 
     def _side(self, part: SkeletonPart) -> ast.expr:
-        """Return the code of one side of a comparison, which is needed twice."""
+        """Return the code for one side of a comparison, which may be used more than once."""
         if isinstance(part, VariableSlot):
             return self._raw(part)
         return (
@@ -293,7 +294,7 @@ class _FastPath:
         )
 
     def _precompute(self, code: ast.expr) -> ast.expr:
-        """Return the code of a precomputed expression; the expression has no side effects, so its result may be discarded."""
+        """Add the code that precomputes an expression without side effects; return the code for its result."""
         name = f"part{len(self.reads)}"
         self.reads.append(_assignment(name, code))
         return _load(name)
@@ -302,13 +303,13 @@ class _FastPath:
         return self.value_code(part) if _is_text(part) else self.real(part)
 
     def _read(self, part: VariableSlot, name: str, kinds: Sequence[type], otherwise: str = "") -> ast.expr:
-        """Return the code of a variable's value.
+        """Return the code for a variable's value, and add the code that reads it.
 
         Args:
             part: The variable.
-            name: The prefix of the value's name, followed by the variable's number.
-            kinds: The types of values that can be used unchanged; none if all can.
-            otherwise: The name of the function that converts other values.
+            name: The prefix of the value's name in the code, which the variable's number follows.
+            kinds: The types whose values are used unchanged; empty if no value is converted.
+            otherwise: The name of the function that converts values of other types.
         """
         name = f"{name}{part.number}"
         if name not in self._names:
@@ -321,7 +322,7 @@ class _FastPath:
 
 
 def _write(target: str, kind: ast.expr, *, creates: bool) -> list[ast.stmt]:
-    """Return the code that writes `given`, of a type, to an entry."""
+    """Return the code that writes the value in `given`, whose type is known, to an entry."""
     held, name = _load("held"), _load(target)
     is_like = _compare(_call("type", held), ast.Is(), kind)
     fitted = _call("fitted", held, _load("kinds"), name, _load("given"), _load("enums"))
@@ -356,14 +357,14 @@ def _is_text(part: SkeletonPart) -> bool:
 
 
 def _is_truth(part: SkeletonPart) -> bool:
-    """Return whether a part is true or false, 1.0 or 0.0."""
+    """Return whether the value of a part is always true (1.0) or false (0.0)."""
     if isinstance(part, Chain):
         return part.signs[0] in _JUNCTIONS or part.signs[0] in _COMPARISONS
     return isinstance(part, Applied) and part.sign == "!"
 
 
 def _is_number(part: SkeletonPart) -> bool:
-    """Return whether a part is certainly a real number or raises an error."""
+    """Return whether the value of a part is certainly a real number, unless an error is raised."""
     if isinstance(part, Chain):
         is_sum = part.signs[0] == "+" and not any(_is_real(each) for each in part.operands[:2])
         return _ARITHMETIC.keys() >= set(part.signs) and not is_sum
@@ -377,7 +378,7 @@ def _is_real(part: SkeletonPart) -> bool:
 
 
 def _comparison_code(kind: type, sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
-    """Return the code of a comparison of two strings, or of two numbers."""
+    """Return the code for a comparison of two strings, or of two numbers."""
     if sign in _DENIED:
         return _negation(_compare(left, _DENIED[sign](), right))
     if kind is str:
@@ -392,13 +393,13 @@ def _usual_comparison(sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
 
 
 def _is_exact(value: ast.expr) -> ast.expr:
-    """Return the code that tests whether a value is a number for calculations."""
+    """Return the code that tests whether a value is a real number, or an integer up to `LARGEST_EXACT`."""
     exact = _conjunction([_is_of_type(value, int), _is_within(value, LARGEST_EXACT)])
     return ast.BoolOp(ast.Or(), [_is_of_type(value, float), exact])
 
 
 def _is_within(value: ast.expr, limit: float) -> ast.expr:
-    """Return the code that tests whether the absolute value of a number is within a limit."""
+    """Return the code that tests whether the absolute value of a number is at most a limit."""
     return ast.Compare(ast.Constant(-limit), [ast.LtE(), ast.LtE()], [value, ast.Constant(limit)])
 
 
@@ -443,39 +444,39 @@ def _define(name: str, arguments: list[str], body: list[ast.stmt]) -> ast.stmt:
     return ast.FunctionDef(name, taken, body, [])
 
 
-def _read_value(held: object) -> ScriptValue:
-    """Return the value that a script reads."""
-    if type(held) is bool:
-        return int(held)
-    value = value_of(held)
+def _read_value(content: object) -> ScriptValue:
+    """Return the value that a script reads from the content of an entry."""
+    if type(content) is bool:
+        return int(content)
+    value = value_of(content)
     if value is None:
-        raise RefusedValueError("a script cannot calculate with it")
+        raise RefusedValueError("scripts cannot calculate with this value")
     return value
 
 
-def _number_seen(held: object) -> float:
-    if type(held) is int and -LARGEST_EXACT <= held <= LARGEST_EXACT:
-        return float(held)
-    return as_real(_read_value(held))
+def _read_number(content: object) -> float:
+    if type(content) is int and -LARGEST_EXACT <= content <= LARGEST_EXACT:
+        return float(content)
+    return as_real(_read_value(content))
 
 
 def _declare_entry(
     storage: Mapping[str, object], stamps: Mapping[str, int], kinds: dict[str, type | None], name: str
 ) -> tuple[object, int]:
-    """Declare an entry that may not exist; return its value, and its number of writes after the next one."""
+    """Declare an entry that may not exist; return its value, and its number of writes after the next write."""
     kinds.setdefault(name, None)
     return storage.get(name), stamps.get(name, 0) + 1
 
 
 def _fit_value(
-    held: object, kinds: Mapping[str, type | None], name: str, given: ScriptValue, enums: Mapping[str, int]
+    current: object, kinds: Mapping[str, type | None], name: str, given: ScriptValue, enums: Mapping[str, int]
 ) -> object:
-    """Return the value to store for a value that has another type than the entry."""
-    if type(held) is int and type(given) is float and given.is_integer() and abs(given) <= LARGEST_EXACT:
+    """Return the value to store when a script assigns a value whose type differs from the current value's type."""
+    if type(current) is int and type(given) is float and given.is_integer() and abs(given) <= LARGEST_EXACT:
         return int(given)
-    if type(held) is bool and given in {0, 1}:
+    if type(current) is bool and given in {0, 1}:
         return bool(given)
-    return value_to_assign(held, kinds.get(name), given, enums)
+    return value_to_assign(current, kinds.get(name), given, enums)
 
 
 _REACHED: dict[str, Any] = {
@@ -494,8 +495,8 @@ _REACHED: dict[str, Any] = {
     "as_condition": operators.as_condition,
     "as_real": as_real,
     "seen": _read_value,
-    "number_seen": _number_seen,
+    "number_seen": _read_number,
     "fitted": _fit_value,
     "created": _declare_entry,
 }
-"""All functions that the code can call."""
+"""All functions and types that the generated code can access."""

@@ -1,4 +1,4 @@
-"""Skeletons of scripts, without names and constants; scripts of the same structure have equal ones."""
+"""Skeletons of scripts: their structure without names and constants, which similar scripts share."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -16,27 +16,27 @@ from sar_compiler.runtime.variables import LARGEST_EXACT, ScriptValue
 
 
 class VariableSlot(NamedTuple):
-    """A variable."""
+    """The place of a variable, whose name is `Skeleton.names[number]`."""
 
     number: int
 
 
 class ConstantSlot(NamedTuple):
-    """A constant; `kind` is float for every number that a script can calculate with."""
+    """A constant. `kind` is `float` for real numbers and integers up to `LARGEST_EXACT`, `int` for larger integers."""
 
     number: int
     kind: type
 
 
 class Applied(NamedTuple):
-    """A sign with its operands."""
+    """A prefix operator, the operator `?:` or an assignment operator, with its operands."""
 
     sign: str
     operands: "tuple[SkeletonPart, ...]"
 
 
 class Chain(NamedTuple):
-    """Operators of one rank, from left to right; there is one more operand than signs."""
+    """Operators of equal rank, applied from left to right; there is one more operand than operators."""
 
     signs: tuple[str, ...]
     operands: "tuple[SkeletonPart, ...]"
@@ -46,7 +46,7 @@ SkeletonPart = VariableSlot | ConstantSlot | Applied | Chain
 
 
 class _InnerAssignmentError(Exception):
-    """An expression assigns before it is evaluated."""
+    """An expression contains an assignment as one of its parts."""
 
 
 class Skeleton:
@@ -57,10 +57,10 @@ class Skeleton:
         enums: The named constants.
 
     Attributes:
-        statements: Its statements; None for one that assigns in the middle of an expression.
-        names: Its variables, by their numbers.
-        constants: Its constants, by their numbers.
-        reals: The constants, as real numbers if a script can calculate with them.
+        statements: The script's statements; None for a statement with an assignment in the middle of an expression.
+        names: The names of the script's variables, by the number of the variable.
+        constants: The script's constants, by the number of the constant.
+        reals: The constants, with integers up to `LARGEST_EXACT` converted to real numbers.
     """
 
     def __init__(self, script: Script, enums: Mapping[str, int]) -> None:

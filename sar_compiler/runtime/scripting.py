@@ -1,4 +1,4 @@
-"""Scripts of nodes: access to their variables, and error messages."""
+"""Scripts of nodes, which access blackboard entries as variables, and name the node in their errors."""
 
 import functools
 from collections.abc import Callable, Mapping
@@ -26,9 +26,9 @@ class NodeScriptError(NodeError):
     """A node's script raised an error.
 
     Attributes:
-        attribute: The attribute that has the script.
-        start: The start of the faulty part, in characters of the script; None for all of it.
-        end: The end of that part.
+        attribute: The attribute that contains the script.
+        start: The offset of the faulty part's start in the script; None if the location is not known.
+        end: The offset after the faulty part; None if the location is not known.
     """
 
     def __init__(self, message: str, node: str, attribute: str, start: int | None, end: int | None) -> None:
@@ -39,15 +39,15 @@ class NodeScriptError(NodeError):
 
 
 class ScopeVariables:
-    """The entries of a scope, as a script's variables.
+    """The entries of a scope as the variables of a script.
 
-    An entry keeps its type: an assigned value is converted if no precision is lost, else rejected. An entry that
-    a port has declared, but no node has written, takes any value of its type.
+    An entry keeps its type: an assigned value is converted if no precision is lost, otherwise rejected. An entry that a
+    port has declared, but no node has written, accepts any value of its type.
 
     Args:
-        scope: The scope of the node that has the script.
+        scope: The scope of the script's node.
         enums: The named constants.
-        named: Entries with special names, whose keys cannot be written in scripts.
+        named: Entries by special names, for keys that scripts cannot contain.
     """
 
     def __init__(self, scope: Scope, enums: Enums, named: Mapping[str, Entry] | None = None) -> None:
@@ -59,16 +59,16 @@ class ScopeVariables:
         """Return an entry's value.
 
         Raises:
-            UnknownVariableError: If it has no value.
-            VariableError: If a script cannot calculate with its value.
+            UnknownVariableError: If the entry has no value.
+            VariableError: If scripts cannot calculate with the value.
         """
         return _as_script_value(name, self._read_entry(name))
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write an entry, and create it if there is none; return the stored value.
+        """Write an entry, which is created if it does not exist; return the stored value.
 
         Raises:
-            VariableError: If the value cannot replace that of the entry.
+            VariableError: If the value cannot replace the entry's value.
         """
         self.entry(name).declare()
         return self.assign(name, value)
@@ -77,18 +77,18 @@ class ScopeVariables:
         """Write an entry that exists or that a port has declared; return the stored value.
 
         Raises:
-            UnknownVariableError: If there is none.
-            VariableError: If the value cannot replace that of the entry.
+            UnknownVariableError: If the entry neither exists nor is declared.
+            VariableError: If the value cannot replace the entry's value.
         """
         entry = self.entry(name)
         is_open = entry.is_unknown or (entry.is_declared and not entry.exists)
-        held = None if is_open else self._read_entry(name)
-        stored = value_to_assign(held, entry.kind, value, self._numbers)
+        current = None if is_open else self._read_entry(name)
+        stored = value_to_assign(current, entry.kind, value, self._numbers)
         entry.write(stored)
         return _as_script_value(name, stored)
 
     def entry(self, name: str) -> Entry:
-        """Return the entry of a name."""
+        """Return the entry that a name in the script refers to."""
         entry = self._entries.get(name)
         if entry is None:
             entry = self._entries[name] = self._scope.resolve(name)
@@ -102,20 +102,21 @@ class ScopeVariables:
 
 
 class NodeScript:
-    """A node's script, ready to run in the node's scope.
+    """A script of a node, which can be run in the node's scope.
 
     Args:
         code: The script; if it is on the blackboard, it is read before each run.
         node: The node's name.
-        attribute: The attribute that has the script.
-        scope: The scope of its variables.
+        attribute: The attribute that contains the script.
+        scope: The scope of the script's variables.
         enums: The named constants.
 
     Attributes:
-        is_remembered: Whether the caller caches its effects.
-        run: Runs it and returns its value. Raises a `NodeScriptError` with the node, the attribute and the location on failure.
-        holds: Runs it and returns whether its value is true. Raises the same error, also if its value is neither true nor false.
-            From the first call on, their compiled forms replace both if they exist (see `script_code`).
+        is_remembered: Whether the caller caches the effects of the script.
+        run: Runs the script and returns its value, or raises a `NodeScriptError`. At the first call, the compiled form
+            replaces this function if there is one (see `script_code`).
+        holds: Runs the script and returns whether its value is true, or raises a `NodeScriptError`, also for a value
+            that is neither true nor false. The compiled form replaces this function, too.
     """
 
     def __init__(self, code: Input[Script], node: str, attribute: str, scope: Scope, enums: Enums) -> None:
@@ -136,7 +137,7 @@ class NodeScript:
 
     @property
     def entry(self) -> Entry | None:
-        """The only entry that it uses without writing; None if there are others, or it writes."""
+        """The entry that the script reads if it uses no other entry and writes none; otherwise None."""
         if self._code.entry is not None:
             return None
         uses = list(name_uses(self._code.get()))
@@ -158,11 +159,11 @@ class NodeScript:
         return quick()
 
     def fast_update(self, success: Status, failure: Status | None) -> Callable[[], Status] | None:
-        """Return a function that runs the script and returns a status; None if there is no compiled form.
+        """Return a function that runs the compiled script and returns a status; None if there is no compiled form.
 
         Args:
-            success: The status if its value is true.
-            failure: The status if it is false; None if the script is no condition, and every value is a success.
+            success: The status if the script's value is true.
+            failure: The status if the value is false; None if the script is no condition, so that it always succeeds.
         """
         return self._fast_runner(None if failure is None else self._is_true, (success, failure))
 
@@ -171,7 +172,7 @@ class NodeScript:
         condition: Callable[[ScriptValue], bool] | None = None,
         answers: tuple[object, object] | None = None,
     ) -> Callable[[], Any] | None:
-        """Return the compiled form of the script; None if it has none."""
+        """Return the compiled form of the script; None if the script cannot be compiled."""
         if self._code.entry is not None or self._scope.board.is_numbered:
             return None
         script = self._code.get()
@@ -181,24 +182,24 @@ class NodeScript:
         )
 
     def _evaluate(self, at: int) -> ScriptValue:
-        """Evaluate a statement with `evaluation`."""
+        """Evaluate the statement at an index without its compiled form."""
         return self._explain(self._current_program().statements[at], self._variables)
 
     def _is_true(self, value: ScriptValue) -> bool:
         return self._explain(self._current_program().as_condition, value)
 
     def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
-        """Run the script; on a numbered board, reuse the result for equal values."""
+        """Run the script; on a numbered board, reuse the result of an earlier run with the same values."""
         if self._code.entry is not None or self.is_remembered:
             return self._run_or_explain(run)
         if run not in self._memos:
             entries = [self._variables.entry(use.name) for use in name_uses(self._code.get())]
             self._memos[run] = self._scope.board.memo(entries)
         memo = self._memos[run]
-        answer: T = (
+        result: T = (
             self._run_or_explain(run) if memo is None else memo.call(lambda: self._run_or_explain(run))
         )
-        return answer
+        return result
 
     def _run_or_explain(self, run: Callable[[Program, ScopeVariables], T]) -> T:
         try:
@@ -221,21 +222,21 @@ class NodeScript:
         return self._program
 
     def _failure(self, error: EvaluationError) -> NodeScriptError:
-        assert self._program is not None  # noqa: S101 - it exists, since it has failed
-        hint, text = f"; {error.hint}" if error.hint else "", self._program.script.text
+        assert self._program is not None  # noqa: S101 - the program has just failed
+        hint, text = f" ({error.hint})" if error.hint else "", self._program.script.text
         message = f"'{self._node}': {self._attribute}, {_position_text(text, error.start)}: {error}{hint}"
         return NodeScriptError(message, self._node, self._attribute, error.start, error.end)
 
 
 def _as_script_value(name: str, value: object) -> ScriptValue:
-    seen = value_of(value)
-    if seen is None:
+    converted = value_of(value)
+    if converted is None:
         if value is None:
             raise UnknownVariableError(name)
         raise VariableError(
-            f"'{name}' has a value of type {type(value).__name__}, and scripts cannot calculate with it"
+            f"'{name}' has a value of type {type(value).__name__}, with which scripts cannot calculate"
         )
-    return seen
+    return converted
 
 
 def _position_text(text: str, offset: int) -> str:

@@ -1,9 +1,9 @@
 """SKIPPED, an outcome that py_trees lacks.
 
-A skipped node has not run, and its parent continues with the next child. BehaviorTree.CPP never stores that status, it
-only returns it, and the node keeps its old status. The same applies here: `skipped` tells whether the last tick
-of a node was skipped. py_trees' own composites and decorators do not support it, so the compiler uses
-them only over children that cannot skip.
+A skipped node has not run, and its parent continues with the next child. BehaviorTree.CPP only returns SKIPPED, and the
+node keeps its old status. The same applies to this project: the attribute `skipped` states whether the last tick of a
+node was skipped. py_trees' own composites and decorators do not support SKIPPED, so the compiler uses them only if none
+of their children can be skipped.
 """
 
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 SKIPPED = Status.INVALID
-"""The outcome "skipped": returned by `update` of a leaf, and used by the controls here."""
+"""The outcome "skipped", which `update` of a leaf returns and this project's controls use."""
 
 
 class SkippableLeaf(Behaviour):

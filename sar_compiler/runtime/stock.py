@@ -1,6 +1,7 @@
-"""Classes derived from those of py_trees, so that its tools recognise them.
+"""Controls, decorators and leaves that are derived from classes of py_trees, so that its tools recognise them.
 
-Only their names and drawings are those of the stock classes, which support neither SKIPPED nor the mission's clock.
+The tools show the names and shapes of the stock classes. The behaviour is this project's, because the stock classes
+support neither SKIPPED nor the mission's clock.
 """
 
 from py_trees import composites, decorators, timers
@@ -16,10 +17,10 @@ from sar_compiler.runtime.ticking import OwnControl
 
 
 class _OrderedComposite(OwnControl):
-    """Children in order: after `hands_over` the next child is ticked; the other result ends the node.
+    """A composite that ticks its children in order; it continues after the status `hands_over` and ends after the other.
 
     Attributes:
-        memory: Start with the running child (true) or with the first child (false) in the next tick.
+        memory: Whether each tick starts with the running child; otherwise, it starts with the first child.
     """
 
     node_class = ordering.ResumingNode
@@ -33,29 +34,29 @@ class _OrderedComposite(OwnControl):
 
 
 class Sequence(_OrderedComposite, composites.Sequence):
-    """A sequence that ignores skipped children, and is skipped if all of them are.
+    """A sequence that ignores skipped children, and is skipped if all its children are skipped.
 
-    Stock py_trees stops at a skipped child, as if it had been interrupted.
+    py_trees' own sequence ends at a skipped child, as if the child had been interrupted.
     """
 
 
 class Fallback(_OrderedComposite, composites.Selector):
-    """A fallback that ignores skipped children, and is skipped if all of them are.
+    """A fallback that ignores skipped children, and is skipped if all its children are skipped.
 
-    Stock py_trees treats a skipped child as one that failed.
+    py_trees' own selector treats a skipped child like a failed child.
     """
 
     hands_over = FAILURE
 
 
 class AsyncSequence(Sequence):
-    """A sequence that pauses after every child that succeeds at once, so that it can be interrupted there."""
+    """A sequence that returns RUNNING after each child that succeeds at once, so that it can be interrupted there."""
 
     node_class = ordering.PausingNode
 
 
 class AsyncFallback(Fallback):
-    """A fallback that pauses after every child that fails at once, so that it can be interrupted there."""
+    """A fallback that returns RUNNING after each child that fails at once, so that it can be interrupted there."""
 
     node_class = ordering.PausingNode
 

@@ -1,6 +1,6 @@
-"""Controls, decorators and leaves that the kernel ticks, even if py_trees calls them.
+"""Controls, decorators and leaves that the kernel ticks, even if py_trees calls their methods.
 
-py_trees sees a behaviour for each node of the kernel (`behaviour_class`), with a name, children, and the tag's attributes.
+For each node of the kernel, py_trees uses a behaviour with a name, children and attributes (`behaviour_class`).
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.tree_nodes import TreeNode
     from sar_compiler.runtime.kernel.user_nodes import Tick
 
-# The kernel imports the base classes, so these receive the kernel's functions here.
+# The kernel imports the base classes, so they cannot import the kernel's functions themselves.
 EngineBehaviour.ticking = KernelTicking(LiveTree, show_visits)
 
 
@@ -30,25 +30,25 @@ class Control(EngineParent, Composite):
     """
 
     def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
-        # Called by class, because some controls are subclasses of stock ones, whose constructors need more arguments.
+        # Not through `super()`: some controls also derive from stock classes, whose constructors need more arguments.
         Composite.__init__(self, name, list(children))
 
     def tip(self) -> Behaviour | None:
-        """Return the deepest node that the last tick reached; this one if its children are idle."""
+        """Return the deepest node that the last tick reached; this node if its children are idle."""
         below: Behaviour | None = super().tip()
         return below or (self if self.status != Status.INVALID else None)
 
 
 class Decorator(EngineParent, StockDecorator):
-    """A node with one child (`decorated`), which its constructor receives."""
+    """A node with one child, which is the constructor's argument `child` and the attribute `decorated`."""
 
     def begin(self, tick: "Tick") -> Behaviour | Status:  # noqa: ARG002 - for subclasses
-        """Begin a tick with the child."""
+        """Begin a tick: return the child as the node to tick."""
         child: Behaviour = self.decorated
         return child
 
     def resume(self, tick: "Tick", outcome: Status) -> Behaviour | Status:  # noqa: ARG002
-        """Pass on the outcome of the child."""
+        """Return the outcome of the child as the node's outcome."""
         return outcome
 
 
@@ -57,7 +57,7 @@ class OwnLeaf(EngineBehaviour):
 
     Args:
         name: The node's name.
-        **attributes: The attributes of its tag, which its node in the kernel reads.
+        **attributes: The attributes of the leaf's tag, which its node in the kernel reads.
     """
 
     def __init__(self, name: str, **attributes: object) -> None:
@@ -96,13 +96,13 @@ _CLASSES: dict[type, type[Any]] = {}
 
 
 def behaviour_class(base: type[B], node_class: "type[TreeNode]") -> type[B]:
-    """Return the class of the behaviours of a node.
+    """Return the behaviour class for a node class of the kernel; it is created at the first call.
 
     Args:
         base: The base class.
-        node_class: The class of the node in the kernel, which gives it its name.
+        node_class: The node class, which defines the name and the docstring as well.
     """
     if node_class not in _CLASSES:
-        said = {"node_class": node_class, "__module__": node_class.__module__, "__doc__": node_class.__doc__}
-        _CLASSES[node_class] = type(node_class.__name__, (base,), said)
+        body = {"node_class": node_class, "__module__": node_class.__module__, "__doc__": node_class.__doc__}
+        _CLASSES[node_class] = type(node_class.__name__, (base,), body)
     return _CLASSES[node_class]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from sar_compiler.errors import SarError
 
 LARGEST_INTEGER = 2**63 - 1
-"""The largest integer of a script, which has 64 bits."""
+"""The largest integer in a script: integers have 64 bits."""
 
 _SPACE = " \t\r\n"
 _WORDS_PATTERN = r"""
@@ -23,42 +23,42 @@ _WORDS_PATTERN = r"""
     | (?P<sign>\.\.|&&|\|\||[=!<>:+\-*/]=|[+\-*/&|^~!<>=?:();])
     )
     """
-# Characters directly after a number; two points join strings.
+# Characters directly after a number that make it invalid; two points are an operator.
 _STUCK = re.compile(r"(?:[A-Za-z0-9_@]|\.(?!\.))*")
 _DOTTED = re.compile(r"(?:\.[A-Za-z0-9_@]+)+|\.")
 _BRACED = re.compile(r"\{([^{}]*)\}")
 _NAME = r"[A-Za-z_@][A-Za-z0-9_]*"
 _WORD_BEFORE = r"[A-Za-z_@][A-Za-z0-9_]*$"
 
-# Quotation marks that begin no string, with the ones that close them.
+# Quotation marks of other languages, with their closing quotation marks.
 _OTHER_QUOTES = {'"': '"', "`": "`", "\u201c": "\u201d", "\u2018": "\u2019"}
 # Statements of other languages.
 _STATEMENTS = frozenset(("if", "while", "for", "switch"))
 _CALLED = re.compile(r"\s*\(")
-_INSTEAD_OF_STATEMENTS = "use _skipIf or _while of the node, or choose a value by x ? a : b"
+_INSTEAD_OF_STATEMENTS = "use the node's attribute _skipIf or _while, or choose a value with x ? a : b"
 BOOLS = {"true": 1.0, "false": 0.0}
-"""The values of words for bools."""
+"""The values of the literals for bools."""
 _HINTS = {
-    "%": "scripts have no remainder operator: calculate it in a leaf",
+    "%": "scripts have no remainder operator. Calculate the remainder in a leaf",
     ",": "separate expressions with ';'",
     "[": "scripts have only numbers and strings, no lists",
     "]": "scripts have only numbers and strings, no lists",
     "#": "a script has no comments",
-    "\\": "strings have no escapes: use a backslash only inside '...', where it is an ordinary character",
+    "\\": "strings have no escape sequences. Use a backslash only inside '...', where it is an ordinary character",
     "$": "write only the variable's name",
 }
-# The number of characters of a text that are shown in a message.
+# The maximum number of characters of a script that a message shows.
 _LONGEST_EXCERPT = 40
 
 
 class ScriptError(SarError):
-    """A text is not a script.
+    """A script has a syntax error.
 
     Attributes:
-        message: The error.
-        start: The start of the wrong part, in characters of the script's text.
-        end: The end of the wrong part.
-        suggestion: The replacement, if it can be guessed.
+        message: The description of the error.
+        start: The offset of the wrong part's start in the script's text.
+        end: The offset after the wrong part.
+        suggestion: The replacement of the wrong part, if it can be guessed.
         hint: A short instruction, if there is no replacement.
     """
 
@@ -82,7 +82,7 @@ class TokenKind(enum.Enum):
     END = enum.auto()
 
 
-# Looked up once, because access to a member of an enumeration is slow.
+# Stored in variables, because access to a member of an enumeration is slow.
 _LITERAL, _NAME_TOKEN, _SIGN = TokenKind.LITERAL, TokenKind.NAME, TokenKind.SIGN
 
 
@@ -90,10 +90,10 @@ class Token(NamedTuple):
     """One token of a script.
 
     Attributes:
-        kind: Its kind.
+        kind: The kind of token.
         text: The text as written.
-        start: Its start, in characters of the script's text.
-        end: Its end.
+        start: The offset of the token's start in the script's text.
+        end: The offset after the token.
         value: The value of a literal.
     """
 
@@ -111,10 +111,10 @@ def _token_pattern() -> re.Pattern[str]:
 
 
 def tokenize(text: str) -> Iterator[Token]:
-    """Yield the tokens of a script; the last one is an `END`.
+    """Yield the tokens of a script; the last token is an `END`.
 
     Raises:
-        ScriptError: At text that is no token of a script.
+        ScriptError: If a part of the text is not a token.
     """
     position, end = 0, len(text.rstrip(_SPACE))
     pattern = _token_pattern()
@@ -132,7 +132,7 @@ def tokenize(text: str) -> Iterator[Token]:
 
 
 def excerpt(text: str) -> str:
-    """Return a part of a script, shortened for a message."""
+    """Shorten a part of a script for a message."""
     return text if len(text) <= _LONGEST_EXCERPT else text[: _LONGEST_EXCERPT - 3] + "..."
 
 
@@ -172,7 +172,7 @@ def _real(word: str, start: int) -> float:
 
 
 def _check_end_of_number(text: str, number: str, start: int) -> None:
-    """Reject a number with trailing characters: `3m`, `1.`, `0xFG`."""
+    """Raise an error for a number with trailing characters: `3m`, `1.`, `0xFG`."""
     stuck = _STUCK.match(text, start + len(number))
     rest = stuck.group() if stuck else ""
     if not rest and number[1:2] in {"x", "X"} and text.startswith(".", start + len(number)):
@@ -197,11 +197,11 @@ def _check_end_of_number(text: str, number: str, start: int) -> None:
 
 
 def _token_error(text: str, position: int) -> ScriptError:
-    """Return the error for a text that is not a token."""
+    """Return the error for a position at which no token begins."""
     character = text[position]
     if character == "'":
         message = "this string has no closing quotation mark"
-        hint = "add a single quotation mark at the end; a string cannot contain one"
+        hint = "add a single quotation mark at the end of the string, which cannot contain another one"
         return ScriptError(message, position, len(text), hint=hint)
     if character in _OTHER_QUOTES:
         return _wrong_quotes(text, position)
@@ -211,7 +211,7 @@ def _token_error(text: str, position: int) -> ScriptError:
         return _braces(text, position)
     if character.isalpha():
         message = f"'{character}' is not allowed in a name"
-        hint = "use the letters a to z and A to Z, digits and _; a leading @ means the root blackboard"
+        hint = "use the letters a to z and A to Z, digits and _, and a leading @ for a key of the root blackboard"
         return ScriptError(message, position, position + 1, hint=hint)
     shown = character if character.isprintable() and character != " " else f"U+{ord(character):04X}"
     message = f"'{shown}' is not allowed in a script"
@@ -221,7 +221,7 @@ def _token_error(text: str, position: int) -> ScriptError:
         and text[position - 1 : position].isdigit()
         and text[position + 1 : position + 2].isdigit()
     ):
-        advice = f"write a number as 1.5, without a thousands separator; {advice}"
+        advice = f"write a number as 1.5, without a thousands separator, or {advice}"
     return ScriptError(message, position, position + 1, hint=advice)
 
 
@@ -231,7 +231,7 @@ def _wrong_quotes(text: str, start: int) -> ScriptError:
     inside = text[start + 1 : close] if close > 0 else "'"
     message = f"a string must be in single quotation marks, not in {text[start]}"
     suggestion = None if "'" in inside else f"'{inside}'"
-    hint = "write '...' without a single quotation mark inside" if not suggestion else None
+    hint = "write '...'. The string cannot contain a single quotation mark" if not suggestion else None
     return ScriptError(message, start, end, suggestion, hint)
 
 
@@ -244,20 +244,20 @@ def _wrong_dot(text: str, position: int) -> ScriptError:
         start = position - len(before.group())
         message = f"a name cannot contain a point: '{excerpt(text[start:end])}'"
         return ScriptError(
-            message, start, end, hint="write a single name for a variable, or join strings by '..'"
+            message, start, end, hint="write a variable as a single name, or join strings with '..'"
         )
     if text[position + 1 : end].isdecimal():
         message = f"'{excerpt(text[position:end])}' is not a number: a digit is missing before the point"
         return ScriptError(message, position, end, suggestion="0" + text[position:end])
     message = "'.' is not allowed here"
-    return ScriptError(message, position, position + 1, hint="join strings by '..', and write numbers as 0.5")
+    return ScriptError(message, position, position + 1, hint="join strings with '..', or write 0.5 for .5")
 
 
 def _braces(text: str, start: int) -> ScriptError:
     match = _BRACED.match(text, start)
     inside = match.group(1).strip() if match else ""
     end = match.end() if match else start + 1
-    message = "a variable in a script has no braces"
+    message = "a variable in a script is written without braces"
     if re.fullmatch(_NAME, inside):
         return ScriptError(message, start, end, suggestion=inside)
     return ScriptError(message, start, end, hint="write only the variable's name")

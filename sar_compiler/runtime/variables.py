@@ -1,4 +1,4 @@
-"""The variables of scripts: their values, their storage, and conversions in assignments."""
+"""The variables of scripts: their values, their interface, and the conversion of assigned values."""
 
 import math
 import re
@@ -15,21 +15,21 @@ ScriptValue = int | float | str
 """A value in a script."""
 
 LARGEST_EXACT = 2**53 - 1
-"""The limit above which not every integer is a real number."""
+"""The largest integer up to which every integer can be converted to a real number exactly."""
 
 _NUMBER = r"(?i)-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+\-]?[0-9]+)?|-?(?:inf|infinity|nan)"
 _WHOLE = r"-?[0-9]+"
-# No number of 64 bits has more digits.
+# No 64-bit integer has more digits.
 _LONGEST_WHOLE = len(str(LARGEST_INTEGER)) + 1
 _BITS = 64
 
 
 @mission_context
 class Enums(NamedTuple):
-    """The named constants of enumerations for scripts and Switch.
+    """The named constants (enumerators) for scripts and `Switch`.
 
     Attributes:
-        numbers: The number of each name.
+        numbers: The number of each constant, by name.
     """
 
     numbers: Mapping[str, int] = MappingProxyType({})
@@ -43,7 +43,7 @@ class UnknownVariableError(VariableError):
     """A variable does not exist, or has no value yet.
 
     Attributes:
-        name: The name, as written in the script.
+        name: The variable's name, as written in the script.
     """
 
     def __init__(self, name: str) -> None:
@@ -52,34 +52,32 @@ class UnknownVariableError(VariableError):
 
 
 class UnknownValueError(VariableError):
-    """A required value is unknown without a robot.
+    """A script needs a value that is unknown in a run without a robot.
 
     Attributes:
-        value: The value.
+        value: The unknown value.
     """
 
     def __init__(self, value: "UnknownValue") -> None:
         leaf, key = value.leaf, value.key
         super().__init__(
-            f"the value of '{key}' is not known, because '{leaf}' writes it in a run. Add to the file of --properties, "
+            f"the value of '{key}' is not known, because '{leaf}' writes it in a run. Add to the property file "
             f'or to the scenario: outcomes: {{{leaf}: [{{status: SUCCESS, then: "{key} := ..."}}]}}'
         )
         self.value = value
 
 
 UNKNOWN = "unknown"
-"""The name for an unknown value in the scripts of a leaf's outcomes."""
+"""The name that stands for an unknown value in the scripts of a leaf's outcomes."""
 
 
 @dataclass(frozen=True)
 class UnknownValue:
-    """The unknown value of an entry that a leaf writes in a run without a robot.
-
-    It can only be copied from entry to entry.
+    """The value of an entry that a leaf writes in a run without a robot; it can only be copied to other entries.
 
     Attributes:
-        leaf: The name of the leaf that writes it.
-        key: The key, as written for the leaf.
+        leaf: The name of the leaf that writes the entry.
+        key: The key of the entry, as an attribute of the leaf names it.
     """
 
     leaf: str
@@ -97,22 +95,22 @@ def unknown_value_of(error: BaseException | None) -> UnknownValue | None:
 
 
 class RefusedValueError(VariableError):
-    """A value is not an allowed one."""
+    """A value has the wrong type, or is not an allowed value."""
 
 
 class Variables(Protocol):
-    """The variables of a script: names in its scope, or with `@` in the root's scope."""
+    """The variables of a script. A name refers to the script's scope, and a name with `@` to the root's scope."""
 
     def read(self, name: str) -> ScriptValue:
         """Return a variable's value.
 
         Raises:
-            UnknownVariableError: If there is none, or it has no value yet.
+            UnknownVariableError: If the variable does not exist or has no value yet.
         """
         ...
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Create a variable, or assign to an existing one as `assign` does; for `:=`.
+        """Create a variable, or assign to an existing variable as `assign` does; the operator `:=`.
 
         Returns:
             The stored value.
@@ -129,8 +127,8 @@ class Variables(Protocol):
             The stored value.
 
         Raises:
-            UnknownVariableError: If there is none.
-            RefusedValueError: If the value does not fit the variable's type.
+            UnknownVariableError: If the variable does not exist.
+            RefusedValueError: If the value cannot be converted to the variable's type.
         """
         ...
 
@@ -139,7 +137,7 @@ class PlainVariables:
     """Variables without fixed types.
 
     Args:
-        values: Their initial values.
+        values: The initial values of the variables.
     """
 
     def __init__(self, values: Mapping[str, ScriptValue]) -> None:
@@ -164,15 +162,15 @@ def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) 
 
     Args:
         value: The value.
-        kind: The variable's type: `bool`, `int`, `float` or `str`; any other type accepts only its own values.
-        enums: The named constants that a string may contain, for a numeric variable.
+        kind: The variable's type: `bool`, `int`, `float` or `str`. Any other type accepts only its own values.
+        enums: The named constants, whose names a numeric variable accepts as strings.
 
     Returns:
-        The converted value: the number 2.0 as an `int` is 2, the string '2.5' as a `float` is 2.5.
+        The converted value: the number 2.0 becomes the `int` 2, the string '2.5' becomes the `float` 2.5.
 
     Raises:
-        RefusedValueError: If the value would change: 2.5 or 1e30 as an `int`, 7 as a `bool`, a string that is not a
-            number as a number, a number as a string.
+        RefusedValueError: If the conversion would change the value or is impossible: 2.5 or 1e30 to `int`, 7 to `bool`,
+            a string without a number to a number, a number to a string.
     """
     if kind not in {bool, int, float}:
         if isinstance(value, kind):
@@ -194,10 +192,10 @@ def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) 
 
 
 def parse_number_text(text: str, enums: Mapping[str, int]) -> int | float:
-    """Return the number in a string: digits, `true` or `false`, or a name of an enumeration.
+    """Return the number that a string contains: digits, `true`, `false`, or the name of a constant.
 
     Raises:
-        RefusedValueError: If there is none.
+        RefusedValueError: If the string contains no number.
     """
     if text in BOOLS:
         return BOOLS[text]
@@ -207,10 +205,10 @@ def parse_number_text(text: str, enums: Mapping[str, int]) -> int | float:
 
 
 def number_of(text: str) -> int | float:
-    """Convert a string of digits to a number.
+    """Convert a string with a number to this number.
 
     Raises:
-        RefusedValueError: If there is none.
+        RefusedValueError: If the string contains no number.
     """
     if len(text) <= _LONGEST_WHOLE and re.fullmatch(_WHOLE, text):
         return int(text)
@@ -222,10 +220,10 @@ def number_of(text: str) -> int | float:
 
 
 def as_real(value: ScriptValue) -> float:
-    """Return a number as a real number.
+    """Convert a number to a real number.
 
     Raises:
-        RefusedValueError: If it is not a number, or too large for an exact conversion.
+        RefusedValueError: If the value is not a number, or is too large for an exact conversion.
     """
     if isinstance(value, float):
         return value
@@ -239,10 +237,10 @@ def as_real(value: ScriptValue) -> float:
 
 
 def to_int64(value: ScriptValue) -> int:
-    """Return a number as a 64-bit integer.
+    """Convert a number to a 64-bit integer.
 
     Raises:
-        RefusedValueError: If it is not a number, has a fraction, or is too large.
+        RefusedValueError: If the value is not a number, has a fraction, or is too large.
     """
     if not isinstance(value, (int, float)):
         raise RefusedValueError(f"{describe_value(value)} is not a number")

@@ -1,6 +1,6 @@
-"""Replacements of librt and mypy's native number types, for robots with only apt packages.
+"""Replacements of librt and of mypy's native number types, for robots that have only apt packages.
 
-The uncompiled kernel uses lists in place of librt's vectors, only slower. The compiled kernel requires librt.
+With them, the kernel's Python source uses lists instead of librt's vectors. The compiled kernel requires librt.
 """
 
 import importlib.util
@@ -11,43 +11,43 @@ from typing import Any
 
 
 class Vector(list[Any]):
-    """A list that replaces a `librt.vecs.vec`."""
+    """A list with the interface of `librt.vecs.vec`."""
 
     def __init__(self, items: Iterable[Any] = (), *, capacity: int = 0) -> None:  # noqa: ARG002 - the signature of librt
         super().__init__(items)
 
     def __class_getitem__(cls, item: Any) -> Any:
-        """Return the class, for any type of items."""
+        """Return the class, because a list may have items of any type."""
         return cls
 
     def __getitem__(self, at: Any) -> Any:
-        """Return an item, or a vector of a slice."""
+        """Return the item at an index, or the vector of a slice."""
         found = super().__getitem__(at)
         return Vector(found) if isinstance(at, slice) else found
 
 
 def append(vector: Vector, item: Any) -> Vector:
-    """Return the vector with one more item."""
+    """Append an item, and return the vector, as librt does."""
     vector.append(item)
     return vector
 
 
 def extend(vector: Vector, items: Iterable[Any]) -> Vector:
-    """Return the vector with more items."""
+    """Append items, and return the vector, as librt does."""
     vector.extend(items)
     return vector
 
 
-def stand_in() -> None:
-    """Register the replacements under librt's names, unless librt is installed."""
+def register_replacements() -> None:
+    """Register the replacements as modules `librt` and `mypy_extensions`, unless these are installed."""
     if importlib.util.find_spec("librt") is None:
-        _offer("librt", vecs=_offer("librt.vecs", vec=Vector, append=append, extend=extend))
+        _add_module("librt", vecs=_add_module("librt.vecs", vec=Vector, append=append, extend=extend))
     if importlib.util.find_spec("mypy_extensions") is None:
         numbers = dict.fromkeys(("i16", "i32", "i64", "u8"), int)
-        _offer("mypy_extensions", **numbers, mypyc_attr=lambda **_: lambda cls: cls)
+        _add_module("mypy_extensions", **numbers, mypyc_attr=lambda **_: lambda cls: cls)
 
 
-def _offer(name: str, **content: Any) -> ModuleType:
+def _add_module(name: str, **content: Any) -> ModuleType:
     module = sys.modules[name] = ModuleType(name)
     vars(module).update(content)
     return module

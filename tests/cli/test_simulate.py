@@ -243,7 +243,7 @@ def test_a_decorator_of_ones_own_that_answers_with_no_status_is_told_as_in_a_rea
     path.write_text(document("<OwnForgetful><AdvanceZone/></OwnForgetful>"), encoding="utf-8")
     status, out, err = run(capsys, path, "--nodes", "tests.analysis.verify.own_controls")
     assert (status, err) == (1, "")
-    said = "'OwnForgetful' (OwnForgetful) failed: update() returned None, which is not a status: return Status.SUCCESS"
+    said = "'OwnForgetful' (OwnForgetful) failed: update() returned None, which is not a status. Return Status.SUCCESS"
     assert f"tick 1 could not be finished: {said}" in out
 
 

@@ -51,8 +51,8 @@ def test_the_node_continues_while_the_tree_is_held_and_resuming_wakes_the_tree(r
     breakpoints.resume()
     ros.spin_until(lambda: runner.count == 1, "the end of the tick")
     assert log == [
-        "A breakpoint pauses the tree at 'one': continue to tick it",
-        "the tree is ticked again",
+        "A breakpoint pauses the tree before 'one' until you continue it",
+        "The tree is ticked again",
     ]
 
 

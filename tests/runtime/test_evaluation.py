@@ -213,7 +213,7 @@ def test_a_name_of_an_enumeration_hides_a_variable_that_is_read():
 @pytest.mark.parametrize("text", ["nope = 3", "nope += 3"])
 def test_only_colon_equals_makes_a_variable(text):
     error = error_of(text)
-    assert (error.message, error.hint) == ("there is no variable 'nope'", "'nope := ...' creates it")
+    assert (error.message, error.hint) == ("there is no variable 'nope'", "to create it, write nope := ...")
     assert marked(text, error) == "nope"
 
 

@@ -67,7 +67,7 @@ def test_other_objects_are_taken_as_they_are():
 
 def test_what_can_be_neither_copied_nor_hashed_is_refused():
     with pytest.raises(
-        FrozenValueError, match="type bytearray, which can neither be copied nor hashed: store"
+        FrozenValueError, match=r"type bytearray, which can neither be copied nor hashed\. Store"
     ):
         freeze(bytearray(b"x"))
 

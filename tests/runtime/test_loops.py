@@ -99,7 +99,7 @@ def test_a_text_on_the_blackboard_is_a_queue():
 
 def test_what_is_no_queue_is_an_error_that_says_what_would_be_one():
     stage = Stage(q=7)
-    with pytest.raises(QueueError, match="queue: a value of type int is not a queue: write a list"):
+    with pytest.raises(QueueError, match=r"queue: a value of type int is not a queue\. Write a list"):
         loop(stage, stage.port("q")).tick_once()
 
 

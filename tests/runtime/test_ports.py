@@ -94,5 +94,5 @@ def test_a_port_that_is_both_writes_what_it_reads(entry):
 
 
 def test_a_port_that_is_both_cannot_write_a_constant():
-    with pytest.raises(PortError, match=r"count is a constant and cannot be written; write a \{key\}"):
+    with pytest.raises(PortError, match=r"count is a constant and cannot be written. Write a \{key\}"):
         InOut(1, name="count").set(2)

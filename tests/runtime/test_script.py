@@ -199,11 +199,11 @@ def test_what_can_be_mended_is_shown_with_what_to_write_instead(text, mark, sugg
         ("a--", "--", "x -= 1"),
         ("a |= b", "|=", "x = x | y"),
         ("goal.x > 1", "goal.x", "cannot contain a point"),
-        ("a . b", ".", "join strings by '..'"),
+        ("a . b", ".", "join strings with '..'"),
         ("f(x)", "f(", "cannot call 'f'"),
         ("a\xa0b", "\xa0", "ordinary space"),
         ("größe", "ö", "is not allowed in a name"),
-        ("{}", "{}", "has no braces"),
+        ("{}", "{}", "without braces"),
         ("x == 'abc", "'abc", "no closing quotation mark"),
         ("'it\\'s'", "'", "cannot contain one"),
         ("\"it's", "\"it's", "single quotation mark"),
@@ -229,14 +229,14 @@ def test_what_can_be_mended_is_shown_with_what_to_write_instead(text, mark, sugg
         ("(a b)", "b", "')' is missing before 'b'"),
         ("(a; b)", ";", "one expression"),
         ("a)", ")", "has no '('"),
-        ("()", "()", "nothing in these brackets"),
+        ("()", "()", "these parentheses are empty"),
         ("a ? b", "?", "has no ':'"),
         ("a : b", ":", "has no '?'"),
         ("1 = x", "1 =", "only variables"),
-        ("a && b = 1", "a && b =", "'==' compares"),
+        ("a && b = 1", "a && b =", "'==' to compare"),
         ("(a + b) := 1", "(a + b) :=", "only variables"),
         ("-x += 1", "-x +=", "only variables"),
-        ("a ? b : c := 1", ":=", "another expression in brackets"),
+        ("a ? b : c := 1", ":=", "another expression in parentheses"),
         (":= 1", ":=", "only variables"),
     ],
 )
@@ -276,7 +276,7 @@ def test_a_sum_may_be_as_long_as_somebody_likes():
 
 def test_there_is_an_end_to_how_long_a_script_may_be():
     error = error_of("+".join(["a"] * 10_000_000))
-    assert error.message == f"the script has more than {MAX_WORDS:,} words"
+    assert error.message == f"the script has more than {MAX_WORDS:,} numbers, strings, names and signs"
     assert error.start == MAX_WORDS
 
 

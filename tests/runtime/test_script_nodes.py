@@ -89,7 +89,10 @@ def test_every_assignment_counts_as_an_update():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a := 1; nope = 3", "'run': code, column 9: there is no variable 'nope'; 'nope := ...' creates it"),
+        (
+            "a := 1; nope = 3",
+            "'run': code, column 9: there is no variable 'nope' (to create it, write nope := ...)",
+        ),
         ("a := 1;\n  b := nope", "'run': code, line 2, column 8: there is no variable 'nope'"),
         ("z := 10; z /= 4", "'run': code, column 10: "),
         ("thing + 1", "'run': code, column 1: 'thing' has a value of type object"),

@@ -325,10 +325,10 @@ def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> I
 def find_unwritten_ends(entry: EntryAccesses, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     """Yield the first read of an entry that may happen after its writers ended without writing it.
 
-    Only leaves whose outcomes declare the keys that they write are checked (`Outcome.writes`). A read is reported if a run
-    is possible in which it is the first access after such an end. This is decided from the positions of the two nodes.
-    From the writer upwards, the rule computes what its ancestors can return after such an end, up to the node in which
-    writer and reader are in different children. The reader is reached if that node then continues to the reader's
+    Only leaves whose outcomes declare the keys that they write are checked (`Outcome.writes`). A read is reported if a
+    run is possible in which it is the first access after such an end. This is decided from the positions of the two
+    nodes. From the writer upwards, the rule computes what its ancestors can return after such an end, up to the node in
+    which writer and reader are in different children. The reader is reached if that node then continues to the reader's
     branch. If anything on the path may depend on the same end (a condition, a script before a node, a branch that is
     chosen), nothing is reported, because a wrong finding is worse than a missing finding.
     """

@@ -1,11 +1,11 @@
-"""The kernel: the nodes that tick.
+"""The kernel, which ticks trees.
 
-A tree in flat form is a list of nodes over vectors of cells. Between two ticks, the cells are the whole state of the tree, except for
-the blackboard and the private state of leaves.
+A tree in flat form is a list of nodes whose state is in vectors of cells. Between two ticks, the cells are the whole
+state of the tree, except for the blackboard and the private state of leaves.
 
-mypyc compiles these modules and those of `sar_compiler.analysis.state_search` if a C compiler is available. A compiled module
-behaves like its source, and is used only if it was compiled from the source beside it. `SAR_KERNEL=python` in the environment
-forces the sources, and `SAR_KERNEL=compiled` rejects them.
+mypyc compiles the modules of this package and of `sar_compiler.analysis.state_search` if a C compiler is available. A
+compiled module behaves like its source, and is used only if it was compiled from the source in the same folder. In the
+environment, `SAR_KERNEL=python` selects the Python sources, and `SAR_KERNEL=compiled` rejects them.
 """
 
 import hashlib
@@ -18,20 +18,20 @@ from importlib.machinery import EXTENSION_SUFFIXES, ModuleSpec
 from pathlib import Path
 from types import ModuleType
 
-from sar_compiler.runtime.without_librt import stand_in
+from sar_compiler.runtime.without_librt import register_replacements
 
 _PACKAGE = Path(__file__).parents[2]
 _FOLDERS = {
     f"{_PACKAGE.name}.{name}": _PACKAGE.joinpath(*name.split("."))
     for name in ("runtime.kernel", "analysis.state_search")
 }
-"""The packages whose modules are compiled; the second one may be missing."""
+"""The folders of the packages whose modules are compiled; the folder of `state_search` may be missing."""
 _RECORD = _FOLDERS[__name__] / "compiled.json"
-"""The digests of the sources of the compiled modules; written by `setup.py`."""
+"""The file in which `setup.py` stores the digests of the compiled modules' sources."""
 
 
 def digests() -> dict[str, str]:
-    """Return the digest of each existing source, by its module."""
+    """Return the digests of the existing sources, by module."""
     return {
         f"{package}.{path.stem}": hashlib.sha256(path.read_bytes()).hexdigest()
         for package, folder in _FOLDERS.items()
@@ -41,10 +41,10 @@ def digests() -> dict[str, str]:
 
 
 def _state() -> str:
-    """Return whether the compiled modules can be used; see `STATE`."""
+    """Return the state of the compiled modules; see `STATE`."""
     if not any((_RECORD.parent / f"cells{suffix}").exists() for suffix in EXTENSION_SUFFIXES):
         return "absent"
-    # Their shared library is beside the package, and librt is separate; a copy of the package alone lacks both.
+    # The compiled modules need a shared library beside the package, and librt. A copy of the package alone lacks both.
     if not all(importlib.util.find_spec(name) for name in ("sar_compiler_kernel__mypyc", "librt")):
         return "apart"
     try:
@@ -60,39 +60,39 @@ def _state() -> str:
 
 
 STATE = _state()
-"""`compiled`, or the reason why not: `stale` (other sources), `apart` (shared libraries missing) or `absent`."""
+"""`compiled` if the modules are usable; else `stale` (changed sources), `apart` (missing libraries) or `absent`."""
 _WANTED = os.environ.get("SAR_KERNEL", "")
 IS_COMPILED = STATE == "compiled" and _WANTED != "python"
 """Whether the compiled modules are in use."""
 
 if _WANTED == "compiled" and not IS_COMPILED:
-    message = f"SAR_KERNEL=compiled: the compiled kernel is {STATE}: rebuild the package with a C compiler"
+    message = f"SAR_KERNEL=compiled: the compiled kernel is {STATE}. Rebuild the package with a C compiler"
     raise ImportError(message)
 
 
 class _Sources:
-    """Finds the sources, although the import system would prefer compiled modules."""
+    """Finder of the Python sources, because the import system would prefer compiled modules."""
 
     @staticmethod
     def find_spec(name: str, path: object = None, target: ModuleType | None = None) -> ModuleSpec | None:  # noqa: ARG004
-        """Return the location of a module's source; None for other modules."""
+        """Return the spec of a module's source; None for modules of other packages."""
         package, _, module = name.rpartition(".")
         if package not in _FOLDERS:
             return None
         return importlib.util.spec_from_file_location(name, _FOLDERS[package] / f"{module}.py")
 
 
-stand_in()
+register_replacements()
 if STATE != "absent" and not IS_COMPILED:
     sys.meta_path.insert(0, _Sources)
 
 
 def describe() -> str:
-    """Return a description of the kernel in use."""
-    words: Mapping[str, str] = {
-        "compiled": "Python, although a compiled one exists (SAR_KERNEL=python)",
-        "stale": "Python (the compiled one is not used, because its sources have changed: rebuild the package)",
-        "apart": "Python (the compiled one is not used, because its library is missing: reinstall the package)",
+    """Describe the kernel in use."""
+    descriptions: Mapping[str, str] = {
+        "compiled": "Python, although there is a compiled kernel (SAR_KERNEL=python)",
+        "stale": "Python, because the sources of the compiled kernel have changed (rebuild the package)",
+        "apart": "Python, because the library of the compiled kernel is missing (reinstall the package)",
         "absent": "Python",
     }
-    return "compiled" if IS_COMPILED else words[STATE]
+    return "compiled" if IS_COMPILED else descriptions[STATE]

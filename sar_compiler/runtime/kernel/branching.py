@@ -1,4 +1,4 @@
-"""Branches of BehaviorTree.CPP, in which another child or a value selects the child to tick."""
+"""Branching controls of BehaviorTree.CPP: the result of a child, or a value, selects the child to tick."""
 
 from typing import Any, Final
 
@@ -81,11 +81,11 @@ class WhileDoElseNode(ControlNode):
 
 
 class SwitchNode(ControlNode):
-    """Ticks the child whose case equals the variable, or the last one if none does.
+    """Ticks the child whose case equals the variable, or the last child if no case does.
 
     Attributes:
-        cases: The cases.
-        running: The cell with the number of the running or current child, counted from 1.
+        cases: The ports with the cases.
+        running: The cell with the number of the running or current child, counted from 1; 0 if there is none.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -99,7 +99,7 @@ class SwitchNode(ControlNode):
         self.running = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the selected child, and halt another one that was running."""
+        """Tick the selected child, and halt another child that was running."""
         cells = ticker.cells
         selected = self.select()
         before = cells[self.running]
@@ -109,7 +109,7 @@ class SwitchNode(ControlNode):
         return self.tick_child(self.children[selected], ticker)
 
     def select(self) -> int:
-        """Return the index of the child to tick; a variable or a case without a value equals nothing."""
+        """Return the index of the child to tick. A variable or case without a value is equal to nothing."""
         variable = self.variable.get(None)
         if variable is not None:
             for index, case in enumerate(self.cases):
@@ -132,11 +132,11 @@ class SwitchNode(ControlNode):
 
 
 class TryCatchNode(OneChildNode):
-    """Ticks all children but the last in order, and ticks the last one if one of them fails.
+    """Ticks all children except the last in order. If one of them fails, ticks the last child.
 
     Attributes:
         skips: The cell with the number of children that were skipped.
-        catching: The cell with 1 while the last child is the current one.
+        catching: The cell with 1 while the last child is the current child.
         catches: Whether the last child is ticked once when the node is halted.
     """
 
@@ -154,14 +154,14 @@ class TryCatchNode(OneChildNode):
         return super().begin(ticker)
 
     def next_child(self, ticker: Ticker) -> int:
-        """Return the index of the current child; -1 if none has failed."""
+        """Return the index of the current child; -1 if all children before the last have ended without a failure."""
         if ticker.cells[self.catching]:
             return self.last
         index = super().next_child(ticker)
         return index if index < self.last else -1
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Continue with the last child after a failure, else with the next one."""
+        """Continue with the last child after a failure, otherwise with the next child."""
         cells = ticker.cells
         if outcome == RUNNING:
             return RUNNING
@@ -183,7 +183,7 @@ class TryCatchNode(OneChildNode):
         return self.finish(ticker, SKIPPED if all_skipped else SUCCESS)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the running children, without the last one if it must be ticked once."""
+        """Return the running children, without the last child if it must be ticked once."""
         cells = ticker.cells
         self.catches = False
         try:
@@ -198,7 +198,7 @@ class TryCatchNode(OneChildNode):
         return running_children(self.children[: self.last] if self.catches else self.children, ticker)
 
     def stop_last(self, ticker: Ticker) -> None:
-        """Tick the last child once, if required and if it was not the current one."""
+        """Tick the last child once, if `catch_on_halt` requires it and it was not the current child."""
         if self.catches:
             try:
                 ticker.run_unseen(self.children[self.last])
@@ -208,6 +208,6 @@ class TryCatchNode(OneChildNode):
         super().stop_last(ticker)
 
     def reset_child(self, ticker: Ticker) -> None:
-        """Reset the current child, also for py_trees."""
+        """Reset the node's cells and py_trees' current child."""
         self.reset_cells(ticker)
         self.behaviour.current_child = None

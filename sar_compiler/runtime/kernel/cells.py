@@ -1,4 +1,4 @@
-"""Outcomes and statuses as small integers, for the cells of a tree."""
+"""The numbers that represent outcomes and statuses in the cells of a tree."""
 
 from typing import Any, Final
 
@@ -12,18 +12,18 @@ FAILURE: Final = 3
 SKIPPED: Final = 4
 """The outcome of a skipped tick, which is never a status."""
 CALLED: Final = 5
-"""A marker in place of an outcome: another node has to be ticked first."""
+"""A marker instead of an outcome: another node has to be ticked first."""
 
 WORDS: Final[tuple[str, ...]] = ("", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
-"""The name of each outcome; empty for none."""
+"""The names of the outcomes, by number; empty for INVALID."""
 
 ENDED: Final = 2
-"""The common bits of SUCCESS and FAILURE: `outcome & ENDED` is not 0 only for these two."""
+"""The common bit of SUCCESS and FAILURE: `outcome & ENDED` is nonzero only for these outcomes."""
 
 STATUSES: Final[tuple[Any, ...]] = (Status.INVALID, Status.RUNNING, Status.SUCCESS, Status.FAILURE)
-"""py_trees' status for each number; of variable length, because mypyc would box a fixed table at every access."""
+"""py_trees' statuses, by number; of variable length, because mypyc would box a tuple of fixed length at every access."""
 
-# Names of this module, because access to a member of an enumeration is slow.
+# Stored in variables, because access to a member of an enumeration is slow.
 _RUNNING: Final[Any] = Status.RUNNING
 _SUCCESS: Final[Any] = Status.SUCCESS
 _FAILURE: Final[Any] = Status.FAILURE

@@ -1,4 +1,4 @@
-"""Parallels of BehaviorTree.CPP: children are ticked together until enough of them have ended."""
+"""Parallel controls of BehaviorTree.CPP, which tick all children until enough of them have ended."""
 
 from typing import Final
 
@@ -7,18 +7,18 @@ from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, R
 from sar_compiler.runtime.kernel.tree_nodes import ControlNode, NodeBuilder, Ticker
 
 _BITS: Final = 30
-"""The number of children that are bits of one 32-bit cell."""
+"""The number of children whose bits fit into one 32-bit cell."""
 
 
 class ThresholdError(NodeError):
-    """A parallel is configured to wait for more children than it has."""
+    """A parallel node is configured to wait for more children than it has."""
 
 
 class CountingNode(ControlNode):
-    """Ticks all children; one that has ended is not ticked again until the node has ended.
+    """Ticks all children. A child that has ended is not ticked again until the node has ended.
 
     Attributes:
-        through: The first of the cells with a bit for each child that has ended.
+        through: The first of the cells that have a bit for each child that has ended.
         successes: The cell with the number of children that have succeeded.
         failures: The cell with the number of children that have failed.
         current: The cell with the index of the current child, in a tick.
@@ -44,7 +44,7 @@ class CountingNode(ControlNode):
         return self.tick_unfinished(ticker, self.count_child(ticker, outcome))
 
     def tick_unfinished(self, ticker: Ticker, decision: int) -> int:
-        """Tick the unfinished children from the current one, unless the decision is not INVALID."""
+        """Tick the unfinished children from the current child on, until *decision* is not INVALID."""
         cells, children = ticker.cells, self.children
         while decision == INVALID:
             index = cells[self.current]
@@ -61,7 +61,7 @@ class CountingNode(ControlNode):
         return self.end_tick(ticker, decision)
 
     def count_child(self, ticker: Ticker, outcome: int) -> int:
-        """Count the current child; return the node's outcome if it is decided, else INVALID."""
+        """Count the current child's outcome; return the node's outcome if it is decided, otherwise INVALID."""
         cells, index = ticker.cells, ticker.cells[self.current]
         if outcome & ENDED:
             place = self.through + int(index // _BITS)
@@ -73,30 +73,30 @@ class CountingNode(ControlNode):
         return self.decide_early(ticker)
 
     def threshold(self, port: str, wanted: int) -> int:
-        """Return the number of children that an attribute sets; a negative number counts from the end.
+        """Return the number of children that an attribute's value means; a negative value counts from the end.
 
         Raises:
-            ThresholdError: If it exceeds the number of children.
+            ThresholdError: If the value exceeds the number of children.
         """
         count = len(self.children)
         if wanted > count:
             message = (
-                f"'{self.behaviour.name}' can never count {wanted} children, because it has {count}: "
-                f"write {count} at most as {port}, or a negative number to count from the end (-1: all)"
+                f"'{self.behaviour.name}' can never count {wanted} children, because it has {count}. "
+                f"Write at most {count} as {port}, or a negative number to count from the end (-1: all)"
             )
             raise ThresholdError(message, self.behaviour.name)
         return wanted if wanted >= 0 else max(count + wanted + 1, 0)
 
     def decide_early(self, ticker: Ticker) -> int:  # noqa: ARG002 - for subclasses
-        """Return the outcome if the children so far decide it, else INVALID."""
+        """Return the node's outcome if the children ticked so far decide it, otherwise INVALID."""
         return INVALID
 
     def decide_at_the_end(self, ticker: Ticker) -> int:
-        """Return the outcome after all children were ticked."""
+        """Return the node's outcome after all children were ticked."""
         raise NotImplementedError
 
     def end_tick(self, ticker: Ticker, outcome: int) -> int:
-        """End the tick with an outcome; after SUCCESS or FAILURE the node has ended."""
+        """End the tick with an outcome; SUCCESS and FAILURE also end the node."""
         cells = ticker.cells
         if not outcome & ENDED:
             self.break_off(ticker)
@@ -107,11 +107,11 @@ class CountingNode(ControlNode):
 
 
 class ParallelNode(CountingNode):
-    """Decides after every child.
+    """A parallel node that may end after every child.
 
     Attributes:
         enough: The cell with the required number of successes, in a tick.
-        too_many: The cell with the number of failures after which it fails, in a tick.
+        too_many: The cell with the number of failures after which the node fails, in a tick.
         counts_skips: The cell with 1 if skipped children are counted as successes, in a tick.
     """
 
@@ -130,7 +130,7 @@ class ParallelNode(CountingNode):
         return super().begin(ticker)
 
     def decide_early(self, ticker: Ticker) -> int:
-        """Return the outcome if enough children have succeeded or failed, else INVALID."""
+        """Return the node's outcome if enough children have succeeded or failed, otherwise INVALID."""
         cells = ticker.cells
         successes, failures = cells[self.successes], cells[self.failures]
         if cells[self.counts_skips]:
@@ -142,7 +142,7 @@ class ParallelNode(CountingNode):
         return INVALID
 
     def decide_at_the_end(self, ticker: Ticker) -> int:
-        """Return SKIPPED if all children were skipped, else RUNNING."""
+        """Return SKIPPED if all children were skipped, otherwise RUNNING."""
         cells = ticker.cells
         if ticker.tells:
             self.behaviour.feedback_message = f"{cells[self.successes]} of {cells[self.enough]}"
@@ -150,10 +150,10 @@ class ParallelNode(CountingNode):
 
 
 class ParallelAllNode(CountingNode):
-    """Waits for all children before it decides.
+    """A parallel node that ends when all children have ended.
 
     Attributes:
-        too_many: The cell with the number of failures after which it fails, in a tick.
+        too_many: The cell with the number of failures from which the node fails, in a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -166,7 +166,7 @@ class ParallelAllNode(CountingNode):
         return super().begin(ticker)
 
     def decide_at_the_end(self, ticker: Ticker) -> int:
-        """Return the final outcome, RUNNING if a child runs, or SKIPPED if all children were skipped."""
+        """Return SKIPPED if all children were skipped, RUNNING if a child runs, otherwise SUCCESS or FAILURE."""
         cells, count = ticker.cells, len(self.children)
         skips, ended = cells[self.skips], cells[self.successes] + cells[self.failures]
         if skips == count:

@@ -1,7 +1,7 @@
-"""Contents of blackboard entries as small numbers, for states that are stored and compared by the million.
+"""Numbers that represent the contents of blackboard entries in states, millions of which are stored and compared.
 
-An entry has few different contents in all runs of a tree. Each gets a number at its first occurrence, so the state of all
-entries is a list of numbers, and the effect of a script on some entries is cached by their numbers.
+An entry has few different contents in all runs of a tree. Each content gets a number at its first occurrence. So the
+state of all entries is a list of numbers, and the effects of a script are cached by these numbers.
 """
 
 from collections.abc import Callable, Hashable
@@ -11,18 +11,18 @@ from librt.vecs import append, vec
 from mypy_extensions import i32, i64
 
 NOTHING: Final = 0
-"""The number of an entry that does not exist."""
+"""The content's number for an entry that does not exist."""
 
 
 class EntryCells:
-    """The contents of entries.
+    """The contents of all entries.
 
     Attributes:
-        now: The number of each entry's current content.
-        names: The names of the entries.
+        now: The number of each entry's current content, by the entry's index.
+        names: The names of the entries, by index.
         known: The number of known entries and contents.
         lent: The values that were read and can be changed in place, by the index of the entry.
-        freeze: Function that returns the content of an entry, given its index and the value that was read.
+        freeze: Function that converts the index of an entry and a value that was read to the entry's content.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class EntryCells:
         self._numbers: list[dict[Any, int]] = []
 
     def place_of(self, name: str) -> int:
-        """Return the index of an entry, which is created if there is none."""
+        """Return the index of an entry, which is assigned if the name is new."""
         place = self._places.get(name, -1)
         if place < 0:
             place = self._places[name] = len(self.names)
@@ -50,11 +50,11 @@ class EntryCells:
         return place
 
     def content(self, place: int) -> Any:
-        """Return the content of an entry; None if it does not exist."""
+        """Return the content of an entry; None if the entry does not exist."""
         return self._contents[place][self.now[place]]
 
     def set_content(self, place: int, content: Any) -> None:
-        """Replace the content of an entry; None removes it."""
+        """Replace the content of an entry; None removes the entry."""
         numbers = self._numbers[place]
         number = numbers.get(content, -1)
         if number < 0:
@@ -65,7 +65,7 @@ class EntryCells:
         self.now[place] = number
 
     def restore(self, now: vec[i32]) -> None:
-        """Restore the state of all entries; those that were unknown then are removed."""
+        """Restore an earlier state of all entries; entries that were unknown at that time are removed."""
         self.lent.clear()
         entries = now[:]
         while len(entries) < len(self._nothing):
@@ -78,7 +78,7 @@ class EntryCells:
         self.now = self._nothing[:]
 
     def update_contents(self) -> None:
-        """Update the contents of the entries whose values were read and may have been changed in place."""
+        """Update the contents of entries whose values were read and may have been changed in place."""
         if self.lent:
             freeze = self.freeze
             assert freeze is not None  # noqa: S101 - set together with `lent`
@@ -89,17 +89,17 @@ class EntryCells:
 
 _UNKNOWN: Final[Any] = object()
 _FEW: Final = 1 << 10
-"""The number of contents of a single entry that are stored in a list."""
+"""The content number of a single entry below which results are stored in a list."""
 _BITS: Final = 15
-"""The bits for the number of a content, so that four of them fit into a machine word."""
+"""The bits for a content's number in a key; four such numbers fit into a machine word."""
 
 
 class Memo:
-    """A cache of the effects of code, by the contents of the entries that it uses.
+    """A cache of the effects of code, by the contents of the entries that the code uses.
 
     Args:
-        cells: The contents of entries.
-        places: The indices of all entries that it can read or write; it must have no other inputs or effects.
+        cells: The contents of all entries.
+        places: The indices of all entries that the code can read or write. It must have no other inputs or effects.
     """
 
     def __init__(self, cells: EntryCells, places: list[int]) -> None:
@@ -111,7 +111,7 @@ class Memo:
         self._answers: list[Any] = []
 
     def _key(self, now: vec[i32]) -> Any:
-        """Return the contents of the entries as one number, or as several if one is large."""
+        """Return the numbers of the entries' contents, combined to one number unless one of them is large."""
         key = 0
         for place in self._places:
             number = now[place]
@@ -121,7 +121,7 @@ class Memo:
         return key
 
     def call(self, run: Callable[[], Any]) -> Any:
-        """Return the result of the code, and apply its changes; errors are raised, and not cached."""
+        """Return the result of the code, and apply its changes to entries. Errors are raised, but not cached."""
         only, answers = self._only, self._answers
         number = int(self._cells.now[only]) if only >= 0 else _FEW
         if number >= len(answers) or answers[number] is _UNKNOWN:
@@ -146,7 +146,7 @@ class Memo:
         if answer is _UNKNOWN:
             before = [now[place] for place in self._places]
             answer = self._known[key] = run()
-            # The code may have declared another entry.
+            # The vector may be a new one, because the code may have declared another entry.
             now = self._cells.now
             changes = [
                 (place, now[place]) for index, place in enumerate(self._places) if now[place] != before[index]
@@ -159,12 +159,12 @@ class Memo:
 
 
 class OutcomeMemo:
-    """A cache of the outcome of code without effects, by the content of the only entry that it reads.
+    """A cache of the outcome of code without effects, by the content of the only entry that the code reads.
 
-    It needs a byte for each content of the entry: a tree may have a thousand conditions on one with a thousand contents.
+    It needs only one byte for each content: a tree may have a thousand conditions on an entry with a thousand contents.
 
     Args:
-        cells: The contents of entries.
+        cells: The contents of all entries.
         place: The index of the entry.
     """
 
@@ -174,7 +174,7 @@ class OutcomeMemo:
         self._known = bytearray()
 
     def call(self, run: Callable[[], int]) -> int:
-        """Return the result of the code, a number of `cells` other than INVALID."""
+        """Return the result of the code, which is a number of `kernel.cells` other than INVALID."""
         number = self._cells.now[self._place]
         known = self._known
         if number >= len(known):

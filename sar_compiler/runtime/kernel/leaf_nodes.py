@@ -1,4 +1,4 @@
-"""Leaves, the behaviours that do the work. Their methods are called at the same points as by py_trees."""
+"""Nodes of leaves, which call the methods of their behaviours at the same points as py_trees."""
 
 from typing import Any, Final
 
@@ -31,11 +31,11 @@ _CONSTANTS: Final[tuple[type, ...]] = (behaviours.Success, behaviours.Failure, b
 
 
 class LeafNode(ChildlessNode):
-    """A leaf with py_trees' own `tick` and `stop`.
+    """A leaf whose class does not override py_trees' `tick` and `stop`.
 
     Attributes:
-        initialises: Whether its class defines `initialise`.
-        terminates: Whether its class defines `terminate`.
+        initialises: Whether the leaf class overrides `initialise`.
+        terminates: Whether the leaf class overrides `terminate`.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -69,18 +69,18 @@ class LeafNode(ChildlessNode):
         return now
 
     def status_before_tick(self, ticker: Ticker) -> int:
-        """Return the status before the tick, after storing the behaviour's status in its cell."""
+        """Return the leaf's status before the tick, after synchronising the behaviour with its cell."""
         before, status = ticker.cells[self.status_cell], self.behaviour.status
         if status is STATUSES[before]:
             return before
         if ticker.is_live:
-            # Other code has stopped it, or set its status.
+            # Other code has stopped the behaviour, or has set its status.
             return number_of(status)
         self.behaviour.status = STATUSES[before]
         return before
 
     def end_without(self, ticker: Ticker, answer: Any) -> int:
-        """End with a result other than SUCCESS, FAILURE and RUNNING; py_trees converts it to INVALID and logs it."""
+        """End after a result other than SUCCESS, FAILURE and RUNNING, which counts as INVALID, as in py_trees."""
         behaviour = self.behaviour
         ticker.number_of(behaviour, answer)
         if self.terminates:
@@ -100,7 +100,7 @@ class LeafNode(ChildlessNode):
 
 
 class SkippableLeafNode(LeafNode):
-    """A leaf that may be skipped: INVALID means skipped, and does not end it."""
+    """A leaf that may return INVALID to be skipped, which does not end the leaf."""
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the leaf, and record whether it was skipped."""
@@ -109,16 +109,16 @@ class SkippableLeafNode(LeafNode):
         return outcome
 
     def end_without(self, ticker: Ticker, answer: Any) -> int:
-        """Keep the old status."""
+        """Return SKIPPED without changing the leaf's status."""
         ticker.number_of(self.behaviour, answer)
         return SKIPPED
 
 
 class StrictUpdate:
-    """The `update` of a behaviour that its own methods tick; raises an error if the result is not a status.
+    """A replacement for a behaviour's `update` that raises an error if the result is not a status.
 
     Args:
-        behaviour: The behaviour.
+        behaviour: The behaviour, which its own methods tick.
     """
 
     def __init__(self, behaviour: Any) -> None:
@@ -126,7 +126,7 @@ class StrictUpdate:
         self._update = behaviour.update
 
     def __call__(self) -> Any:
-        """Return the status.
+        """Call the original `update`, and return its status.
 
         Raises:
             NoStatusError: If the result is not a status.
@@ -138,29 +138,29 @@ class StrictUpdate:
 
 
 def insist_on_status(behaviour: Any) -> None:
-    """Make a behaviour raise an error if its `update` does not return a status; py_trees only logs one in each tick.
+    """Make a behaviour raise an error if its `update` does not return a status; py_trees would only log an error.
 
-    Its class stays unchanged; only the method of this object is wrapped. py_trees' constants always return a status,
-    and their nodes replace `update`.
+    Only the method of this object is wrapped. py_trees' Success, Failure and Running are not changed, because they
+    always return a status.
     """
     if type(behaviour) not in _CONSTANTS and not isinstance(behaviour.update, StrictUpdate):
         behaviour.update = StrictUpdate(behaviour)
 
 
 class ForeignNode(ChildlessNode):
-    """A behaviour that is ticked by its own methods, because its class is unknown.
+    """A behaviour that is ticked by its own methods, because the kernel does not know its class.
 
-    Its descendants, if there are any, are not part of this tree.
+    The kernel's tree does not contain the descendants of the behaviour.
     """
 
     def require_statuses(self) -> None:
-        """Make all behaviours that other nodes tick raise an error if they return no status."""
+        """Make the behaviour and its descendants raise an error if their `update` returns no status."""
         for each in self.behaviour.iterate():
             if not isinstance(each, EngineBehaviour):
                 insist_on_status(each)
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the behaviour, and record each descendant that it yields as a visit."""
+        """Tick the behaviour, and record a visit of each descendant that its `tick` yields."""
         cells, behaviour, visits = ticker.cells, self.behaviour, ticker.visits
         self.write_status(ticker.cells)
         try:
@@ -184,10 +184,10 @@ class ForeignNode(ChildlessNode):
 
 
 class RememberingNode(LeafNode):
-    """A leaf with state between two ticks. The state is stored in a cell; on a live tree the leaf may keep it itself.
+    """A leaf of py_trees with state between two ticks, which a cell stores unless the tree is live.
 
     Attributes:
-        kept: The cell.
+        kept: The cell with the leaf's state.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -222,60 +222,60 @@ class RememberingNode(LeafNode):
 
 
 class StatusQueueNode(RememberingNode):
-    """A StatusQueue; the remaining queue is always the end of its list."""
+    """A StatusQueue of py_trees, whose remaining queue is always the end of its `queue`."""
 
     def save(self) -> Any:
         """Return the length of the remaining queue."""
         return len(self.behaviour.current_queue)
 
     def load(self, kept: Any) -> None:
-        """Restore the queue."""
+        """Restore the remaining queue."""
         behaviour = self.behaviour
         behaviour.current_queue = behaviour.queue[len(behaviour.queue) - kept :]
 
 
 class PeriodicNode(RememberingNode):
-    """A Periodic."""
+    """A Periodic of py_trees."""
 
     def save(self) -> Any:
-        """Return its count and its status."""
+        """Return the leaf's count and current response."""
         return self.behaviour.count, number_of(self.behaviour.response)
 
     def load(self, kept: Any) -> None:
-        """Restore them."""
+        """Restore the leaf's count and current response."""
         self.behaviour.count, self.behaviour.response = kept[0], STATUSES[kept[1]]
 
 
 class SuccessEveryNNode(RememberingNode):
-    """A SuccessEveryN, which restarts after each success."""
+    """A SuccessEveryN of py_trees."""
 
     def save(self) -> Any:
-        """Return its count since the last success."""
+        """Return the number of ticks since the last success."""
         return int(self.behaviour.count % abs(self.behaviour.every_n))
 
     def load(self, kept: Any) -> None:
-        """Restore it."""
+        """Restore the leaf's count."""
         self.behaviour.count = kept
 
 
 class TickCounterNode(RememberingNode):
-    """A TickCounter, which restarts with each start."""
+    """A TickCounter of py_trees."""
 
     def save(self) -> Any:
-        """Return its count."""
+        """Return the number of ticks since the start; 0 if the leaf does not run."""
         return int(self.behaviour.counter) if self.behaviour.status is _RUNNING else 0
 
     def load(self, kept: Any) -> None:
-        """Restore it."""
+        """Restore the leaf's counter."""
         self.behaviour.counter = kept
 
 
 class ConstantNode(ChildlessNode):
-    """A Success, Failure or Running of py_trees, which replaces `update` because its result and message are constant.
+    """A Success, Failure or Running of py_trees, whose `update` is not called because its result is constant.
 
     Attributes:
-        outcome: The outcome that it returns.
-        tells: Whether the behaviour already has the message.
+        outcome: The constant outcome.
+        tells: Whether the behaviour already has the feedback message.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -291,22 +291,22 @@ class ConstantNode(ChildlessNode):
         return self.outcome
 
     def write_status(self, cells: vec[i32]) -> None:
-        """Set the behaviour's message, and its status from the cells."""
+        """Set the behaviour's status from the cells, and clear its message if it is idle."""
         super().write_status(cells)
         if self.tells and cells[self.status_cell] == INVALID:
             self.set_message(INVALID)
 
     def set_message(self, outcome: int) -> None:
-        """Set the feedback message, which is empty when idle."""
+        """Set the feedback message to the name of an outcome; empty for INVALID."""
         self.behaviour.feedback_message = WORDS[outcome].lower()
         self.tells = outcome != INVALID
 
 
 class UpdateCheckNode(ChildlessNode):
-    """A leaf that succeeds if an entry was written since its last check, else fails.
+    """A leaf that succeeds if an entry was written since the leaf's last check, otherwise fails.
 
     Attributes:
-        seen: The cell with the entry's number of writes at that time.
+        seen: The cell with the entry's number of writes at the last check.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -323,6 +323,6 @@ class UpdateCheckNode(ChildlessNode):
 
 
 def is_own(behaviour: Any, name: str) -> bool:
-    """Return whether a method is not the empty default of all behaviours."""
+    """Return whether a behaviour overrides a method of `Behaviour`."""
     method = getattr(behaviour, name)
     return getattr(method, "__func__", None) is not getattr(Behaviour, name)

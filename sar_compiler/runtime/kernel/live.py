@@ -1,32 +1,33 @@
-"""Live trees: the statuses in their behaviours and in their cells agree between ticks.
+"""Live trees, whose behaviours and cells have the same statuses between ticks.
 
-The state of a tree is its cells, and `verify` copies nothing else. A live tree also has behaviours, which other code
-uses: py_trees' visitors and displays read `status` and `feedback_message`, a runner stops the root, a test or a sibling stops a
-single leaf, and a user's class may set its own status. So a status is stored twice, and this module synchronises both.
+The state of a tree is in its cells, and `verify` copies nothing else. A live tree also has behaviours, which other code
+uses: py_trees' visitors and displays read `status` and `feedback_message`, a runner stops the root, a test or a sibling
+stops a single leaf, and a user's class may set its own status. So this module synchronises both copies of a status.
 
-Why nodes are synchronised when they are reached: parents read cells, which costs a load, whereas an attribute of a Python object costs a
-dictionary lookup. So a behaviour is compared with its cell when a tick first starts or stops its node (`LiveTicker.reach`), and
-gets the status in the cell after the tick, even if an exception aborted it. The cost of a tick depends on the nodes that it
-reaches: under a sequence with memory, often five of ten thousand. Plain leaves are exempt: their nodes read and write the
-behaviour's status directly, since `update` may read it.
+Why a node is synchronised when it is reached: parents read cells, because reading an attribute of a Python object would
+cost a dictionary lookup. So a behaviour is compared with its cell when a tick first starts or stops its node
+(`LiveTicker.reach`). After the tick, the behaviour gets the status in the cell, even if an exception aborted the tick.
+So the cost of a tick depends on the nodes that it reaches: under a sequence with memory, often five of ten thousand.
+Plain leaves are exempt: their nodes read and write the behaviour's status directly, because `update` may read it.
 
-Why a changed status resets a node: code that stops a running behaviour calls `stop(INVALID)`, as py_trees does from its generators. For a
-node of this project that is a halt, so its position and its counts are no longer valid. Only a node that had ended and is INVALID now
-was not halted: its parent has reset it before a restart, and state that outlasts an end (the turn of a RoundRobin) stays.
-After any change all cells are read again, because a `stop` reaches the descendants, too, except for those that this tick has
-already reached, whose cells are newer. Before the whole tree is stopped, all of it is compared, so that no node is left running.
+Why a changed status resets a node: code that stops a running behaviour calls `stop(INVALID)`, as py_trees does from its
+generators. For a node of this project this is a halt, so its position and its counts are no longer valid. Only a node
+that had ended and is now INVALID was not halted: its parent has reset it before a restart, and state that outlasts an
+end (the turn of a RoundRobin) remains. After any change, the cells of all nodes that this tick has not reached yet are
+read again, because `stop` reaches descendants, too. Before the whole tree is stopped, all nodes are compared.
 
-Why visits are stored and shown afterwards: py_trees' `tick()` is a generator, so a visitor sees each node just after its tick, with its
-status and message at that time. A node of this project may be ticked twice in a tick (Repeat), or be halted after its tick. So the end
-of each node's tick is stored as a `Visit`. After the tick each behaviour is shown once more as it was then, and restored.
+Why visits are stored and shown afterwards: py_trees' `tick()` is a generator, so a visitor sees each node directly
+after its tick, with its status and message at that time. A node of this project may be ticked twice in a tick (Repeat),
+or be halted after its tick. So a `Visit` stores the end of each node's tick. After the whole tick, each behaviour gets
+its stored status for the visitor, and then its current status again.
 
-Why a behaviour may be ticked by itself: `py_trees_ros` ticks the root by its generator, and a user's py_trees composite ticks a control
-of this project below it in the same way. Such a behaviour is the root of a separate tree (`EngineBehaviour._tree_and_index`), down to unknown
-nodes. A `ForeignNode` represents a node that is ticked by its own methods, with all its descendants.
+Why a behaviour may be ticked by itself: `py_trees_ros` ticks the root by its generator, and a user's py_trees composite
+ticks a control of this project below it in the same way. Such a behaviour is the root of a separate tree, down to
+unknown nodes. A `ForeignNode` represents an unknown node, which is ticked by its own methods, with all its descendants.
 
-Why a new tree may continue from an old one: adding or removing children at run time (py_trees' `insert_subtree`) changes the number
-of cells, so the tree is rebuilt. The lists of children detect the change (`parents.Children`). A node continues if its old children
-are still its first ones, since its cells hold indices of children; any other node restarts.
+Why a new tree may continue from an old one: adding or removing children at run time (py_trees' `insert_subtree`)
+changes the number of cells, so the tree is rebuilt. The lists of children detect the change (`parents.Children`). A
+node restarts unless its old children are still its first children, because its cells contain indices of children.
 """
 
 from collections.abc import Iterator
@@ -42,7 +43,7 @@ from sar_compiler.runtime.parents import Children, EngineBehaviour
 
 
 class LiveTicker(Ticker):
-    """Ticks a tree whose behaviours are also read and stopped by other code.
+    """The ticker of a tree whose behaviours other code reads and stops.
 
     Args:
         flat: The tree.
@@ -58,14 +59,14 @@ class LiveTicker(Ticker):
         self._reached: list[TreeNode] = []
 
     def enter(self) -> None:
-        """Begin a tick or a stop, possibly within another one."""
+        """Begin a tick or a stop, which may be part of another tick or stop."""
         if not self._depth:
             self._number += 1
             self._reached = []
         self._depth += 1
 
     def write_statuses(self) -> None:
-        """Set the statuses of the reached behaviours from the cells."""
+        """End a tick or a stop: set the statuses of the reached behaviours from the cells."""
         self._depth -= 1
         for node in self._reached:
             node.write_status(self.cells)
@@ -80,13 +81,13 @@ class LiveTicker(Ticker):
             self._reached.append(node)
         node.reached = self._number
         if node.index != node.status_cell:
-            # They share one cell, and either node's result is newer than both behaviours.
+            # The node shares a cell with its child, and the result in it is newer than the statuses of both behaviours.
             self.reach(node.children[0])
 
     def copy_statuses(self) -> None:
-        """Copy the statuses of all behaviours, except for those that were reached.
+        """Copy the statuses of all behaviours to the cells, except for nodes that the tick has reached.
 
-        A node whose status has changed is reset, unless it had ended and was reset by its parent.
+        A node whose status has changed is reset, unless it had ended and its parent has reset it.
         """
         cells, changed = self.cells, False
         nodes = [node for node in self._nodes if node.reached != self._number]
@@ -105,16 +106,16 @@ class LiveTicker(Ticker):
 
 
 class LiveTree:
-    """A tree of behaviours with the nodes that tick them.
+    """A tree of behaviours, with the nodes that tick them.
 
-    Stopping a behaviour or setting its status between two ticks applies to the tree as well. A behaviour of
-    an unknown class is ticked by its own methods.
+    If other code stops a behaviour or sets its status between two ticks, this applies to the tree's node as well. A
+    behaviour of an unknown class is ticked by its own methods.
 
     Args:
-        root: The root.
-        is_strict: Whether a result that is no status raises a `NoStatusError` instead of being logged.
-        former: The tree before its nodes got other children. A node continues from its state there, unless one of its old
-            children is gone.
+        root: The root behaviour.
+        is_strict: Whether a result that is not a status raises a `NoStatusError` instead of being logged.
+        former: The tree before its nodes got other children. A node continues from its state in this tree if its old
+            children are still its first children.
     """
 
     def __init__(self, root: Any, *, is_strict: bool = False, former: "LiveTree | None" = None) -> None:
@@ -162,11 +163,11 @@ class LiveTree:
         """Tick once.
 
         Args:
-            visits: Receives the ticked descendants, in the order of their ends.
-            index: The node to tick; by default the root.
+            visits: Receives the visits of the ticked descendants, in the order in which their ticks end.
+            index: The index of the node to tick; by default the root.
 
         Returns:
-            RUNNING, SUCCESS, FAILURE or SKIPPED, as numbers of `kernel.cells`.
+            The outcome RUNNING, SUCCESS, FAILURE or SKIPPED, as a number of `kernel.cells`.
         """
         node, ticker = self._flat.nodes[index], self.ticker
         ticker.enter()
@@ -185,7 +186,7 @@ class LiveTree:
         """Tick the root, and record all ticked nodes.
 
         Args:
-            visits: Receives them, in the order of their ends, the root last.
+            visits: Receives the visits of the ticked nodes, in the order in which their ticks end, the root last.
 
         Returns:
             The outcome, as for `tick`.
@@ -206,7 +207,7 @@ class LiveTree:
             ticker.write_statuses()
 
     def _copy_state(self, former: "LiveTree") -> None:
-        """Copy the state of nodes that were part of another tree."""
+        """Copy the state of the nodes whose behaviours were part of another tree."""
         there, here = former.ticker, self.ticker
         known = {id(node.behaviour): node for node in former._flat.nodes}
         for node in self._flat.nodes:
@@ -223,18 +224,18 @@ class LiveTree:
 
 
 def _node_of(part: NodeBuilder) -> TreeNode:
-    """Build the node of a behaviour; one of an unknown class is ticked by its own methods."""
+    """Create the node of a behaviour; a `ForeignNode` if the behaviour's class is unknown."""
     known = node_class_of(part.behaviour)
     if known is not None:
         return known(part)
     if type(part.behaviour).tick is EngineBehaviour.tick:
-        # It has no methods other than those of its node.
+        # An unknown class that does not override `tick` cannot be ticked by its own methods.
         raise NotFlatError(part.behaviour)
     return ForeignNode(part)
 
 
 def _ticked_children(behaviour: Any) -> list[Any]:
-    """Return the children that are ticked by nodes, too."""
+    """Return the children that the kernel ticks; none for a behaviour that is ticked by its own methods."""
     return [] if node_class_of(behaviour) is None else children_of(behaviour)
 
 
@@ -250,7 +251,7 @@ def show_visits(visits: list[Visit]) -> Iterator[Any]:
         try:
             yield behaviour
         finally:
-            # The consumer may have stopped it.
+            # The consumer may have stopped the behaviour, whose status then remains.
             if behaviour.status is status:
                 behaviour.status, behaviour.feedback_message = now
             if label != visit.label:

@@ -1,4 +1,4 @@
-"""Controls of Nav2: children in order that are ticked again, and recoveries."""
+"""The controls of Nav2, such as RecoveryNode, PipelineSequence and RoundRobin."""
 
 from typing import Final
 
@@ -14,19 +14,19 @@ from sar_compiler.runtime.kernel.tree_nodes import (
 )
 
 _USUAL_RETRIES: Final = 1
-"""The number of recoveries if the given number is negative."""
+"""The allowed number of recoveries if the port's value is negative."""
 
 
 class Nav2ControlError(NodeError):
-    """A control cannot continue with a child's outcome or a port's value."""
+    """A control does not accept a child's outcome or a port's value."""
 
 
 class RecoveringNode(ControlNode):
-    """Ticks its first child; after a failure the second one, and after the second one's success the first one again.
+    """Ticks its first child, and if it fails the second child as a recovery, then the first child again.
 
     Attributes:
         current: The cell with the index of the current child.
-        retries: The cell with the number of recoveries, which is kept when a recovery is skipped.
+        retries: The cell with the number of recoveries, which remains when a recovery is skipped.
         wanted: The cell with the allowed number of recoveries, in a tick.
     """
 
@@ -77,13 +77,13 @@ class RecoveringNode(ControlNode):
         return self.tick_child(self.children[0], ticker)
 
     def end_with(self, ticker: Ticker, outcome: int) -> int:
-        """End, or be skipped, and reset all cells."""
+        """End the node or skip it, and reset all cells."""
         ticker.cells[self.status_cell] = INVALID
         return self.finish(ticker, outcome)
 
 
 class PipelineNode(OneChildNode):
-    """Ticks all children again in each tick, up to the furthest one reached, whether earlier ones run or not.
+    """Ticks its children from the first one again in each tick, up to the furthest child that has run.
 
     Attributes:
         furthest: The cell with the index of the furthest child that has run.
@@ -100,7 +100,7 @@ class PipelineNode(OneChildNode):
         return self.resume(ticker, INVALID)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Fail if the current child failed, run if the furthest child runs, else continue with the next one."""
+        """Fail if the current child failed, run if the furthest child runs, otherwise continue with the next child."""
         cells, index = ticker.cells, ticker.cells[self.position]
         if outcome == FAILURE:
             return self.finish(ticker, FAILURE)
@@ -113,16 +113,15 @@ class PipelineNode(OneChildNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """Succeed, or be skipped if all children were; running children are halted."""
+        """Succeed, or be skipped if all children were skipped; running children are halted."""
         all_skipped = ticker.cells[self.skips] == len(self.children)
         return self.finish(ticker, SKIPPED if all_skipped else SUCCESS)
 
 
 class RoundRobinNode(OneChildNode):
-    """Ticks one child after another until one succeeds; the next start continues with the following child.
+    """Ticks its children in turn until one succeeds. The next start continues with the child after that.
 
-    Without wrapping around, the node ends without success when the last child has ended. After a success it keeps the
-    index of the next child.
+    If `wrap_around` is false, the node ends without success after the last child.
 
     Attributes:
         failures: The cell with the number of children that have failed.
@@ -139,13 +138,13 @@ class RoundRobinNode(OneChildNode):
         return super().begin(ticker)
 
     def next_child(self, ticker: Ticker) -> int:
-        """Return the index of the current child; -1 if all have been ticked."""
+        """Return the index of the current child; -1 if all children have failed or were skipped."""
         cells = ticker.cells
         is_over = cells[self.failures] + cells[self.skips] >= len(self.children)
         return -1 if is_over else cells[self.position]
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Succeed or run with the current child, else continue with the next one, if there is one."""
+        """Succeed or run with the current child, otherwise continue with the next child, if there is one."""
         cells = ticker.cells
         if outcome == RUNNING:
             cells[self.skips] = 0
@@ -162,14 +161,14 @@ class RoundRobinNode(OneChildNode):
         return SUCCESS if outcome == SUCCESS else INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """End without success; be skipped if all children were."""
+        """Fail, or be skipped if all children were skipped."""
         all_skipped = ticker.cells[self.skips] == len(self.children)
         ticker.cells[self.status_cell] = INVALID
         return self.finish(ticker, SKIPPED if all_skipped else FAILURE)
 
 
 class NonblockingNode(OneChildNode):
-    """Ticks all children in every tick, including those that have succeeded, until none runs or one fails.
+    """Ticks all children in every tick, including children that have succeeded, until no child runs or one fails.
 
     Attributes:
         runs: The cell with 1 if a child runs, in a tick.
@@ -185,7 +184,7 @@ class NonblockingNode(OneChildNode):
         return self.resume(ticker, INVALID)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Fail with the current child, else continue with the next one.
+        """Fail if the current child failed, otherwise continue with the next child.
 
         Raises:
             Nav2ControlError: If the child was skipped.
@@ -202,7 +201,7 @@ class NonblockingNode(OneChildNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """Return RUNNING if a child runs, else SUCCESS."""
+        """Return RUNNING if a child runs, otherwise SUCCESS."""
         if not ticker.cells[self.runs]:
             return self.finish(ticker, SUCCESS)
         self.reset_cells(ticker)
@@ -210,26 +209,26 @@ class NonblockingNode(OneChildNode):
 
 
 class PersistentNode(OneChildNode):
-    """A sequence whose index is a key of the blackboard, which is kept after a halt."""
+    """A sequence whose current index is an entry of the blackboard, which remains after a halt."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Read the index, and continue there.
+        """Read the index, and continue with the child at this index.
 
         Raises:
-            Nav2ControlError: If it is negative.
+            Nav2ControlError: If the index is negative.
         """
         place: int = self.behaviour.current_child_idx.get()
         if place < 0:
-            message = f"'{self.behaviour.name}' cannot begin with child {place}: children are counted from 0"
+            message = f"'{self.behaviour.name}' cannot begin with child {place}, because children are counted from 0"
             raise Nav2ControlError(message, self.behaviour.name)
         ticker.cells[self.position] = place
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Fail or run with the current child, else continue with the next one."""
+        """Fail or run with the current child, otherwise continue with the next child."""
         cells = ticker.cells
         if outcome == RUNNING:
             cells[self.position] = 0
@@ -241,7 +240,7 @@ class PersistentNode(OneChildNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """Succeed."""
+        """Succeed after the last child."""
         return self.start_over(ticker, SUCCESS)
 
     def start_over(self, ticker: Ticker, outcome: int) -> int:
@@ -259,15 +258,15 @@ _NEXT: Final = (_RESUMED, _PAUSED, _PAUSED, _RESUMED)
 
 
 class PauseResumeNode(ControlNode):
-    """Ticks the child of its mode: working, paused, and the transitions between them.
+    """Ticks the child of its current mode: resumed, paused, or one of the transitions between these modes.
 
-    Its first child is a leaf, which returns the request in every tick: FAILURE to pause, RUNNING to resume. A request
-    to pause is accepted unless the node is paused, and a request to resume only if it is. SKIPPED means both
-    requests, after which the node pauses.
+    The node's first child is a leaf, which returns the request in every tick: FAILURE to pause, RUNNING to resume. A
+    request to pause is accepted unless the node is paused, and a request to resume only if it is paused. SKIPPED means
+    both requests, after which the node pauses.
 
     Attributes:
         asking: The cell with 1 while the leaf with the request is ticked.
-        mode: The cell with the mode, which is the index of its child.
+        mode: The cell with the current mode, which is also the index of the mode's child.
     """
 
     asks_whether_it_starts = True
@@ -288,7 +287,7 @@ class PauseResumeNode(ControlNode):
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the leaf, or the child of the mode."""
+        """Continue after the leaf with the request, or after the child of the mode."""
         cells = ticker.cells
         if cells[self.asking]:
             cells[self.asking] = 0
@@ -301,7 +300,7 @@ class PauseResumeNode(ControlNode):
         return self.next_mode(ticker)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Change the mode as requested, and tick its child."""
+        """Change the mode as the leaf's outcome requests, and tick the child of the mode."""
         cells = ticker.cells
         is_paused = cells[self.mode] == _PAUSED
         pauses = (outcome == SKIPPED) if is_paused else (outcome in (FAILURE, SKIPPED))
@@ -313,6 +312,6 @@ class PauseResumeNode(ControlNode):
         return self.tick_child(self.branches[cells[self.mode]], ticker)
 
     def next_mode(self, ticker: Ticker) -> int:
-        """Switch to the mode after this one, if there is one, and run."""
+        """Switch to the mode that follows the current mode, and return RUNNING."""
         ticker.cells[self.mode] = _NEXT[ticker.cells[self.mode]]
         return RUNNING

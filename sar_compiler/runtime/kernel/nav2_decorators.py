@@ -1,4 +1,4 @@
-"""Decorators of Nav2 that tick their child repeatedly, by the clock or by events in the world."""
+"""The decorators of Nav2, which tick their child again depending on time or on events in the world."""
 
 import math
 from typing import Final
@@ -11,10 +11,10 @@ NO_PERIOD: Final = 0.0
 
 
 class RateNode(DecoratorNode):
-    """Ticks its child at the start, while the child runs, and a period after the last success.
+    """Ticks its child at the start, while the child runs, and one period after the child's last success.
 
     Attributes:
-        period: The cell with the period, in seconds, as read at the last start.
+        period: The cell with the period in seconds, which is read at each start.
     """
 
     asks_whether_it_starts = True
@@ -45,13 +45,13 @@ class RateNode(DecoratorNode):
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Pass on the outcome; a success begins the next period."""
+        """Return the child's outcome; a success begins the next period."""
         if outcome == SUCCESS:
             self.wait(ticker)
         return self.set_outcome(ticker, outcome)
 
     def wait(self, ticker: Ticker) -> None:
-        """Begin a period; an infinite one never ends."""
+        """Begin a period; an infinite period never ends."""
         period: float = ticker.values[self.period]
         if period == math.inf:
             self.timer.stop(ticker)
@@ -59,13 +59,13 @@ class RateNode(DecoratorNode):
             self.timer.start(period, ticker)
 
     def reset_outcome(self, ticker: Ticker) -> None:
-        """Reset the node's outcome, and the period."""
+        """Reset the node's outcome and period."""
         super().reset_outcome(ticker)
         self.reset_cells(ticker)
 
 
 class SingleTriggerNode(DecoratorNode):
-    """Lets its child end once; if it is ticked again before its parent has reset it, it fails.
+    """Ticks its child until the child has ended once, and then fails until the node's parent resets it.
 
     Attributes:
         done: The cell with 1 once the child has ended.
@@ -84,25 +84,25 @@ class SingleTriggerNode(DecoratorNode):
         return self.set_outcome(ticker, FAILURE) if ticker.cells[self.done] else super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Pass on the outcome."""
+        """Return the child's outcome, and store whether the child has ended."""
         if outcome & ENDED:
             ticker.cells[self.done] = 1
         return self.set_outcome(ticker, outcome)
 
     def reset_outcome(self, ticker: Ticker) -> None:
-        """Reset the node's outcome."""
+        """Reset the node's outcome and cells."""
         super().reset_outcome(ticker)
         self.reset_cells(ticker)
 
 
 class AskingNode(OwnNode):
-    """A decorator that first queries a leaf, which represents the world, and then decides about its child.
+    """A decorator that first ticks a leaf that represents the world, and then decides whether to tick its child.
 
     Attributes:
-        asked: The leaf.
+        asked: The leaf that represents the world.
         child: The child.
         asking: The cell with 1 while the leaf is ticked.
-        waits: Whether the leaf stays running when it returns RUNNING, because it waits for an event.
+        waits: Whether the leaf waits for an event, and therefore is not reset when it returns RUNNING.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -117,7 +117,7 @@ class AskingNode(OwnNode):
         return self.tick_child(self.asked, ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the leaf or the child, which are reset if they have ended."""
+        """Process the leaf's or child's outcome; reset the child if it has ended, and the leaf unless it waits."""
         if ticker.cells[self.asking]:
             ticker.cells[self.asking] = 0
             if outcome != RUNNING or not self.waits:
@@ -128,17 +128,17 @@ class AskingNode(OwnNode):
         return self.set_outcome(ticker, outcome)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return the outcome, given the result of the leaf."""
+        """Return the decorator's outcome after the leaf's outcome, or CALLED if the child is ticked."""
         raise NotImplementedError
 
     def reset_cells(self, ticker: Ticker) -> None:
-        """Stop querying."""
+        """Reset the node's cells and the leaf."""
         super().reset_cells(ticker)
         self.asked.reset_outcome(ticker)
 
 
 class WhenDueNode(AskingNode):
-    """Ticks its child at the start, while the child runs, and when it is due; queries the leaf only if that decides."""
+    """Ticks its child at the start, while the child runs, and when the leaf succeeds, which is otherwise not ticked."""
 
     asks_whether_it_starts = True
 
@@ -147,7 +147,7 @@ class WhenDueNode(AskingNode):
         self.waits = True
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child, or query whether it is due."""
+        """Tick the child at the start or if it runs, otherwise the leaf."""
         cells, starts = ticker.cells, self.starts(ticker)
         cells[self.status_cell] = RUNNING
         if starts or cells[self.child.status_cell] == RUNNING:
@@ -155,17 +155,17 @@ class WhenDueNode(AskingNode):
         return self.tick_query(ticker)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the child if it is due."""
+        """Tick the child if the leaf has succeeded."""
         return self.tick_child(self.child, ticker) if outcome == SUCCESS else RUNNING
 
 
 class DistanceNode(AskingNode):
     """Ticks its child at the start, while the child runs, and when the robot has driven far enough.
 
-    It queries in every tick, and fails if the robot's position is unknown; a running child is then left unchanged.
+    The node ticks the leaf in every tick, and fails without halting the child if the robot's position is unknown.
 
     Attributes:
-        is_first: The cell with 1 in the first tick of an activation, during the query.
+        is_first: The cell with 1 in the first tick of an activation, while the leaf is ticked.
     """
 
     asks_whether_it_starts = True
@@ -175,13 +175,13 @@ class DistanceNode(AskingNode):
         self.is_first = part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Query the robot's position."""
+        """Tick the leaf, which compares the robot's position with an earlier one."""
         ticker.cells[self.is_first] = int(self.starts(ticker))
         ticker.cells[self.status_cell] = RUNNING
         return self.tick_query(ticker)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the child if it is due."""
+        """Tick the child at the start, if it runs, or if the robot has driven far enough."""
         cells = ticker.cells
         starts, cells[self.is_first] = cells[self.is_first], 0
         if outcome == FAILURE:
@@ -192,12 +192,12 @@ class DistanceNode(AskingNode):
 
 
 class LongerPathNode(AskingNode):
-    """Succeeds without its child until the path becomes longer close to the goal; then it ticks the child.
+    """Ticks its child if the path has become longer close to the goal, otherwise succeeds.
 
-    A running child is not halted when that is no longer the case.
+    A running child is not halted when the path does not become longer any more.
 
     Attributes:
-        seen: The cell with 1 once it has seen a path; it is kept after every end and halt.
+        seen: The cell with 1 after the first path, which remains after every end and halt.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -205,7 +205,7 @@ class LongerPathNode(AskingNode):
         self.seen = part.cell(keeps=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Query the length of the path, if there is an earlier path to compare it with."""
+        """Tick the leaf, which compares the path with the previous path; succeed if there is no previous path."""
         cells = ticker.cells
         cells[self.status_cell] = RUNNING
         if cells[self.seen]:

@@ -1,11 +1,11 @@
-"""Sequences and fallbacks of BehaviorTree.CPP: children in order, until one of them decides."""
+"""Sequences and fallbacks of BehaviorTree.CPP, which tick their children in order until one of them decides."""
 
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED
 from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, OneChildNode, Ticker, reset, reset_all
 
 
 class OrderedNode(OneChildNode):
-    """Ticks children in order: after `hands_over` the next child is ticked; the other result ends the node.
+    """Ticks its children in order; it continues after the outcome `hands_over` and ends after the other.
 
     Attributes:
         hands_over: The outcome after which the next child is ticked.
@@ -16,7 +16,7 @@ class OrderedNode(OneChildNode):
         self.hands_over: int = part.behaviour.hands_over
 
     def report_decision(self, ticker: Ticker, index: int, outcome: int) -> None:
-        """Report which child has decided, as the feedback message."""
+        """Report the child that has decided as the feedback message."""
         if not ticker.tells:
             return
         how = "failed" if outcome == FAILURE else "succeeded"
@@ -24,11 +24,11 @@ class OrderedNode(OneChildNode):
 
 
 class ResumingNode(OrderedNode):
-    """Resumes with the running child.
+    """A sequence or fallback that continues with the running child in the next tick.
 
     Attributes:
         skips: The cell with the number of children that were skipped.
-        goes_back: Whether it begins with the first child after an end or a halt.
+        goes_back: Whether the node begins with the first child after an end or a halt.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -45,7 +45,7 @@ class ResumingNode(OrderedNode):
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after a child that hands over or is skipped; any other outcome decides."""
+        """Continue after the outcomes `hands_over` and SKIPPED; the other ended outcome decides."""
         if outcome == RUNNING:
             return RUNNING
         cells = ticker.cells
@@ -57,7 +57,7 @@ class ResumingNode(OrderedNode):
         return INVALID
 
     def decide(self, ticker: Ticker, outcome: int) -> int:
-        """End because of the current child."""
+        """End the node with the outcome of the current child."""
         cells, index = ticker.cells, ticker.cells[self.position]
         self.report_decision(ticker, index, outcome)
         cells[self.skips] = 0
@@ -67,7 +67,7 @@ class ResumingNode(OrderedNode):
         return self.set_outcome(ticker, outcome)
 
     def end(self, ticker: Ticker) -> int:
-        """End because no child has decided."""
+        """End the node because no child has decided."""
         cells = ticker.cells
         all_skipped = cells[self.skips] == len(self.children)
         cells[self.position] = 0
@@ -75,7 +75,7 @@ class ResumingNode(OrderedNode):
 
 
 class PausingNode(ResumingNode):
-    """Also pauses after each child that hands over in its first tick, unless that is the last child.
+    """Also returns RUNNING after each child that returns `hands_over` in its first tick, except the last child.
 
     Attributes:
         before: The cell with the status of the current child before its tick.
@@ -86,29 +86,29 @@ class PausingNode(ResumingNode):
         self.before = part.cell()
 
     def next_child(self, ticker: Ticker) -> int:
-        """Return the index of the current child, whose status is stored."""
+        """Return the index of the current child, and store the child's status before its tick."""
         index = super().next_child(ticker)
         if index >= 0:
             ticker.cells[self.before] = ticker.cells[self.children[index].status_cell]
         return index
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Pause after a child that hands over at once."""
+        """Return RUNNING after a child that has returned `hands_over` in its first tick."""
         cells = ticker.cells
         at_once = cells[self.before] != RUNNING
         cells[self.before] = INVALID
-        answer = super().on_child_outcome(ticker, outcome)
+        decision = super().on_child_outcome(ticker, outcome)
         if outcome == self.hands_over and at_once and cells[self.position] < len(self.children):
             self.behaviour.wake()
             return RUNNING
-        return answer
+        return decision
 
 
 class ReactiveNode(OrderedNode):
-    """Ticks every child again in each tick.
+    """A sequence or fallback that begins with the first child in each tick.
 
     Attributes:
-        so_far: The cell with the outcome of this tick so far.
+        so_far: The cell with the outcome of the last child in this tick that was not skipped.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -125,7 +125,7 @@ class ReactiveNode(OrderedNode):
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Halt the other children if one runs; continue after one that hands over, or is skipped."""
+        """Halt the other children if the current child runs; continue after `hands_over` and SKIPPED."""
         cells, children = ticker.cells, self.children
         index = cells[self.position]
         if outcome == RUNNING:

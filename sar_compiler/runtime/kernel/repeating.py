@@ -1,4 +1,4 @@
-"""Decorators of BehaviorTree.CPP that tick their child again when it has ended."""
+"""Decorators of BehaviorTree.CPP that restart their child when it has ended."""
 
 from collections import deque
 from typing import Any, Final
@@ -13,20 +13,20 @@ _ENDLESS: Final = -1
 
 
 class RepeatingNode(DecoratorNode):
-    """Ticks its child again after one result, up to a maximum number; the other result ends it.
+    """Restarts its child after the outcome `goes_on`, up to a maximum number of times; the other outcome ends the node.
 
     Args:
         part: The builder of the node.
-        times: The port with the maximum number; -1 for no limit.
-        goes_on: The outcome of the child after which it is ticked again.
-        noun: The noun for a repetition.
+        times: The port with the maximum number of repetitions; -1 for no limit.
+        goes_on: The outcome of the child after which it is restarted.
+        noun: The noun for a repetition in the feedback message.
 
     Attributes:
         done: The cell with the number of repetitions so far.
-        wanted: The cell with the maximum number plus 2, in a tick.
+        wanted: The cell with the maximum number of repetitions plus 2, in a tick.
         before: The cell with the status of the child before it was ticked, in a tick.
-        fixed: The maximum number if it is a constant; else `times` is read in each tick.
-        told: The number of repetitions of a node without a limit. It has no effect, so it is not in a cell.
+        fixed: The maximum number if it is a constant; otherwise `times` is read in each tick.
+        shown: The number of repetitions of a node without a limit, which only the message shows; it is in no cell.
     """
 
     def __init__(self, part: NodeBuilder, times: Any, goes_on: int, noun: str) -> None:
@@ -38,16 +38,16 @@ class RepeatingNode(DecoratorNode):
         self.is_fixed: bool = self.times.entry is None
         self.fixed: int = self.times.get() if self.is_fixed else 0
         self.endless = self.is_fixed and self.fixed == _ENDLESS
-        self.told = 0
+        self.shown = 0
 
     def begin(self, ticker: Ticker) -> int:
-        """Read the maximum number, and tick the child."""
+        """Read the maximum number of repetitions, and tick the child."""
         wanted: int = self.fixed if self.is_fixed else self.times.get()
         ticker.cells[self.status_cell] = RUNNING
         return self.tick_again(ticker, wanted)
 
     def tick_again(self, ticker: Ticker, wanted: int) -> int:
-        """Tick the child if the maximum number is not reached yet."""
+        """Tick the child if the maximum number of repetitions is not reached yet, otherwise end."""
         cells = ticker.cells
         if not self.is_short(ticker, wanted):
             return self.end_with(ticker, self.goes_on)
@@ -57,11 +57,11 @@ class RepeatingNode(DecoratorNode):
         return self.tick_child(self.child, ticker)
 
     def is_short(self, ticker: Ticker, wanted: int) -> bool:
-        """Return whether the child has to be ticked once more."""
+        """Return whether the maximum number of repetitions is not reached yet."""
         return wanted == _ENDLESS or ticker.cells[self.done] < wanted
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Count an end, and tick the child again."""
+        """Count a repetition and tick the child again after `goes_on`; return any other outcome."""
         cells = ticker.cells
         wanted, was_running = cells[self.wanted] - 2, cells[self.before] == RUNNING
         cells[self.wanted] = cells[self.before] = 0
@@ -80,63 +80,63 @@ class RepeatingNode(DecoratorNode):
         return self.tick_again(ticker, wanted)
 
     def read_again(self, wanted: int) -> int:
-        """Return the maximum number after another repetition."""
+        """Return the maximum number of repetitions after another repetition."""
         return wanted
 
     def report_repetitions(self, ticker: Ticker, wanted: int) -> None:
         """Report the number of repetitions as the feedback message."""
         if not ticker.tells:
             return
-        number = (self.told if self.endless else ticker.cells[self.done]) + 1
+        number = (self.shown if self.endless else ticker.cells[self.done]) + 1
         limit = "" if wanted < 0 else f" of {wanted}"
         self.behaviour.feedback_message = f"{self.noun} {number}{limit}"
 
     def count_repetition(self, ticker: Ticker) -> None:
-        """Count one more repetition."""
+        """Increase the number of repetitions by one."""
         if self.endless:
-            self.told += 1
+            self.shown += 1
         else:
             ticker.cells[self.done] += 1
 
     def end_with(self, ticker: Ticker, outcome: int) -> int:
-        """End with an outcome."""
+        """End the node with an outcome."""
         self.reset_cells(ticker)
         return self.set_outcome(ticker, outcome)
 
     def reset_cells(self, ticker: Ticker) -> None:
         """Reset the number of repetitions."""
         super().reset_cells(ticker)
-        self.told = 0
+        self.shown = 0
 
 
 class RepeatNode(RepeatingNode):
-    """Ticks its child again after a success."""
+    """Restarts its child after a success."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, part.behaviour.num_cycles, SUCCESS, "cycle")
 
 
 class RetryNode(RepeatingNode):
-    """Ticks its child again after a failure; the child may have changed the number of attempts."""
+    """Restarts its child after a failure; the child may change the maximum number of attempts."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, part.behaviour.num_attempts, FAILURE, "attempt")
 
     def read_again(self, wanted: int) -> int:
-        """Return the maximum number after another repetition."""
+        """Return the maximum number of attempts, which the child may have changed in the last attempt."""
         again: int = wanted if self.is_fixed else self.times.get(wanted)
         return again
 
 
 _UNSEEN: Final = 0
-"""A marker in place of a queue that was not read yet."""
+"""A marker instead of a queue that was not read yet."""
 
 
 class LoopNode(DecoratorNode):
-    """Ticks its child once for each item of a queue, whose type its tag determines.
+    """Ticks its child until the child has ended once for each item of a queue; the tag determines the items' type.
 
     Attributes:
-        left: The cell with the rest of the queue.
+        left: The cell with the remaining items.
         child_runs: The cell with 1 while the child runs.
     """
 
@@ -159,7 +159,7 @@ class LoopNode(DecoratorNode):
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Fail if the child failed, else run."""
+        """Fail if the child failed, otherwise run."""
         ticker.cells[self.child_runs] = int(outcome == RUNNING)
         return self.set_outcome(ticker, FAILURE if outcome == FAILURE else RUNNING)
 
@@ -170,7 +170,7 @@ class LoopNode(DecoratorNode):
         return self.set_outcome(ticker, number_of(behaviour.if_empty.get().status) or SKIPPED)
 
     def next_item(self, ticker: Ticker) -> bool:
-        """Write the next item to the output, if there is one."""
+        """Write the next item to the output; return False if no item is left."""
         values = ticker.values
         shared = self.shared_queue(ticker)
         if not (values[self.left] if shared is None else shared):
@@ -184,20 +184,20 @@ class LoopNode(DecoratorNode):
         self.write(raw, len(values[self.left]))
         return True
 
-    def read(self, held: object) -> list[Any]:
+    def read(self, queue: object) -> list[Any]:
         """Return the items of a queue.
 
         Raises:
-            QueueError: If it is not a queue, or an item has the wrong type.
+            QueueError: If the value is not a queue, or an item has the wrong type.
         """
         try:
-            return queue_items(held, self.behaviour.kind)
+            return queue_items(queue, self.behaviour.kind)
         except QueueError as error:
             message = f"'{self.behaviour.name}': queue: {error}"
             raise QueueError(message, self.behaviour.name) from None
 
     def write(self, raw: object, left: int) -> None:
-        """Write an item to the output, and report the number of remaining ones."""
+        """Write an item to the output, and report the item and the number of remaining items."""
         behaviour = self.behaviour
         (item,) = self.read([raw])
         if behaviour.value is not None:
@@ -205,14 +205,14 @@ class LoopNode(DecoratorNode):
         behaviour.feedback_message = f"item {excerpt(str(item))}, {left} left"
 
     def shared_queue(self, ticker: Ticker) -> Any:
-        """Return the queue if other nodes take items from it, too, else store the rest of it and return None."""
+        """Return a queue from which other nodes remove items, too; None if the node has its own copy of the items."""
         if self.literal != _UNSEEN:
             return None
-        held = self.behaviour.queue.get()
-        if isinstance(held, deque):
-            return held
+        queue = self.behaviour.queue.get()
+        if isinstance(queue, deque):
+            return queue
         if ticker.values[self.left] == _UNSEEN:
-            ticker.values[self.left] = _freeze_items(self.read(held))
+            ticker.values[self.left] = _freeze_items(self.read(queue))
         return None
 
 

@@ -1,4 +1,4 @@
-"""py_trees' own composites."""
+"""The nodes of py_trees' own composites."""
 
 from typing import Any, Final
 
@@ -11,12 +11,12 @@ _NOWHERE: Final = -2
 
 
 class StockNode(TreeNode):
-    """A composite of py_trees: its children keep their statuses until they are restarted or stopped.
+    """A composite of py_trees, whose children keep their statuses until they are restarted or stopped.
 
-    It uses the statuses of its children, not their outcomes.
+    It depends on the statuses of its children, not on the outcomes of their ticks.
 
     Attributes:
-        pointed: The index of py_trees' current child, if it is still known.
+        pointed: The index of py_trees' current child; `_NOWHERE` if it is not known.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -24,30 +24,30 @@ class StockNode(TreeNode):
         self.pointed = _NOWHERE
 
     def reset_cells(self, ticker: Ticker) -> None:
-        """Reset the node's position, because other code may have stopped the behaviour."""
+        """Reset the node's cells and the index of py_trees' current child."""
         super().reset_cells(ticker)
         self.pointed = _NOWHERE
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the children that are not idle."""
+        """Return the children that are not idle, the last child first."""
         self.behaviour.current_child = None
         cells = ticker.cells
         return [child for child in reversed(self.children) if cells[child.status_cell] != INVALID]
 
     def stop_last(self, ticker: Ticker) -> None:
-        """Reset the current child, and the node's outcome."""
+        """Reset the node's cells and outcome."""
         self.reset_cells(ticker)
         ticker.cells[self.status_cell] = INVALID
 
     def point_at(self, ticker: Ticker, index: int) -> None:
-        """Make a child the current one; with -1, the last one."""
+        """Make the child at an index py_trees' current child; -1 means the last child."""
         if index != self.pointed and ticker.tells:
             self.pointed = index
             self.behaviour.current_child = self.children[index].behaviour if self.children else None
 
 
 class StockSequenceNode(StockNode):
-    """A Sequence, with memory or without.
+    """A Sequence of py_trees, with or without memory.
 
     Attributes:
         position: The cell with the index of the current child.
@@ -59,7 +59,7 @@ class StockSequenceNode(StockNode):
         self.position = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Begin with the running child, or with the first one."""
+        """Begin with the running child if the node has memory, otherwise with the first child."""
         cells = ticker.cells
         if cells[self.status_cell] != RUNNING:
             stop_all(self.children, ticker)
@@ -70,7 +70,7 @@ class StockSequenceNode(StockNode):
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the current child while children succeed; the outcome INVALID means that it has to be ticked."""
+        """Continue while children succeed; the outcome INVALID means that the current child has to be ticked."""
         cells, children = ticker.cells, self.children
         index, count = cells[self.position], len(children)
         status = SUCCESS
@@ -100,12 +100,12 @@ class StockSequenceNode(StockNode):
         return SKIPPED if status == INVALID else status
 
     def break_off(self, ticker: Ticker) -> None:
-        """Make the child at the current index py_trees' current one."""
+        """Make the child at the current index py_trees' current child after an aborted tick."""
         self.point_at(ticker, ticker.cells[self.position])
 
 
 class StockSelectorNode(StockNode):
-    """A Selector, with memory or without.
+    """A Selector of py_trees, with or without memory.
 
     Attributes:
         position: The cell with the index of the running child.
@@ -118,7 +118,7 @@ class StockSelectorNode(StockNode):
         self.position, self.current = part.cell(), part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Begin with the running child, or with the first one."""
+        """Begin with the running child if the node has memory, otherwise with the first child."""
         cells = ticker.cells
         if cells[self.status_cell] != RUNNING:
             self.pointed = _NOWHERE
@@ -132,7 +132,7 @@ class StockSelectorNode(StockNode):
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the current child until one does not fail; the outcome INVALID means that it has to be ticked."""
+        """Continue until a child does not fail; the outcome INVALID means that the current child has to be ticked."""
         cells, children = ticker.cells, self.children
         index, count = cells[self.current], len(children)
         while index < count:
@@ -150,7 +150,7 @@ class StockSelectorNode(StockNode):
         return FAILURE
 
     def decide(self, ticker: Ticker, status: int) -> int:
-        """End the tick because of the current child."""
+        """End the tick with the status of the current child."""
         cells, index = ticker.cells, ticker.cells[self.current]
         self.point_at(ticker, index)
         if index != cells[self.position]:
@@ -162,7 +162,7 @@ class StockSelectorNode(StockNode):
 
 
 class StockParallelNode(StockNode):
-    """A Parallel, with any of py_trees' policies.
+    """A Parallel of py_trees, with any policy.
 
     Attributes:
         current: The cell with the index of the current child, in a tick.
@@ -204,7 +204,7 @@ class StockParallelNode(StockNode):
         return self.tick_unfinished(ticker)
 
     def tick_unfinished(self, ticker: Ticker) -> int:
-        """Tick the children from the current one on, then decide."""
+        """Tick the children from the current child on, then set the node's status."""
         cells = ticker.cells
         index = cells[self.current]
         for child in self.children[index:]:
@@ -223,7 +223,7 @@ class StockParallelNode(StockNode):
         return status
 
     def decide(self, ticker: Ticker) -> int:
-        """Return the status after all children were ticked; the decisive child is the current one."""
+        """Return the node's status after all children were ticked, and make the decisive child the current child."""
         cells, children = ticker.cells, self.children
         for index, child in enumerate(children):
             if cells[child.status_cell] == FAILURE:
@@ -245,7 +245,7 @@ class StockParallelNode(StockNode):
         return SUCCESS
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the children that are not idle, the running ones first."""
+        """Return the children that are not idle in reverse order, the running children, which are stopped first, last."""
         cells = ticker.cells
         children = super().stop_first(ticker)
         ended = [child for child in children if cells[child.status_cell] != RUNNING]

@@ -1,6 +1,6 @@
-"""py_trees' own decorators, whose own `update` methods convert the status of the child.
+"""The nodes of py_trees' own decorators, whose `update` methods convert the status of the child.
 
-The state of such a decorator between two ticks is moved between its attributes and cells.
+Cells store the state of such a decorator between two ticks. A tick copies it to the decorator's attributes and back.
 """
 
 from collections.abc import Iterable
@@ -37,18 +37,20 @@ TURNING: tuple[type, ...] = (
     decorators.SuccessIsFailure,
     decorators.SuccessIsRunning,
 )
-"""The classes of py_trees that only convert the status of their child."""
+"""py_trees' decorators that only convert the status of their child."""
 
 
 class StockDecoratorNode(TreeNode):
     """A decorator of py_trees.
 
     Attributes:
-        turns: Whether its class only converts the status of the child.
-        turned: The conversion of each status; CALLED if it is not known yet.
-        heard_status, heard_message: The child's status and message at the last call of `update`; CALLED if unknown.
-        made, message: The resulting status and message.
-        terminates: Whether its class defines `terminate`.
+        turns: Whether the decorator only converts the status of the child.
+        turned: The result of the conversion, by the child's status; CALLED if it is not known yet.
+        heard_status: The child's status at the last call of `update`; CALLED before the first call.
+        heard_message: The child's feedback message at the last call of `update`.
+        made: The status that the last call of `update` returned.
+        message: The decorator's feedback message after the last call of `update`.
+        terminates: Whether the decorator overrides `terminate`.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -62,7 +64,7 @@ class StockDecoratorNode(TreeNode):
         self.terminates: bool = is_own(part.behaviour, "terminate")
 
     def begin(self, ticker: Ticker) -> int:
-        """Start, unless the node runs, and tick the child."""
+        """Start the node, unless it runs, and tick the child."""
         if ticker.cells[self.status_cell] != RUNNING:
             self.start(ticker)
         outcome = self.child.tick(ticker)
@@ -91,45 +93,45 @@ class StockDecoratorNode(TreeNode):
         ticker.cells[self.status_cell] = INVALID
 
     def start(self, ticker: Ticker) -> None:
-        """Do the work of its class's `initialise`."""
+        """Do the work of the py_trees class's `initialise`; nothing by default."""
 
     def update(self, ticker: Ticker) -> int:
-        """Return the result of its class's `update` for the child's status."""
+        """Return the result of the py_trees class's `update` for the child's status."""
         status = ticker.cells[self.child.status_cell]
         if not self.turns:
             return self.call_update(ticker, status)
         if ticker.tells:
-            return self.update_and_tell(ticker, status)
+            return self.update_message(ticker, status)
         if self.turned[status] == CALLED:
             self.turned[status] = self.call_update(ticker, status)
         return self.turned[status]
 
-    def update_and_tell(self, ticker: Ticker, status: int) -> int:
-        """Return the conversion of the child's status; `update` is called again only for a new status or message."""
-        behaviour, said = self.behaviour, self.child.behaviour.feedback_message
-        is_known = status == self.heard_status and said is self.heard_message
+    def update_message(self, ticker: Ticker, status: int) -> int:
+        """Convert the child's status and message; `update` is called again only for a new status or message."""
+        behaviour, heard = self.behaviour, self.child.behaviour.feedback_message
+        is_known = status == self.heard_status and heard is self.heard_message
         if not is_known or behaviour.feedback_message is not self.message:
             self.made = self.call_update(ticker, status)
-            self.heard_status, self.heard_message = status, said
+            self.heard_status, self.heard_message = status, heard
             self.message = behaviour.feedback_message
         return self.made
 
     def call_update(self, ticker: Ticker, status: int) -> int:
-        """Call the `update` of its class."""
+        """Call the `update` of the py_trees class; return the status as a number."""
         self.child.behaviour.status = STATUSES[status]
         return ticker.number_of(self.behaviour, self.behaviour.update())
 
     def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
-        """Do the work of its class's `terminate`."""
+        """Do the work of the py_trees class's `terminate`."""
         if self.terminates:
             self.behaviour.terminate(STATUSES[status])
 
 
 class StockCountingNode(StockDecoratorNode):
-    """Counts results of its child.
+    """A decorator of py_trees that counts outcomes of its child.
 
     Attributes:
-        count: The cell with the count; a node without a limit does not need it.
+        count: The cell with the count, which a node without a limit does not use.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -138,16 +140,16 @@ class StockCountingNode(StockDecoratorNode):
         self.known: dict[int, int] = {}
 
     def attribute(self) -> str:
-        """Return the attribute with the count; empty if it is not needed."""
+        """Return the name of the behaviour's attribute with the count; empty if no count is needed."""
         raise NotImplementedError
 
     def start(self, ticker: Ticker) -> None:
-        """Start to count."""
+        """Start with a count of 0."""
         self.behaviour.initialise()
         ticker.cells[self.count] = 0
 
     def update(self, ticker: Ticker) -> int:
-        """Count, and decide."""
+        """Count the child's outcome, and return the node's status."""
         attribute = self.attribute()
         if not attribute:
             return super().update(ticker)
@@ -163,7 +165,7 @@ class StockCountingNode(StockDecoratorNode):
         return known % len(STATUSES)
 
     def count_on(self, ticker: Ticker, attribute: str) -> int:
-        """Let the behaviour count and decide."""
+        """Let the behaviour count the child's outcome; return the node's status."""
         setattr(self.behaviour, attribute, ticker.cells[self.count])
         status = super().update(ticker)
         ticker.cells[self.count] = getattr(self.behaviour, attribute)
@@ -175,23 +177,23 @@ class StockCountingNode(StockDecoratorNode):
 
 
 class StockRepeatNode(StockCountingNode):
-    """A Repeat."""
+    """A Repeat of py_trees."""
 
     def attribute(self) -> str:
-        """Return the attribute with the count."""
+        """Return the name of the attribute with the count; empty if there is no limit."""
         return "success" if self.behaviour.num_success > 0 else ""
 
 
 class StockRetryNode(StockCountingNode):
-    """A Retry."""
+    """A Retry of py_trees."""
 
     def attribute(self) -> str:
-        """Return the attribute with the count."""
+        """Return the name of the attribute with the count."""
         return "failures"
 
 
 class StockGuardNode(StockDecoratorNode):
-    """An EternalGuard."""
+    """An EternalGuard of py_trees."""
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child if the condition is true."""
@@ -208,16 +210,16 @@ class StockGuardNode(StockDecoratorNode):
         if isinstance(result, Status):
             return result is not _FAILURE
         if not isinstance(result, bool):
-            message = f"'{self.behaviour.name}': its condition must return a bool or a status, not {result!r}"
-            raise RuntimeError(message)  # noqa: TRY004 - what py_trees raises
+            message = f"'{self.behaviour.name}': the condition must return a bool or a status, not {result!r}"
+            raise RuntimeError(message)  # noqa: TRY004 - py_trees raises this type
         return result
 
 
 class StockOneShotNode(StockDecoratorNode):
-    """A OneShot.
+    """A OneShot of py_trees.
 
     Attributes:
-        final: The cell with the final outcome of its child, which is never reset.
+        final: The cell with the final status of the child, which is never reset.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -227,7 +229,7 @@ class StockOneShotNode(StockDecoratorNode):
         self.counts: list[int] = [number_of(status) for status in behaviour.policy.value]
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child, unless it has ended before."""
+        """Tick the child, unless it has a final status."""
         final = ticker.cells[self.final]
         if final == INVALID:
             return super().begin(ticker)
@@ -237,11 +239,11 @@ class StockOneShotNode(StockDecoratorNode):
         return final
 
     def update(self, ticker: Ticker) -> int:
-        """Return the child's status, as its class does before there is a final outcome."""
+        """Return the child's status, as the py_trees class does before there is a final status."""
         return super().update(ticker) if ticker.tells else ticker.cells[self.child.status_cell]
 
     def terminate(self, ticker: Ticker, status: int) -> None:
-        """Keep a final outcome."""
+        """Store the final status."""
         if ticker.cells[self.final] == INVALID and status in self.counts:
             self.behaviour.feedback_message = "oneshot completed"
             ticker.cells[self.final] = status
@@ -250,7 +252,7 @@ class StockOneShotNode(StockDecoratorNode):
 
 
 class StockForEachNode(StockDecoratorNode):
-    """A ForEach; it copies the items of its list at its start.
+    """A ForEach of py_trees, which copies the items of its list at its start.
 
     Attributes:
         waiting: The cell with the remaining items.
@@ -262,7 +264,7 @@ class StockForEachNode(StockDecoratorNode):
         self.waiting, self.has_item = part.value(()), part.cell()
 
     def start(self, ticker: Ticker) -> None:
-        """Copy the items."""
+        """Copy the items of the list, and write the first item."""
         behaviour = self.behaviour
         items: Any = behaviour.blackboard.get(behaviour.source_key) or []
         if not isinstance(items, Iterable):
@@ -274,7 +276,7 @@ class StockForEachNode(StockDecoratorNode):
         self.write_next_item(ticker)
 
     def write_next_item(self, ticker: Ticker) -> None:
-        """Write the next item, if there is one."""
+        """Write the next item to the blackboard, if there is one."""
         cells, values = ticker.cells, ticker.values
         cells[self.has_item] = 0
         if values[self.waiting]:
@@ -285,7 +287,7 @@ class StockForEachNode(StockDecoratorNode):
             cells[self.has_item] = int(item is not None)
 
     def update(self, ticker: Ticker) -> int:
-        """Succeed if no item is left."""
+        """Succeed if no item is left, run after the success of an item, otherwise return the child's status."""
         cells = ticker.cells
         if not cells[self.has_item]:
             return SUCCESS
@@ -296,12 +298,12 @@ class StockForEachNode(StockDecoratorNode):
         return cells[self.child.status_cell]
 
     def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
-        """Remove the items."""
+        """Remove the remaining items."""
         self.reset_cells(ticker)
 
 
 class StockTimeoutNode(StockDecoratorNode):
-    """A Timeout of py_trees, with the mission's clock."""
+    """A Timeout of py_trees that uses the mission's clock."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)

@@ -1,4 +1,4 @@
-"""The node classes for the classes of behaviours."""
+"""The table of the kernel's node classes, by behaviour class."""
 
 from collections.abc import Callable
 
@@ -21,7 +21,7 @@ STOCK: dict[type[Behaviour], NodeClass] = {
     composites.Sequence: stock_composites.StockSequenceNode,
     composites.Selector: stock_composites.StockSelectorNode,
     composites.Parallel: stock_composites.StockParallelNode,
-    # The counts of Count affect no tick.
+    # The counters of Count have no effect on ticks, so they need no cells.
     **dict.fromkeys(
         (*stock_decorators.TURNING, decorators.Count, decorators.StatusToBlackboard),
         stock_decorators.StockDecoratorNode,
@@ -36,17 +36,17 @@ STOCK: dict[type[Behaviour], NodeClass] = {
     behaviours.SuccessEveryN: leaf_nodes.SuccessEveryNNode,
     behaviours.TickCounter: leaf_nodes.TickCounterNode,
 }
-"""The node class of each known class of py_trees."""
+"""The node class for each known class of py_trees."""
 
 if not IS_2_3:
     STOCK[decorators.ForEach] = stock_decorators.StockForEachNode
 
 
 class NotFlatError(UndecidableError):
-    """A tree has a node whose ticking rules are unknown to the kernel.
+    """A tree has a behaviour whose children the kernel cannot tick, because it does not know the behaviour's class.
 
     Attributes:
-        behaviour: The node.
+        behaviour: The behaviour.
     """
 
     def __init__(self, behaviour: Behaviour) -> None:
@@ -54,16 +54,16 @@ class NotFlatError(UndecidableError):
         cls = type(behaviour)
         message = (
             f"'{behaviour.name}' is a {cls.__module__}.{cls.__qualname__}, and only its own methods define when it "
-            "ticks and stops its children: replace it by nodes of the library, or by a leaf"
+            "ticks and stops its children. Replace it by registered controls and decorators, or by a leaf"
         )
         super().__init__(message)
 
 
 def known_node(part: NodeBuilder) -> TreeNode:
-    """Build the node of a behaviour.
+    """Create the node of a behaviour.
 
     Raises:
-        NotFlatError: If it is not a leaf and its class is unknown, such as a subclass of a py_trees class.
+        NotFlatError: If the behaviour is not a leaf and its class is unknown, such as a subclass of a py_trees class.
     """
     behaviour = part.behaviour
     cls = node_class_of(behaviour)
@@ -73,7 +73,7 @@ def known_node(part: NodeBuilder) -> TreeNode:
 
 
 def node_class_of(behaviour: Behaviour) -> NodeClass | None:
-    """Return the builder of a behaviour's node; None if only its own methods define its rules."""
+    """Return the function that creates a behaviour's node; None if the kernel cannot tick the behaviour's children."""
     cls = type(behaviour)
     known = STOCK.get(cls)
     if known is not None and "update" not in vars(behaviour):
@@ -91,12 +91,12 @@ def node_class_of(behaviour: Behaviour) -> NodeClass | None:
 
 
 def is_known_class(cls: type[Behaviour]) -> bool:
-    """Return whether the rules are known by which a control or decorator of a class ticks and stops its children."""
+    """Return whether the kernel knows how controls or decorators of a class tick and stop their children."""
     if not issubclass(cls, EngineBehaviour):
         return cls in STOCK
-    # A class derived from one of this project has the same rules, unless it overrides tick or stop.
-    does_as_ours = cls.tick is EngineBehaviour.tick and cls.stop is EngineBehaviour.stop
-    return does_as_ours and (
+    # A class derived from a class of this project ticks its children alike, unless it overrides `tick` or `stop`.
+    is_inherited = cls.tick is EngineBehaviour.tick and cls.stop is EngineBehaviour.stop
+    return is_inherited and (
         cls.node_class is not None or getattr(cls, "begin", None) is not EngineParent.begin
     )
 
@@ -105,10 +105,10 @@ def flatten(root: Behaviour, node_of: NodeClass = known_node) -> FlatTree:
     """Convert a tree to flat form.
 
     Args:
-        root: Its root, set up.
-        node_of: Function that builds the node of a behaviour.
+        root: The root of the tree, after its setup.
+        node_of: Function that creates the node of a behaviour.
 
     Raises:
-        NotFlatError: If it has a composite or a decorator with unknown rules.
+        NotFlatError: If the tree has a composite or a decorator of an unknown class.
     """
     return flat_tree(root, node_of)

@@ -1,14 +1,14 @@
-"""Time measurement of a tree."""
+"""The timers of a tree's nodes."""
 
 from collections.abc import Callable
 from typing import Any
 
 
 class Times:
-    """The timers of a tree's nodes; the state of a timer is its token, which a cell holds."""
+    """The interface for the timers of a tree's nodes. The state of a timer is its token, which a cell stores."""
 
     def branch_count(self) -> int:
-        """Return the number of possible results of checking a running timer."""
+        """Return the number of possible results of `is_up` for a running timer."""
         return 1
 
     def start(self, index: int, seconds: float) -> Any:
@@ -16,10 +16,10 @@ class Times:
 
         Args:
             index: The node's index.
-            seconds: The time in seconds after which it expires; with 0 or less, it expires at once.
+            seconds: The time in seconds after which the timer expires; with 0 or less, it expires at once.
 
         Returns:
-            The token.
+            The timer's token.
         """
         raise NotImplementedError
 
@@ -28,12 +28,12 @@ class Times:
         raise NotImplementedError
 
     def remaining_sec(self, index: int, token: Any) -> float:
-        """Return the remaining seconds, 0 at the end; called only if the nodes' messages are read."""
+        """Return the remaining time of a node's timer in seconds; called only if the nodes' messages are read."""
         raise NotImplementedError
 
 
 class _SteadyClock:
-    """A clock that stops while the underlying clock goes back."""
+    """A clock that does not go back when the underlying clock does."""
 
     def __init__(self, clock: Any) -> None:
         self._clock = clock
@@ -49,14 +49,14 @@ class _SteadyClock:
 
 
 class ClockTimes(Times):
-    """Timers for clocks that may stop, and may go back.
+    """Timers that use the nodes' clocks, which may stop, go back or jump forward.
 
-    A clock that goes back is treated as stopped: elapsed time stays elapsed, and nothing has to be waited for twice.
-    A clock that jumps forward is accepted. A token is the end of a timer, in seconds of the clock as it would be without
-    going back.
+    When a clock goes back, elapsed time remains elapsed, so that no time has to be waited for twice. Time by which a
+    clock jumps forward counts as elapsed. The token of a timer is the time at which it expires, in seconds of the clock
+    without its steps back.
 
     Args:
-        clock_of: Function that returns the clock of a node, by its index.
+        clock_of: Function that returns the clock of a node, by the node's index.
     """
 
     def __init__(self, clock_of: Callable[[int], Any]) -> None:
@@ -65,7 +65,7 @@ class ClockTimes(Times):
         self._by_clock: dict[int, _SteadyClock] = {}
 
     def start(self, index: int, seconds: float) -> Any:
-        """Start a node's timer, in seconds."""
+        """Start a node's timer with a duration in seconds; return its token."""
         return self._now(index) + seconds
 
     def is_up(self, index: int, token: Any) -> bool:
@@ -73,7 +73,7 @@ class ClockTimes(Times):
         return bool(self._now(index) >= token)
 
     def remaining_sec(self, index: int, token: Any) -> float:
-        """Return the remaining seconds, 0 at the end."""
+        """Return the remaining time of a node's timer in seconds; 0 if it has expired."""
         return max(float(token) - self._now(index), 0.0)
 
     def _now(self, index: int) -> float:

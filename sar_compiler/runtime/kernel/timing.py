@@ -17,53 +17,53 @@ _CLOSE: Final = 1e-6
 
 
 class DurationError(NodeError):
-    """A node has a negative waiting time."""
+    """The duration of a node is negative."""
 
 
 def seconds_of(behaviour: Any, port: str) -> float:
-    """Return the waiting time of a node, in seconds.
+    """Return the duration in a node's port, converted from milliseconds to seconds.
 
     Raises:
-        DurationError: If it is negative.
+        DurationError: If the duration is negative.
     """
     milliseconds: int = getattr(behaviour, port).get()
     if milliseconds < 0:
-        message = f"'{behaviour.name}' cannot wait {milliseconds} milliseconds: write 0 or more as {port}"
+        message = f"'{behaviour.name}' cannot wait {milliseconds} milliseconds. Write 0 or more as {port}"
         raise DurationError(message, behaviour.name)
     return milliseconds / _MILLISECONDS
 
 
 class Countdown:
-    """A node's timer: a cell with its state, and one with its token while it runs.
+    """The timer of a node, with a cell for its state, and a cell for its token while it runs.
 
-    It is not checked again after it has expired.
+    A timer that has expired is not checked again.
 
     Args:
-        part: The node.
+        part: The builder of the node.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
         self.index = part.index
         self.state = part.cell(OFF)
         self.token = part.value(0)
-        # The last message, and its tenths of a second: a tree may tick thousands of times in one.
+        # The last message and its tenths of a second are cached, because a tree may tick thousands of times in a tenth.
         self.tenths = -1
-        self.told = ""
+        self.message = ""
 
     def start(self, seconds: float, ticker: Ticker) -> None:
-        """Start the timer with a number of seconds."""
+        """Start the timer with a duration in seconds."""
         ticker.cells[self.state] = COUNTING
         ticker.values[self.token] = ticker.times.start(self.index, seconds)
 
     def is_up(self, ticker: Ticker) -> bool:
-        """Return whether the time has expired."""
+        """Return whether the timer has expired."""
         counts = ticker.cells[self.state] == COUNTING
         if counts and ticker.times.is_up(self.index, ticker.values[self.token]):
             self.stop(ticker, UP)
         return ticker.cells[self.state] == UP
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return the number of possible results of the next check."""
+        """Return the number of possible results of the next `is_up`."""
         return ticker.times.branch_count() if ticker.cells[self.state] == COUNTING else 1
 
     def remaining_message(self, ticker: Ticker) -> str:
@@ -72,19 +72,19 @@ class Countdown:
             return ""
         seconds = ticker.times.remaining_sec(self.index, ticker.values[self.token])
         tenths = int(seconds * _TENTHS + _HALF)
-        # If the time is close to the middle between two tenths, rounding of the sum would decide the printed digit.
+        # Close to the middle between two tenths, a rounding error could make the cached digit wrong.
         if tenths != self.tenths or abs(seconds * _TENTHS + _HALF - tenths) < _CLOSE:
-            self.tenths, self.told = tenths, f"remaining: {seconds:.1f}s"
-        return self.told
+            self.tenths, self.message = tenths, f"remaining: {seconds:.1f}s"
+        return self.message
 
     def stop(self, ticker: Ticker, state: int = OFF) -> None:
-        """Stop the timer."""
+        """Stop the timer, and set its state."""
         ticker.cells[self.state] = state
         ticker.values[self.token] = 0
 
 
 class TimedNode(DecoratorNode):
-    """A decorator with a timer, which runs while the node runs."""
+    """A decorator with a timer."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
@@ -96,10 +96,10 @@ class TimedNode(DecoratorNode):
 
 
 class DelayNode(TimedNode):
-    """Waits before it ticks its child for the first time."""
+    """Waits for a time before it ticks its child for the first time."""
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child if the time has expired."""
+        """Tick the child if the timer has expired."""
         behaviour, timer = self.behaviour, self.timer
         if ticker.cells[timer.state] == OFF:
             seconds = seconds_of(behaviour, "delay_msec")
@@ -113,17 +113,17 @@ class DelayNode(TimedNode):
         return self.set_outcome(ticker, RUNNING)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Pass on the outcome; after an end, the next start waits again."""
+        """Return the child's outcome; stop the timer if the child has ended, so that the next start waits again."""
         if outcome & ENDED:
             self.timer.stop(ticker)
         return self.set_outcome(ticker, outcome)
 
 
 class TimeoutNode(TimedNode):
-    """Fails if its child is still running after a time limit; the child is halted without another tick."""
+    """Halts its child and fails if the child is still running after a time limit."""
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child, unless it runs and its time has expired."""
+        """Tick the child, unless it runs and the time limit has expired."""
         cells, timer = ticker.cells, self.timer
         if cells[timer.state] == OFF:
             self.start(ticker)
@@ -152,7 +152,7 @@ class TimeoutNode(TimedNode):
         return self.set_outcome(ticker, FAILURE)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Pass on the outcome."""
+        """Return the child's outcome; stop the timer if the child has ended."""
         if outcome & ENDED:
             self.timer.stop(ticker)
             self.behaviour.feedback_message = ""
@@ -167,11 +167,11 @@ class SleepNode(ChildlessNode):
         self.timer = Countdown(part)
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return the number of possible results of the timer check; the time may expire at the start."""
+        """Return the number of possible results of the timer check, which also follows the start."""
         return ticker.times.branch_count()
 
     def begin(self, ticker: Ticker) -> int:
-        """Check the time."""
+        """Start the timer if the leaf does not run, and succeed if it has expired."""
         cells, timer = ticker.cells, self.timer
         if cells[self.status_cell] != RUNNING:
             timer.start(self.seconds(), ticker)
@@ -190,11 +190,11 @@ class SleepNode(ChildlessNode):
         self.clear_message()
 
     def seconds(self) -> float:
-        """Return the waiting time, in seconds."""
+        """Return the time to wait, in seconds."""
         return seconds_of(self.behaviour, "msec")
 
     def set_message(self, ticker: Ticker, left: str) -> None:
-        """Set the feedback message to the remaining time; empty at the end."""
+        """Set the feedback message, if it is read; *left* is the remaining time, or empty at the end."""
         if ticker.tells:
             self.behaviour.feedback_message = left
 
@@ -204,18 +204,18 @@ class SleepNode(ChildlessNode):
 
 
 class TimerNode(SleepNode):
-    """A Timer with the messages of py_trees' own, which it keeps when it is stopped."""
+    """A Timer of py_trees that uses the mission's clock, with py_trees' messages, which remain when it is stopped."""
 
     def seconds(self) -> float:
-        """Return the time to run, in seconds."""
+        """Return the duration, in seconds."""
         return float(self.behaviour.duration)
 
     def set_message(self, ticker: Ticker, left: str) -> None:
-        """Set the feedback message."""
+        """Set py_trees' feedback message, if it is read; *left* is empty at the end."""
         if not ticker.tells:
             return
         behaviour = self.behaviour
         behaviour.feedback_message = "still running" if left else f"timer ran out [{behaviour.duration}]"
 
     def clear_message(self) -> None:
-        """Keep the message."""
+        """Do not clear the message, like py_trees' Timer."""

@@ -1,4 +1,4 @@
-"""A compiled tree in flat form: nodes, and the cells with their state."""
+"""Trees in flat form, which consist of nodes and the cells with their state."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -10,16 +10,15 @@ from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree_nodes import CellLayout, NodeBuilder, Ticker, TreeNode
 
 _MANY: Final = 2
-"""A number of writes that represents all larger ones. After 1, an entry may be removed and written once more."""
+"""The number of writes that represents all larger numbers. It is not 1, which an entry has again after a removal."""
 _LONG_AGO: Final = -1
-"""A number of writes that does not occur again."""
+"""A stored number of writes that no entry will have again."""
 
 
 class FlatTree:
     """A tree whose whole state is in cells that can be copied.
 
-    It calls the leaves in the same order as the py_trees tree that it was made from. That tree and its leaves are the
-    same objects.
+    It calls the leaves in the same order as the py_trees tree from which it was made, and uses the same behaviours.
 
     Attributes:
         nodes: The nodes, in pre-order.
@@ -28,7 +27,7 @@ class FlatTree:
     def __init__(self, nodes: list[TreeNode], layout: CellLayout) -> None:
         self.nodes = nodes
         self._layout = layout
-        # The nodes that share the status of another node.
+        # The nodes that share the status cell of another node.
         self._shared: list[TreeNode] = [node for node in nodes if node.index != node.status_cell]
         watched: dict[tuple[Any, str], list[int]] = {}
         for entry, cell in layout.watched:
@@ -37,17 +36,17 @@ class FlatTree:
         self._watched = watched
 
     def ticker(self, times: Times) -> Ticker:
-        """Return a ticker for the tree, which must not have been ticked."""
+        """Create a ticker with the initial state of the tree."""
         return Ticker(vec[i32](self._layout.cells), list(self._layout.values), times)
 
     def renumber(self, ticker: Ticker) -> None:
-        """Keep the numbers of writes to entries small, so that equal states compare equal.
+        """Reduce the numbers of writes to entries, so that equivalent states are equal.
 
-        A node that waits for a write compares the entry's number of writes with a stored one. Both grow without limit, and
-        only their equality is used.
+        A node that waits for a write compares the entry's number of writes with a stored number. Both grow without
+        limit, but only their equality matters.
 
         Args:
-            ticker: The ticker of the tree, after a tick; its cells and the numbers on the board are changed.
+            ticker: The ticker of the tree, after a tick. Its cells and the numbers on the board are changed.
         """
         cells = ticker.cells
         for (board, name), numbers in self._watched.items():
@@ -62,7 +61,7 @@ class FlatTree:
             board.restamp(name, stamp)
 
     def copy_shared_statuses(self, ticker: Ticker) -> None:
-        """Copy the statuses of nodes that share one with another."""
+        """Copy the statuses of nodes that share a status cell to their own cells."""
         cells = ticker.cells
         for node in self._shared:
             cells[node.index] = cells[node.status_cell]
@@ -80,9 +79,9 @@ def flat_tree(
     """Convert a tree to flat form.
 
     Args:
-        root: Its root, set up.
-        node_of: Function that builds the node of a behaviour.
-        below: Function that returns the children of a behaviour that are part of the tree.
+        root: The root of the tree, after its setup.
+        node_of: Function that creates the node of a behaviour.
+        below: Function that returns the children of a behaviour that the kernel ticks.
     """
     behaviours: list[Any] = []
     parents: list[int] = []
@@ -96,7 +95,7 @@ def flat_tree(
     layout = CellLayout(len(behaviours))
     children: list[list[TreeNode]] = [[] for _ in behaviours]
     nodes: list[TreeNode] = []
-    # Backwards, so that children come before their parents, however deep the tree is.
+    # Nodes are created backwards, so that children precede their parents without recursion.
     for index in range(len(behaviours) - 1, -1, -1):
         behaviour, inner = behaviours[index], children[index]
         inner.reverse()

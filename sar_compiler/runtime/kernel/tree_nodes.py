@@ -1,7 +1,8 @@
-"""Nodes, which define the behaviour of each tree node in a tick, and the ticker that runs them.
+"""The base classes of the kernel's nodes, and the ticker that ticks them.
 
-A node is ticked without generators and without recursion. A node without children is ticked by `tick` alone. A node with
-children returns the next child in `begin` and `resume`, and the `Ticker` keeps the waiting nodes on a stack.
+Nodes are ticked without generators and without recursion. A node without children needs only the call of `tick`. A node
+with children requests the tick of a child in `begin` and `resume`, and the `Ticker` stores the waiting nodes on a
+stack.
 """
 
 from collections.abc import Hashable
@@ -22,9 +23,9 @@ class CellLayout:
     """The cells of a tree while its nodes are built.
 
     Attributes:
-        cells: The initial value of each numeric cell; the first cells are the statuses of the nodes.
-        values: The initial value of each other cell.
-        watched: The entries whose numbers of writes nodes compare, with the cells that hold such a number.
+        cells: The initial values of the numeric cells; the first cells are the statuses of the nodes.
+        values: The initial values of the other cells.
+        watched: Pairs of an entry and a cell with which a node compares the entry's number of writes.
     """
 
     def __init__(self, count: int) -> None:
@@ -34,14 +35,14 @@ class CellLayout:
 
 
 class NodeBuilder:
-    """The builder of a node.
+    """The data from which a node is created.
 
     Args:
-        index: Its index in the tree.
-        at: The cell of its status.
-        behaviour: The behaviour.
-        children: Its children, which are already built.
-        layout: The cells of the tree.
+        index: The node's index in the tree.
+        at: The cell with the node's status.
+        behaviour: The node's behaviour.
+        children: The nodes of the children.
+        layout: The cells of the tree, to which the node adds its own cells.
     """
 
     def __init__(
@@ -57,12 +58,12 @@ class NodeBuilder:
         self.of_tick: list[int] = []
 
     def cell(self, first: int = 0, *, keeps: bool = False, of_tick: bool = False) -> int:
-        """Add a cell with a non-negative number, and return its index.
+        """Add a cell for numbers, and return its index.
 
         Args:
             first: The initial value.
-            keeps: Whether it is kept when the node ends or is halted; else it becomes 0.
-            of_tick: Whether it also becomes 0 after an aborted tick.
+            keeps: Whether the value remains when the node ends or is halted; otherwise it becomes 0.
+            of_tick: Whether the value also becomes 0 after an aborted tick.
         """
         cells = self.layout.cells
         cells.append(first)
@@ -74,11 +75,11 @@ class NodeBuilder:
         return index
 
     def value(self, first: Hashable, *, keeps: bool = False) -> int:
-        """Add a cell with any other hashable value, and return its index.
+        """Add a cell for any hashable values, and return its index.
 
         Args:
             first: The initial value.
-            keeps: As for `cell`; else it becomes the initial value.
+            keeps: Whether the value remains when the node ends or is halted; otherwise it becomes the initial value.
         """
         values = self.layout.values
         values.append(first)
@@ -87,28 +88,30 @@ class NodeBuilder:
         return len(values) - 1
 
     def watch_entry(self, entry: Any, cell: int) -> None:
-        """Register a cell with the entry's number of writes at the node's last check."""
+        """Register the cell that stores an entry's number of writes at the node's last check."""
         self.layout.watched.append((entry, cell))
 
 
 class TreeNode:
-    """Define how a behaviour is ticked and stopped.
+    """A node, which defines how its behaviour is ticked and stopped.
 
     Args:
         part: The builder.
 
     Attributes:
-        index: Its index in the tree.
-        at: The cell of its status.
-        behaviour: The behaviour.
-        children: Its children.
-        around: Its parent; None for the root.
-        is_skippable: Whether the behaviour records that it was skipped.
-        heeds_end: Whether its last outcome matters while it does not run. It does not matter if each start is like
-            the first.
+        index: The node's index in the tree.
+        status_cell: The cell with the node's status.
+        behaviour: The node's behaviour.
+        children: The nodes of the children.
+        parent: The parent's node; None for the root.
+        is_skippable: Whether the behaviour has an attribute `skipped`, which states whether it was skipped.
+        heeds_end: Whether the node's next start depends on its last outcome.
         shows_itself: Whether the node updates its behaviour's status on every change.
-        reached: The number of the tick in which the node was reached last, see `Ticker.reach`.
-        first_cell, last_cell, first_value, last_value: The start of its own cells, and the first one after them.
+        reached: The number of the tick in which the node was last reached; see `Ticker.reach`.
+        first_cell: The first of the node's own numeric cells.
+        last_cell: The cell after the node's own numeric cells.
+        first_value: The first of the node's own other cells.
+        last_value: The cell after the node's own other cells.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -127,24 +130,24 @@ class TreeNode:
         self._of_tick = part.of_tick
 
     def tick(self, ticker: "Ticker") -> int:
-        """Return the outcome of a tick; CALLED, and itself in `ticker.called`, if it needs more than this call."""
+        """Tick the node if one call is enough, and return the outcome; otherwise request a tick, and return CALLED."""
         ticker.called = self
         return CALLED
 
     def branch_count(self, ticker: "Ticker") -> int:  # noqa: ARG002
-        """Return the number of ways in which the node may begin a tick, if known in advance; only an optimisation."""
+        """Return the number of possible continuations of the next tick, if known in advance; only an optimisation."""
         return 1
 
     def begin(self, ticker: "Ticker") -> int:
-        """Begin a tick; return its outcome, or what a child's `tick` returned if that is CALLED."""
+        """Begin a tick; return the node's outcome, or CALLED if a child's `tick` has returned CALLED."""
         raise NotImplementedError
 
     def resume(self, ticker: "Ticker", outcome: int) -> int:
-        """Continue a tick.
+        """Continue a tick after a child.
 
         Args:
             ticker: The ticker.
-            outcome: The outcome of the child that was called.
+            outcome: The outcome of the child.
 
         Returns:
             As for `begin`.
@@ -152,25 +155,25 @@ class TreeNode:
         raise NotImplementedError
 
     def break_off(self, ticker: "Ticker") -> None:
-        """Clean up when a tick is aborted because a descendant has raised an error: reset the cells of the tick."""
+        """Reset the cells that are used only in a tick, because an error has aborted the tick."""
         cells = ticker.cells
         for cell in self._of_tick:
             cells[cell] = 0
 
     def stop(self, ticker: "Ticker") -> None:
-        """Stop the node like `Behaviour.stop(Status.INVALID)`, whatever its status is."""
+        """Stop the node like `Behaviour.stop(Status.INVALID)`, independent of its status."""
         ticker.stop(self)
 
     def stop_first(self, ticker: "Ticker") -> "list[TreeNode]":
-        """Begin to stop a node with children; return the children to stop, the last one first."""
+        """Begin to stop a node with children; return the children to stop, in reverse order."""
         raise NotImplementedError
 
     def stop_last(self, ticker: "Ticker") -> None:
-        """Stop a node with children, after its children."""
+        """Complete the stop of a node after its children were stopped."""
         raise NotImplementedError
 
     def reset_cells(self, ticker: "Ticker") -> None:
-        """Reset the node's own cells, except for those that keep their values."""
+        """Reset the node's own cells, except for cells that keep their values."""
         cells = ticker.cells
         for cell in self._forgotten:
             cells[cell] = 0
@@ -178,20 +181,20 @@ class TreeNode:
             ticker.values[place] = first
 
     def reset_outcome(self, ticker: "Ticker") -> None:
-        """Reset the node's outcome."""
+        """Set the node's status to INVALID."""
         ticker.cells[self.status_cell] = INVALID
         if ticker.is_live:
             self.behaviour.status = _INVALID
 
     def write_status(self, cells: vec[i32]) -> None:
-        """Set the behaviour's status from the cells."""
+        """Copy the node's status from its cell to its behaviour."""
         status: Any = STATUSES[cells[self.status_cell]]
         if self.behaviour.status is not status:
             self.behaviour.status = status
 
 
 class ChildlessNode(TreeNode):
-    """A node without children, which is ticked directly unless all nodes are ticked step by step."""
+    """A node without children, which is ticked in one call unless all nodes are ticked step by step."""
 
     def tick(self, ticker: "Ticker") -> int:
         """Tick the node."""
@@ -201,29 +204,29 @@ class ChildlessNode(TreeNode):
         return self.begin(ticker)
 
     def stop(self, ticker: "Ticker") -> None:
-        """Reset the node, whatever its status is."""
+        """Reset the node's cells and status."""
         ticker.reach(self)
         self.reset_cells(ticker)
         ticker.cells[self.status_cell] = INVALID
 
 
 class ChoosingNode(TreeNode):
-    """A node without children with several possible continuations; it is ticked directly if there is one."""
+    """A node without children whose tick may have several possible continuations."""
 
     def tick(self, ticker: "Ticker") -> int:
-        """Tick the node, unless it has several possible continuations."""
+        """Tick the node if its tick has only one possible continuation, otherwise request a tick."""
         return super().tick(ticker) if self.branch_count(ticker) > 1 else self.begin(ticker)
 
 
 class Visit:
-    """A ticked node, as it was at the end of its tick.
+    """A record of a node at the end of its tick.
 
     Attributes:
-        behaviour: The behaviour.
-        outcome: The outcome of its tick.
-        status: Its status.
-        message: Its feedback message.
-        label: The `outcome_label` of a leaf that has one.
+        behaviour: The node's behaviour.
+        outcome: The outcome of the tick.
+        status: The node's status.
+        message: The behaviour's feedback message.
+        label: The leaf's `outcome_label`; empty if there is none.
     """
 
     def __init__(self, behaviour: Any, outcome: int, status: int) -> None:
@@ -235,20 +238,20 @@ class Visit:
 
 
 class Ticker:
-    """Ticks nodes.
+    """The state of a tree, and the stack machine that ticks its nodes.
 
     Args:
         cells: The cells with numbers.
         values: The cells with other values.
-        times: The timers.
+        times: The timers of the nodes.
 
     Attributes:
-        called: The node to tick first, after CALLED.
-        is_live: Whether only ticks change the cells, so that the statuses of behaviours agree with them.
-        is_strict: Whether a result that is no status raises a `NoStatusError` instead of being logged.
-        by_step: Whether leaves are called like all other nodes, and not directly.
-        tells: Whether the nodes' messages and current children are read.
-        visits: Receives the ticked nodes, in the order of their ends; None if they are not needed.
+        called: The node whose tick was requested, if a tick returns CALLED.
+        is_live: Whether the behaviours have the statuses in the cells, because only ticks change the cells.
+        is_strict: Whether a result that is not a status raises a `NoStatusError` instead of being logged.
+        by_step: Whether each tick of a leaf is requested, like that of any other node, instead of one call.
+        tells: Whether the behaviours' messages and current children are read.
+        visits: Receives the visits of ticked nodes, in the order in which their ticks end; None if they are not needed.
     """
 
     def __init__(self, cells: vec[i32], values: list[Any], times: Times) -> None:
@@ -265,7 +268,7 @@ class Ticker:
     def run(self, node: TreeNode) -> int:
         """Tick a node, and return the outcome: RUNNING, SUCCESS, FAILURE or SKIPPED.
 
-        The ticked descendants are visits; the node itself is not.
+        The visits of ticked descendants are recorded, but not the visit of the node itself.
         """
         waiting: list[TreeNode] = []
         self.reach(node)
@@ -292,7 +295,7 @@ class Ticker:
             raise
 
     def reach(self, node: TreeNode) -> None:
-        """Prepare a node that a tick is about to start or stop; a live tree synchronises its behaviour."""
+        """Prepare a node before it is ticked or stopped; the ticker of a live tree synchronises the behaviour."""
 
     def stop(self, node: TreeNode) -> None:
         """Stop a node with children, and its descendants."""
@@ -312,30 +315,30 @@ class Ticker:
                 child.stop(self)
 
     def run_unseen(self, node: TreeNode) -> int:
-        """Tick a node as `run` does, without reporting a visit (`TryCatch` while it is halted)."""
+        """Tick a node as `run` does, but record no visits; for a `TryCatch` that is halted."""
         visits, self.visits = self.visits, None
         try:
             return self.run(node)
         finally:
             self.visits = visits
 
-    def number_of(self, behaviour: Any, answer: Any) -> int:
-        """Return the number of the result of `update()`; INVALID, with a log message, if it is no status.
+    def number_of(self, behaviour: Any, result: Any) -> int:
+        """Return the number of the status that `update()` has returned; log any other result, and return INVALID.
 
         Raises:
-            NoStatusError: If the ticker is strict, and the result is no status.
+            NoStatusError: If the ticker is strict, and the result is not a status.
         """
-        number = number_of(answer)
-        if number == INVALID and answer is not _INVALID:
+        number = number_of(result)
+        if number == INVALID and result is not _INVALID:
             if self.is_strict:
-                raise NoStatusError(behaviour, answer)
+                raise NoStatusError(behaviour, result)
             behaviour.logger.error(
-                f"A behaviour returned an invalid status, setting to INVALID [{answer}][{behaviour.name}]"
+                f"A behaviour returned an invalid status, setting to INVALID [{result}][{behaviour.name}]"
             )
         return number
 
     def record_visit(self, node: TreeNode, outcome: int) -> None:
-        """Record that a node was ticked."""
+        """Record the visit of a node, and whether the node was skipped."""
         visits, behaviour = self.visits, node.behaviour
         if node.is_skippable:
             behaviour.skipped = outcome == SKIPPED
@@ -344,7 +347,7 @@ class Ticker:
 
 
 def reset(child: TreeNode, ticker: Ticker) -> None:
-    """Reset a child: halt it if it is running, else only reset its outcome."""
+    """Halt a child if it is running, otherwise only reset its outcome."""
     status = ticker.cells[child.status_cell]
     if status == RUNNING:
         child.stop(ticker)
@@ -359,7 +362,7 @@ def reset_all(children: list[TreeNode], ticker: Ticker) -> None:
 
 
 def running_children(children: list[TreeNode], ticker: Ticker) -> list[TreeNode]:
-    """Return the running children, the last one first, and reset the others."""
+    """Return the running children in reverse order, and reset the outcomes of the others."""
     found: list[TreeNode] = []
     for child in children:
         status = ticker.cells[child.status_cell]
@@ -372,13 +375,13 @@ def running_children(children: list[TreeNode], ticker: Ticker) -> list[TreeNode]
 
 
 class OwnNode(TreeNode):
-    """A node that follows BehaviorTree.CPP's rules: it resets its children when it has ended.
+    """A node that follows BehaviorTree.CPP's rules, and therefore resets its children when it has ended.
 
-    Only a running node can be halted there; one that has ended keeps the state that outlasts its end, such as the turn of a
-    RoundRobin. py_trees' composites stop ended children, too, before a restart, which only resets them.
+    In BehaviorTree.CPP, only a running node can be halted, and an ended node keeps some state, such as the turn of a
+    RoundRobin. py_trees' composites stop ended children before a restart, which only resets the outcome of such a node.
 
     Attributes:
-        asks_whether_it_starts: Whether it behaves differently in the first tick of an activation, see `starts`.
+        asks_whether_it_starts: Whether the first tick of an activation differs from later ticks; see `starts`.
     """
 
     asks_whether_it_starts: ClassVar[bool] = False
@@ -389,12 +392,12 @@ class OwnNode(TreeNode):
         self.heeds_end = self.is_reset
 
     def starts(self, ticker: Ticker) -> bool:
-        """Return whether a tick is the first one of an activation."""
+        """Return whether the tick is the first tick of an activation."""
         status = ticker.cells[self.status_cell]
         return status == INVALID or (status != RUNNING and not self.is_reset)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Reset the node's position; return its running children, and reset the others."""
+        """Reset the node's cells; return its running children, and reset the outcomes of the others."""
         if ticker.cells[self.status_cell] != RUNNING:
             self.reset_outcome(ticker)
             return []
@@ -407,45 +410,45 @@ class OwnNode(TreeNode):
         ticker.cells[self.status_cell] = INVALID
 
     def tick_child(self, child: TreeNode, ticker: Ticker) -> int:
-        """Tick a child, and continue after it; return the outcome of the node, or CALLED."""
+        """Tick a child, and continue after its tick; return the outcome of the node, or CALLED."""
         outcome = child.tick(ticker)
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 
     def set_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return an outcome, which becomes the node's status unless it is SKIPPED."""
+        """Set the node's status to an outcome, unless it is SKIPPED; return the outcome."""
         if outcome != SKIPPED:
             ticker.cells[self.status_cell] = outcome
         return outcome
 
     def finish(self, ticker: Ticker, outcome: int) -> int:
-        """End the node with an outcome: reset its position and its children."""
+        """End the node with an outcome, and reset its cells and children."""
         self.reset_cells(ticker)
         reset_all(self.children, ticker)
         return self.set_outcome(ticker, outcome)
 
 
 class ControlNode(OwnNode):
-    """A control: it has several children, and reports the current one to py_trees."""
+    """A node with several children, which sets py_trees' current child."""
 
     def tick_child(self, child: TreeNode, ticker: Ticker) -> int:
-        """Tick a child as the current one, and continue after it; return the outcome of the node, or CALLED."""
+        """Tick a child, which becomes the current child; return the outcome of the node, or CALLED."""
         if ticker.tells:
             self.behaviour.current_child = child.behaviour
         return super().tick_child(child, ticker)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Reset the node's position; return its running children, and reset the others."""
+        """Reset the node's cells and current child; return the running children, and reset the others."""
         self.behaviour.current_child = None
         return super().stop_first(ticker)
 
 
 class OneChildNode(ControlNode):
-    """A control that ticks one child after the other: `next_child` chooses it, and `on_child_outcome` handles its outcome.
+    """A control that ticks one child at a time: `next_child` chooses it, and `on_child_outcome` handles its outcome.
 
     Args:
         part: The builder.
-        keeps: Whether it keeps the current index when it ends or is halted.
-        of_tick: Whether it begins with the first child in each tick.
+        keeps: Whether the node keeps the current index when it ends or is halted.
+        of_tick: Whether the node needs the current index only within a tick.
 
     Attributes:
         position: The cell with the index of the current child.
@@ -461,7 +464,7 @@ class OneChildNode(ControlNode):
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the current child; the outcome INVALID means that it has to be ticked."""
+        """Continue after the current child; the outcome INVALID means that the child has to be ticked."""
         behaviour, children = self.behaviour, self.children
         while True:
             if outcome == INVALID:
@@ -479,21 +482,21 @@ class OneChildNode(ControlNode):
                 return outcome
 
     def next_child(self, ticker: Ticker) -> int:
-        """Return the index of the next child; -1 if there is none left."""
+        """Return the index of the next child; -1 if no child is left."""
         index = ticker.cells[self.position]
         return index if index < len(self.children) else -1
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Handle the outcome of the current child; return the node's outcome if it is decided, else INVALID."""
+        """Handle the outcome of the current child; return the node's outcome if it is decided, otherwise INVALID."""
         raise NotImplementedError
 
     def end(self, ticker: Ticker) -> int:
-        """Return the outcome after the last child."""
+        """End the node after the last child; return the node's outcome."""
         raise NotImplementedError
 
 
 class DecoratorNode(OwnNode):
-    """A decorator: `begin` decides whether its child is ticked, and `on_child_outcome` converts the outcome."""
+    """A decorator: `begin` decides whether to tick the child, and `on_child_outcome` converts the child's outcome."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
@@ -511,21 +514,21 @@ class DecoratorNode(OwnNode):
         return self.on_child_outcome(ticker, outcome)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return the node's outcome for that of the child, by default unchanged."""
+        """Return the node's outcome after an outcome of the child, by default the same."""
         return self.set_outcome(ticker, outcome)
 
 
 def is_reset(behaviour: Any) -> bool:
-    """Return whether a node's parent resets it to INVALID before a restart; stock parents do not.
+    """Return whether a node's parent resets the node to INVALID before a restart; parents of py_trees do not.
 
-    This determines which ticks start a node, which the status alone cannot. BehaviorTree.CPP starts a node that is IDLE,
-    and its controls and decorators reset their children to that (here INVALID) when they have ended. A child with SUCCESS
-    or FAILURE below such a parent was therefore ticked earlier in the same activation and continues: WhileDoElse ticks its
-    condition again without resetting it. py_trees never resets a child that has ended; it starts any that is not RUNNING.
-    So below a stock parent, SUCCESS and FAILURE mean that the node starts, and so they do at the root, which is ticked again
-    after its end. A parent that is one node with its child (`is_its_child`) resets nothing by itself; its own parent decides.
+    This determines which ticks start a node, because the status alone does not. BehaviorTree.CPP starts a node that is
+    IDLE, and its controls and decorators reset their children to IDLE (here INVALID) when they have ended. A child with
+    SUCCESS or FAILURE below such a parent was therefore ticked earlier in the same activation and continues:
+    WhileDoElse ticks its condition again without resetting it. py_trees never resets a child that has ended, but starts
+    any child that is not RUNNING. So below a parent of py_trees, and at the root, a node with SUCCESS or FAILURE
+    starts. If a parent is one node with its child (`is_its_child`), its own parent decides.
     """
-    around = behaviour.parent
-    while getattr(around, "is_its_child", False):
-        around = around.parent
-    return hasattr(around, "is_its_child")
+    parent = behaviour.parent
+    while getattr(parent, "is_its_child", False):
+        parent = parent.parent
+    return hasattr(parent, "is_its_child")

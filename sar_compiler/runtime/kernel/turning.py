@@ -1,4 +1,4 @@
-"""Decorators of BehaviorTree.CPP that convert, keep or prevent the outcome of their child."""
+"""Decorators of BehaviorTree.CPP that convert or store the outcome of their child, or prevent its start."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ class TurningNode(DecoratorNode):
     """Replaces the outcome of its child.
 
     Attributes:
-        turned: The replacement for each outcome; the behaviour has the names of those for SUCCESS, FAILURE and SKIPPED.
+        turned: The replacement of each outcome. The behaviour defines those of SUCCESS, FAILURE and SKIPPED by name.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -23,12 +23,12 @@ class TurningNode(DecoratorNode):
         self.turned = [INVALID, RUNNING, *turned]
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Replace the outcome."""
+        """Return the replacement of the child's outcome."""
         return self.set_outcome(ticker, self.turned[outcome])
 
 
 class SubTreeNode(DecoratorNode):
-    """Passes on the outcome of its child."""
+    """The root of a subtree, which returns the outcome of its child."""
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child."""
@@ -38,37 +38,37 @@ class SubTreeNode(DecoratorNode):
 
 
 class RunOnceNode(DecoratorNode):
-    """Lets its child end once.
+    """Ticks its child until the child has ended once.
 
     Attributes:
-        answer: The cell with the final outcome of the child, which is never reset.
+        final: The cell with the final outcome of the child, which is never reset.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
-        self.answer = part.cell(INVALID, keeps=True)
+        self.final = part.cell(INVALID, keeps=True)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child, unless it has ended before."""
-        then_skip, answer = self.behaviour.then_skip.get(), ticker.cells[self.answer]
-        if answer == INVALID:
+        then_skip, final = self.behaviour.then_skip.get(), ticker.cells[self.final]
+        if final == INVALID:
             return super().begin(ticker)
         self.behaviour.feedback_message = "has run"
-        return SKIPPED if then_skip else self.set_outcome(ticker, answer)
+        return SKIPPED if then_skip else self.set_outcome(ticker, final)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Keep the outcome if it is an end."""
+        """Store the child's outcome if it has ended."""
         if outcome & ENDED:
-            ticker.cells[self.answer] = ticker.cells[self.status_cell] = outcome
+            ticker.cells[self.final] = ticker.cells[self.status_cell] = outcome
         return outcome
 
 
 class GuardedNode(DecoratorNode):
-    """Checks whether its child may start, but not while the child runs.
+    """A decorator that checks whether its child may start, but not while the child runs.
 
     Attributes:
         child_runs: The cell with 1 while the child runs.
-        why_not: The message if the child may not start.
+        why_not: The feedback message if the child may not start.
     """
 
     why_not = ""
@@ -78,7 +78,7 @@ class GuardedNode(DecoratorNode):
         self.child_runs = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child if it may start, or runs."""
+        """Tick the child if it runs or may start."""
         if ticker.cells[self.child_runs] or self.may_start(ticker):
             self.behaviour.feedback_message = ""
             return self.tick_child(self.child, ticker)
@@ -94,13 +94,13 @@ class GuardedNode(DecoratorNode):
         raise NotImplementedError
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Pass on the outcome."""
+        """Return the child's outcome, and store whether the child runs."""
         ticker.cells[self.child_runs] = int(outcome == RUNNING)
         return self.set_outcome(ticker, outcome)
 
 
 class PreconditionNode(GuardedNode):
-    """Evaluates a script that decides whether its child may start."""
+    """A decorator with a condition that decides whether its child may start."""
 
     why_not = "the condition is false"
 
@@ -120,11 +120,11 @@ class PreconditionNode(GuardedNode):
 
 
 class UpdateGuardNode(GuardedNode):
-    """Checks whether an entry was written since the last check.
+    """A decorator whose child may start if an entry was written since the last check.
 
     Attributes:
         seen: The cell with the entry's number of writes at the last check.
-        unless_written: The outcome if it was not written.
+        unless_written: The outcome if the entry was not written.
     """
 
     why_not = "no update"
@@ -137,7 +137,7 @@ class UpdateGuardNode(GuardedNode):
         part.watch_entry(self.entry, self.seen)
 
     def may_start(self, ticker: Ticker) -> bool:
-        """Return whether the entry was written."""
+        """Return whether the entry was written since the last check."""
         return is_news(self.entry, self.seen, ticker)
 
     def blocked_outcome(self) -> int:
@@ -146,7 +146,7 @@ class UpdateGuardNode(GuardedNode):
 
 
 def watched_entry(behaviour: Any) -> Any:
-    """Return the entry that a behaviour checks: that of its port, or the one whose key is the port's value."""
+    """Return the entry that a behaviour checks: its port's entry, or the entry whose key is the port's constant."""
     port = behaviour.entry
     return port.entry or behaviour.scope.resolve(str(port.get()))
 
@@ -156,7 +156,7 @@ def is_news(entry: Any, seen: int, ticker: Ticker) -> bool:
 
     Args:
         entry: The entry.
-        seen: The cell with its number of writes at the last check.
+        seen: The cell with the entry's number of writes at the last check.
         ticker: The ticker.
     """
     if not entry.exists:
@@ -167,12 +167,12 @@ def is_news(entry: Any, seen: int, ticker: Ticker) -> bool:
 
 
 class ConditionsNode(DecoratorNode):
-    """The pre- and post-conditions of a node, which is its child; both share one status.
+    """The pre- and postconditions of its child, with which it shares one status.
 
     Attributes:
-        runs_after: Whether there are scripts to run after an end.
-        has_children: Whether the node has children.
-        has_told: Whether the behaviour may have a message.
+        runs_after: Whether there are postconditions.
+        has_children: Whether the child has children.
+        has_message: Whether the behaviour may have a feedback message.
         was_running: Whether the node was running when it began to be stopped.
     """
 
@@ -185,18 +185,18 @@ class ConditionsNode(DecoratorNode):
         self.goes_on: Any = behaviour._while
         self.runs_after: bool = behaviour.runs_after
         self.has_children = not isinstance(self.child, ChildlessNode)
-        self.has_told = True
+        self.has_message = True
         self.was_running = False
 
     def tick(self, ticker: Ticker) -> int:
-        """Tick the node; directly if it is a leaf, unless all nodes are ticked step by step."""
+        """Tick the node in one call if its child is a leaf, unless all nodes are ticked step by step."""
         if self.has_children or ticker.by_step:
             return super().tick(ticker)
         ticker.reach(self)
         return self.begin(ticker)
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the node, unless a condition decides."""
+        """Tick the child, unless a precondition decides the outcome."""
         outcome = self.check_preconditions(ticker)
         return (
             self.tick_child(self.child, ticker)
@@ -205,15 +205,15 @@ class ConditionsNode(DecoratorNode):
         )
 
     def check_preconditions(self, ticker: Ticker) -> int:
-        """Return the result of the pre-conditions in this tick; INVALID if the node has to be ticked."""
+        """Return the outcome that the preconditions decide; INVALID if the child has to be ticked."""
         behaviour, status = self.behaviour, ticker.cells[self.status_cell]
         if status == RUNNING:
             if self.goes_on is None or self.goes_on.holds():
                 return INVALID
             self.stop(ticker)
             return self.report_decision("halted by _while", SKIPPED)
-        if self.has_told:
-            behaviour.feedback_message, self.has_told = "", False
+        if self.has_message:
+            behaviour.feedback_message, self.has_message = "", False
         if not self.starts(ticker):
             return INVALID
         for script, attribute, outcome in self.before:
@@ -224,37 +224,37 @@ class ConditionsNode(DecoratorNode):
         return INVALID
 
     def report_decision(self, message: str, outcome: int) -> int:
-        """Report the decisive condition, and return the outcome."""
-        self.behaviour.feedback_message, self.has_told = message, True
+        """Set the feedback message, and return the outcome."""
+        self.behaviour.feedback_message, self.has_message = message, True
         return outcome
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the node."""
+        """Continue after the child, which is not reset because it has the same status."""
         return self.on_child_outcome(ticker, outcome)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Run the post-conditions, and pass on the outcome."""
+        """Run the postconditions if the outcome is an end, and return the outcome."""
         if self.runs_after and outcome & ENDED:
             self.behaviour.run_after(outcome)
         return self.set_outcome(ticker, outcome)
 
     def write_status(self, cells: vec[i32]) -> None:
-        """Set the behaviour's status if a condition has decided; the node sets any other."""
-        if self.has_told:
+        """Set the behaviour's status if a precondition has decided; otherwise, the child's node sets it."""
+        if self.has_message:
             super().write_status(cells)
 
     def reset_outcome(self, ticker: Ticker) -> None:
-        """Reset the shared outcome of both nodes."""
+        """Reset the outcome of the node and its child."""
         super().reset_outcome(ticker)
         self.child.reset_outcome(ticker)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the node, if it runs."""
+        """Return the child, if it runs."""
         self.was_running = ticker.cells[self.status_cell] == RUNNING
         return super().stop_first(ticker)
 
     def stop_last(self, ticker: Ticker) -> None:
-        """Run the scripts for a halt, if the node was running."""
+        """Run the postconditions for a halt, if the node was running."""
         if self.was_running:
             self.behaviour.run_after(INVALID)
         super().stop_last(ticker)

@@ -1,4 +1,4 @@
-"""Controls and decorators of a user's classes, whose own `begin` and `resume` choose the next child."""
+"""The nodes of users' controls and decorators, whose own `begin` and `resume` choose the next child."""
 
 from typing import Any, Final
 
@@ -21,18 +21,18 @@ from sar_compiler.runtime.leaf_protocol import NoStatusError
 
 _INVALID: Final[Any] = Status.INVALID
 _RESUME_STATUSES: Final = (*STATUSES, _INVALID)
-# Displayed attributes of a behaviour, on which no tick depends.
+# The attributes of a behaviour that may change in a tick, because no tick depends on them.
 _SHOWN: Final = ("status", "feedback_message", "current_child", "skipped", "place")
 _COLLECTIONS: Final = (list, dict, set)
 
 
 class Claim:
-    """Compares the behaviour of a class's objects with its declaration.
+    """The checks whether a node behaves as its class is declared.
 
     Args:
-        outcomes: The outcomes that a tick can have, as bits by their numbers.
-        goes_on: The outcome after which the next child is ticked, if children are ticked in order; else 0.
-        deny: Function that receives violations of the declaration, in words.
+        outcomes: The allowed outcomes of a tick, as a bit set of their numbers.
+        goes_on: The outcome after which the next child is ticked, if children are ticked in order; otherwise 0.
+        deny: Function that is called with the behaviour and a description of each violation of the declaration.
     """
 
     def __init__(self, outcomes: int, goes_on: int, deny: Any) -> None:
@@ -41,7 +41,7 @@ class Claim:
         self._deny = deny
 
     def check_outcome(self, node: TreeNode, outcome: int) -> None:
-        """Check whether a node may return an outcome."""
+        """Check whether the declaration allows an outcome."""
         if not self.outcomes >> outcome & 1:
             listed = ", ".join([word for number, word in enumerate(WORDS) if self.outcomes >> number & 1])
             self._deny(
@@ -50,7 +50,7 @@ class Claim:
             )
 
     def check_order(self, node: TreeNode, place: int, before: int) -> None:
-        """Check whether a node may tick a child now, after the outcome of the previous one."""
+        """Check whether the declaration allows a node to tick a child after the outcome of the previous child."""
         if self.goes_on and before not in (self.goes_on, SKIPPED):
             child, former = node.children[place].behaviour, node.children[place - 1].behaviour
             what = f"ticked '{child.name}' although '{former.name}' had returned {WORDS[before]}"
@@ -62,19 +62,19 @@ class Claim:
 class UserNode(OwnNode):
     """A control or decorator whose behaviour has `begin` and `resume`.
 
-    Its state is in cells: those that it has added, the index of the current child, and a timer. At its end, and when it is
-    halted, its children are reset and its cells get their initial values again.
+    The node's state is in the cells that the behaviour has added, the index of the current child, and a timer. When the
+    node ends or is halted, its children are reset and its cells get their initial values again.
 
     Attributes:
         in_hand: The cell with the index of the child that was ticked last.
-        claim: The checks against its declaration; None if they are not required.
+        own: The cells that the behaviour has added.
+        claim: The checks against the class's declaration; None if they are not required.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.in_hand = part.cell()
         self.timer = Countdown(part)
-        # The cells that the behaviour has added, in their order.
         self.own = [part.value(cell.first, keeps=cell.keeps) for cell in part.behaviour.cells]
         self.claim: Claim | None = None
         self._places = {id(child.behaviour): place for place, child in enumerate(part.children)}
@@ -86,12 +86,12 @@ class UserNode(OwnNode):
         return self.timer.branch_count(ticker)
 
     def begin(self, ticker: Ticker) -> int:
-        """Query the behaviour for the first child."""
+        """Call the behaviour's `begin`, and tick the child that it returns."""
         ticker.cells[self.status_cell] = RUNNING
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Pass the outcome of the current child to the behaviour, and follow its decision; INVALID means that none was ticked yet."""
+        """Call the behaviour's `resume`, or `begin` if *outcome* is INVALID, and tick the child that it returns."""
         behaviour, tick = self.behaviour, self._tick
         before = self._attributes(ticker)
         tick.ticker = ticker
@@ -110,7 +110,7 @@ class UserNode(OwnNode):
                 return CALLED
 
     def _child(self, place: int, ticker: Ticker) -> TreeNode:
-        """Return a child to tick, which is restarted if it has ended before."""
+        """Return a child to tick, after resetting its outcome if it has ended before."""
         cells, child = ticker.cells, self.children[place]
         cells[self.in_hand] = place
         if self._has_current:
@@ -120,7 +120,7 @@ class UserNode(OwnNode):
         return child
 
     def _apply_outcome(self, ticker: Ticker, answer: Any, method: str) -> int:
-        """Return the outcome that the behaviour has chosen; any other than RUNNING ends it."""
+        """Return the outcome that the behaviour has returned; any outcome other than RUNNING ends the node."""
         outcome = number_of(answer)
         if outcome == INVALID:
             if answer is not _INVALID:
@@ -134,13 +134,13 @@ class UserNode(OwnNode):
         return self.finish(ticker, outcome)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Reset the node's position; return its running children, and reset the others."""
+        """Reset the node's cells and current child; return the running children, and reset the others."""
         if self._has_current:
             self.behaviour.current_child = None
         return super().stop_first(ticker)
 
     def _attributes(self, ticker: Ticker) -> Any:
-        """Return the attributes of the behaviour if all runs are explored, because only its cells are restored."""
+        """Return a copy of the behaviour's attributes if all runs are explored; None on a live tree."""
         if ticker.is_live:
             return None
         found: dict[str, Any] = {}
@@ -150,7 +150,7 @@ class UserNode(OwnNode):
         return found
 
     def _compare(self, before: dict[str, Any]) -> None:
-        """Reject a behaviour that stores state in its attributes.
+        """Check that the behaviour has not stored state in its attributes, because only its cells can be restored.
 
         Raises:
             UnsteadyError: If an attribute has changed.
@@ -162,17 +162,17 @@ class UserNode(OwnNode):
                 continue
             cls = type(behaviour)
             message = (
-                f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) changes its attribute '{name}' in a tick: store its "
+                f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) changes its attribute '{name}' in a tick. Store its "
                 "state in a cell (self.cell()), so that all runs can be explored"
             )
             raise UnsteadyError(message)
 
 
 class Tick:
-    """The view of the current tick for a control or decorator.
+    """The interface for a control or decorator to its cells, its timer and its children in a tick.
 
     Attributes:
-        ticker: The ticker.
+        ticker: The ticker of the current tick.
     """
 
     def __init__(self, node: UserNode) -> None:
@@ -195,13 +195,13 @@ class Tick:
         return place
 
     def halt(self, child: Any) -> None:
-        """Halt a running child; one that has ended only loses its outcome."""
+        """Halt a child if it is running, otherwise reset its outcome."""
         reset(self._node.children[self._node._places[id(child)]], self.ticker)
 
     def start_timer(self, seconds: float) -> None:
-        """Start a timer, in seconds of the node's `clock`."""
+        """Start the node's timer with a duration in seconds of the node's `clock`."""
         self._node.timer.start(seconds, self.ticker)
 
     def time_is_up(self) -> bool:
-        """Return whether the last timer has expired; False if there was none."""
+        """Return whether the node's timer has expired; False if it was not started."""
         return self._node.timer.is_up(self.ticker)
