@@ -1,4 +1,4 @@
-"""Limits on the files and memory of one tool call, which its process applies to itself."""
+"""Limits on the files and the memory of a tool call, which the call's process applies to itself."""
 
 import json
 import os
@@ -16,12 +16,12 @@ _NICENESS = 10
 
 
 class CallLimits(NamedTuple):
-    """The limits of a call.
+    """The limits of a tool call.
 
     Attributes:
-        places: The folders and files that it may read, with links followed.
-        said: Their description in messages.
-        memory_bytes: The largest address space.
+        places: The folders and files that the call may read, with links resolved.
+        said: The description of these folders and files in messages.
+        memory_bytes: The maximum address space.
     """
 
     places: tuple[str, ...]
@@ -29,20 +29,20 @@ class CallLimits(NamedTuple):
     memory_bytes: int
 
     def environment(self) -> dict[str, str]:
-        """Return the environment of a call with these limits."""
-        # A call does not outlive the server. Each thread of OpenBLAS reserves address space, which is limited here.
+        """Return the environment variables for the process of a call with these limits."""
+        # The process ends with the server. Each thread of OpenBLAS reserves address space, which is limited.
         return {**dependent_environment(), LIMITS_VARIABLE: json.dumps(self), "OPENBLAS_NUM_THREADS": "1"}
 
 
 def limit_this_process(environment: MutableMapping[str, str]) -> None:
-    """Apply the limits in an environment to this process, for its lifetime."""
-    places, said, memory_bytes = json.loads(environment.pop(LIMITS_VARIABLE))
-    confine(map(Path, places), said)
+    """Apply the limits that the environment variables define to this process."""
+    limits = CallLimits(*json.loads(environment.pop(LIMITS_VARIABLE)))
+    confine(map(Path, limits.places), limits.said)
     if sys.platform == "win32":
         return
     import resource
 
     os.nice(_NICENESS)
-    # The server's own limit may already be lower.
+    # The limit of the server's process may already be lower.
     with suppress(ValueError):
-        resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
+        resource.setrlimit(resource.RLIMIT_AS, (limits.memory_bytes, limits.memory_bytes))

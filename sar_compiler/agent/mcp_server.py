@@ -1,7 +1,8 @@
 """The project's commands as tools of the Model Context Protocol, for agents that write trees.
 
-Each call is a process of `sar-compile`, which ends with the call, and after a time limit. It limits its own memory, and reads
-files below the given folders alone (`agent.call_limits`), and shipped trees by their names. No tool writes a file or approves one.
+Each call runs `sar-compile` in a process, which ends with the call or after a time limit. The process limits its own
+memory, and reads only files in the given folders (`agent.call_limits`) and shipped trees. No tool writes or approves a
+file.
 """
 
 import json
@@ -27,17 +28,16 @@ from sar_compiler.tree.display_text import escape_to_one_line
 
 _INSTRUCTIONS = (
     "Behaviour trees for robots, in YAML or XML. List the tags with `nodes`, write a tree file, `validate` it until it has "
-    "no errors, `verify` its properties in all possible runs, and `propose` it. Only a person can approve a tree: "
-    "no tool does."
+    "no errors, `verify` its properties in all possible runs, and `propose` it. Only a person can approve a tree."
 )
 ToolAnswer: TypeAlias = dict[str, Any]
 Facts: TypeAlias = dict[str, str | int | float | bool]
 
 
 _AT_A_TIME = 2
-"""How many calls run at the same time; further ones wait."""
+"""The maximum number of calls that run at the same time; further calls wait."""
 _MOST_CALLS = 50
-"""How many calls may run or wait; further ones are refused at once."""
+"""The maximum number of calls that run or wait; further calls are refused."""
 _MOST_OUTPUT_BYTES = 16 * 2**20
 _SHOWN = 60
 
@@ -46,12 +46,12 @@ class ToolAccess:
     """The permissions of the tools.
 
     Args:
-        roots: The folders of the files that they may read, with links followed; relative paths begin at the first one.
-        limit_sec: The time limit of a call, seconds.
-        memory_bytes: The largest address space of a call.
+        roots: The folders that the tools may read, with links resolved. Relative paths begin at the first folder.
+        limit_sec: The time limit of a call, in seconds.
+        memory_bytes: The maximum address space of a call.
         command: The command that starts `sar-compile`.
-        vocabulary: Its options about nodes and palettes.
-        includes: Its options about folders to include from.
+        vocabulary: The options of `sar-compile` about nodes and palettes.
+        includes: The options of `sar-compile` about folders to include from.
         named: The files and folders that these options name.
     """
 
@@ -80,12 +80,12 @@ class ToolAccess:
         self._turns, self._calls = anyio.Semaphore(_AT_A_TIME), 0
 
     def path(self, name: str) -> str:
-        """Return the path of a file, or the name of a shipped tree, for a command that runs in the first folder.
+        """Return the path of a file relative to the first folder, or the name of a shipped tree.
 
-        The call itself is confined to the folders, whatever happens to the file afterwards.
+        The process of the call is confined to the folders as well, in case the file changes after this check.
 
         Raises:
-            ToolError: If it is a folder, is outside these folders, or has an invalid name.
+            ToolError: If the path is a folder, is outside the folders that the tools may read, or is invalid.
         """
         try:
             place = real_path(self._roots[0] / name)
@@ -101,12 +101,12 @@ class ToolAccess:
         return os.path.relpath(place, self._roots[0])
 
     async def run(self, command: str, options: Sequence[str], *words: str) -> tuple[int, str, str]:
-        """Run `sar-compile`, and return its exit status and its output on standard output and error.
+        """Run `sar-compile`, and return its exit status, its standard output and its standard error.
 
-        Two calls run at a time. While a call waits for its turn, its time limit does not run.
+        Two calls run at a time. The time limit does not include the time for which a call waits.
 
         Raises:
-            ToolError: If too many calls wait, or it exceeds a limit, or the request is impossible.
+            ToolError: If too many calls wait, the call exceeds a limit, or its arguments are invalid.
         """
         if self._calls >= _MOST_CALLS:
             raise ToolError(f"{self._calls} calls are still running. Call again later")
@@ -120,8 +120,8 @@ class ToolAccess:
             self._calls -= 1
         said = said.rstrip()
         if status < 0:
-            memory = f"it may take {self._memory_bytes // 2**20} MiB of memory, --memory of the server"
-            raise ToolError(f"{command} was ended by signal {-status}: {memory}")
+            memory = f"The memory limit is {self._memory_bytes // 2**20} MiB (--memory of the server)"
+            raise ToolError(f"{command} was ended by signal {-status}. {memory}")
         if status not in (OK, FINDINGS, RULE_FAILED):
             raise ToolError(said or f"sar-compile {command} has ended with status {status}")
         return status, output, said
@@ -153,16 +153,16 @@ class ToolAccess:
                 status = await process.wait()
             if is_too_large:
                 most = f"{_MOST_OUTPUT_BYTES // 2**20} MiB"
-                raise ToolError(f"the result of {command} is larger than {most}: request less")
+                raise ToolError(f"the result of {command} is larger than {most}. Request less")
             return status, output.decode(errors="replace"), said.decode(errors="replace")
-        raise ToolError(f"{command} was aborted after {self._limit_sec:g} s, the limit of a call")
+        raise ToolError(f"{command} was aborted after {self._limit_sec:g} s, the time limit of a call")
 
 
 def find_roots(given: Sequence[Path]) -> list[Path]:
-    """Return the folders that tools may read, with links followed; by default the current one.
+    """Return the folders that tools may read, with links resolved; by default the current folder.
 
     Raises:
-        SarError: If one is not a folder, or the default is the root or the user's home folder.
+        SarError: If a path is not a folder, or the current folder is the root or the user's home folder.
     """
     for root in given:
         if not root.is_dir():
@@ -176,10 +176,10 @@ def find_roots(given: Sequence[Path]) -> list[Path]:
 
 
 class AgentTools:
-    """The tools. Their docstrings and arguments are the descriptions that an agent receives.
+    """The tools. An agent receives the docstrings and arguments of the methods as descriptions.
 
     Args:
-        access: Their permissions.
+        access: The permissions of the tools.
     """
 
     def __init__(self, access: ToolAccess) -> None:
@@ -188,11 +188,11 @@ class AgentTools:
         self._project = [*access.vocabulary, *access.includes]
 
     async def nodes(self, tag: str | None = None) -> ToolAnswer:
-        """List all nodes for trees, or describe one with its attributes and possible outcomes."""
+        """List all nodes for trees, or describe a node with its attributes and possible outcomes."""
         return await self._data("nodes", self._vocabulary, *([] if tag is None else [tag]))
 
     async def validate(self, file: str) -> ToolAnswer:
-        """Find all errors in a tree file, as `output`; `fixed` is the file's text with all suggestions applied."""
+        """Return the findings about a tree file as `output`, and its text with all suggestions applied as `fixed`."""
         path = self._access.path(file)
         answer = await self._data("validate", self._project, path)
         fixed = None
@@ -201,7 +201,7 @@ class AgentTools:
         return {**answer, "fixed": fixed}
 
     async def explain(self, code: str) -> ToolAnswer:
-        """Explain a kind of finding, with an example that has it and one that does not."""
+        """Explain a kind of finding, with an example that has this finding and a corrected example."""
         return _tool_answer(*await self._access.run("explain", [], code))
 
     async def simulate(
@@ -212,10 +212,10 @@ class AgentTools:
         ticks: int | None = None,
         seed: int = 0,
     ) -> ToolAnswer:
-        """Tick a tree without a robot, and show each tick.
+        """Tick a tree without a robot, and return the events of each tick.
 
-        The leaves return their default outcomes, or those of a scenario file. The simulation ends with the root, after
-        a number of ticks, or when a script such as 'tick >= 3' is true.
+        The leaves return their default outcomes, or the outcomes in a scenario file. The simulation ends when the root
+        ends, after `ticks` ticks, or when the script `until`, such as 'tick >= 3', is true.
         """
         given = _options(scenario=self._optional(scenario), until=until, ticks=ticks, seed=seed)
         return await self._data("simulate", [*self._project, *given], self._access.path(file))
@@ -228,9 +228,9 @@ class AgentTools:
         facts: Facts | None = None,
         max_states: int | None = None,
     ) -> ToolAnswer:
-        """Prove for all possible runs of a tree that it ends, that no tick raises an error, and the properties in a file.
+        """Verify in all possible runs of a tree that it ends, that no tick raises an error, and a file's properties.
 
-        A counterexample is listed tick by tick. With `against`, the results are compared with those of another tree.
+        Counterexamples are listed tick by tick. With `against`, the results are compared with those of another tree.
         """
         given = [
             *_options(
@@ -243,7 +243,7 @@ class AgentTools:
     async def predict(
         self, file: str, properties: str | None = None, facts: Facts | None = None
     ) -> ToolAnswer:
-        """Compute the success probability and duration of a tree from outcome probabilities and times in a properties file."""
+        """Compute the success probability and duration of a tree from probabilities and times in a property file."""
         given = [*_options(properties=self._optional(properties)), *_facts(facts)]
         return await self._data("predict", [*self._project, *given], self._access.path(file))
 
@@ -260,10 +260,10 @@ class AgentTools:
     async def propose(
         self, file: str, properties: str | None = None, params: str | None = None, tree: str | None = None
     ) -> ToolAnswer:
-        """Return a tree's findings, proofs, the digest of the files to run, and the command that approves it.
+        """Return a tree's findings, its proofs, the digest of the files to run, and the command that approves the tree.
 
-        The files are those of the tree, the tree of that ID in the file, and the parameter file. Show the result to a
-        person, who decides. This call approves nothing.
+        `tree` is the ID of the tree in the file, and `params` the parameter file. Show the result to a person, who
+        decides. This call approves nothing.
         """
         named = {"properties": self._optional(properties), "params": self._optional(params)}
         given = ["--propose", *_options(tree=tree, **named)]
@@ -282,7 +282,7 @@ class AgentTools:
 
 
 def _tool_answer(status: int, output: str, notes: str, *, is_json: bool = False) -> ToolAnswer:
-    """Return the result of a tool: whether it succeeded, the output, and further messages such as findings."""
+    """Return the result of a tool: whether the command succeeded, its output, and further messages such as findings."""
     return {"ok": status == OK, "output": json.loads(output or "null") if is_json else output, "notes": notes}
 
 
@@ -298,7 +298,7 @@ def _facts(facts: Facts | None) -> list[str]:
 
 
 def agent_server(version: str, access: ToolAccess) -> MCPServer:
-    """Return the server of the tools."""
+    """Create the server that offers the tools."""
     tools = AgentTools(access)
     server = MCPServer("sar_compiler", instructions=_INSTRUCTIONS, version=version, log_level="WARNING")
     for tool in (

@@ -1,4 +1,4 @@
-"""A proposal of an agent: a tree file with its findings and proofs, for a person's approval."""
+"""The proposal of an agent: a tree file with its findings and proofs, which a person approves."""
 
 from pathlib import Path
 
@@ -15,16 +15,16 @@ from sar_compiler.views.findings import finding_data
 
 
 def all_findings(tree: ProjectTree) -> list[Diagnostic]:
-    """Return the findings of `validate` for a tree.
+    """Return the findings that `sar-compile validate` reports about a tree.
 
     Raises:
-        SarError: As `ProjectTree.check` does.
+        SarError: As for `ProjectTree.check`.
     """
     return [*tree.check(), *try_tree(tree, lambda: SearchBudget(WORK))]
 
 
 def has_errors(findings: list[Diagnostic]) -> bool:
-    """Return whether these findings prevent an approval."""
+    """Return whether a finding is an error, which prevents an approval."""
     return any(each.severity is Severity.ERROR for each in findings)
 
 
@@ -40,15 +40,15 @@ def proposal(
 
     Args:
         tree: The tree file.
-        properties: A file with the properties to prove; by default the mission's own.
-        max_states: The largest number of states to explore.
-        tree_id: The tree in the file to run; by default the one that the file executes.
-        params: The parameter file of its runs, for which the properties are proved; by default that of the mission,
-            with the start values that the leaves declare.
+        properties: The file with the properties to prove; by default the properties of the mission.
+        max_states: The maximum number of states to explore.
+        tree_id: The ID of the tree to run; by default the main tree of the file.
+        params: The parameter file of the runs, with which the properties are proved; by default the mission's parameter
+            file, with the initial facts that the leaves declare.
 
     Raises:
-        TreeError: If the file of properties is wrong, or there is no such tree.
-        SarError: As `ProjectTree.check` and `Fingerprint.from_tree` do, or if the file of properties changes meanwhile.
+        TreeError: If the property file has errors, or the tree does not exist.
+        SarError: As for `ProjectTree.check` and `Fingerprint.from_tree`, or if a file changes during the proof.
     """
     findings = all_findings(tree)
     proposed: dict[str, object] = {
@@ -59,7 +59,7 @@ def proposal(
         return {
             **proposed,
             "is_proved": False,
-            "why": "the tree has errors, so nothing was proved. Fix them first",
+            "why": "nothing was proved, because the tree has errors. Fix the errors first",
         }
     now = Fingerprint.from_tree(tree, tree_id, params, properties)
     how = f"{approve_command(tree, tree_id, params, properties)} --digest {now.digest}"
@@ -69,5 +69,7 @@ def proposal(
     except UndecidableError as error:
         return {**proposed, "is_proved": False, "why": f"no property could be decided: {error}"}
     if Fingerprint.from_tree(tree, tree_id, params, properties) != now:
-        raise ApprovalError("a file of parameters or properties has changed during the proof. Start over")
+        raise ApprovalError(
+            "a tree, parameter or property file has changed during the proof. Run the command again"
+        )
     return {**proposed, "is_proved": verification.is_proved, "proofs": verification_data(verification)}

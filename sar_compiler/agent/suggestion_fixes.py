@@ -1,4 +1,4 @@
-"""Application of all suggestions to a tree file."""
+"""Application of the suggestions of findings to the text of a tree file."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +12,7 @@ from sar_compiler.tree.forest import Read
 from sar_compiler.tree.model import TreeFile
 
 _ROUNDS = 20
-"""The largest number of passes: a fix may reveal another error."""
+"""The maximum number of passes over the file, because a fix may reveal another error."""
 
 
 def apply_suggestions(
@@ -23,9 +23,9 @@ def apply_suggestions(
     """Return a tree with suggestions applied to its text.
 
     Args:
-        path: The file; it is not changed.
-        load: Loads it with a given reader of files.
-        is_meant: Whether to apply a suggestion; by default all, including uncertain ones.
+        path: The file, which is not changed.
+        load: Function that loads the file with a given function that reads files.
+        is_meant: Decides whether to apply a suggestion; by default all suggestions are applied, even uncertain ones.
 
     Raises:
         UnreadableFileError: If the file, or a palette, does not exist or cannot be read.

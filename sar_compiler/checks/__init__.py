@@ -203,7 +203,7 @@ def limit_findings(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
 _EXPECTED = (SarError, ImportError, OSError, UnicodeEncodeError)
 """The errors for which commands have a message: wrong usage, missing installations and unwritable output."""
 
-_HINT = "if the function is yours, correct it. Otherwise report this with the file and the output of sar-compile --version"
+_HINT = "if the function is yours, correct it. Otherwise, please report this with the file and the output of sar-compile --version"
 _CLASS_HINT = "fix the class. Other checks of this node were skipped"
 _START = Span(1, 1, 1, 1)
 

@@ -1,7 +1,7 @@
-"""Edits of tree files as edits of their text: every byte that an operation does not concern stays unchanged.
+"""Operations on tree files as edits of their text, which leave every other byte unchanged.
 
-`operations` has the operations, and `names` the locations of a name. An editor applies their edits to its text, so that its undo
-takes them back.
+`operations` contains the operations on elements. `names` finds the locations of a name, for renaming. Editors apply the
+edits to their text, so that the user can undo them.
 """
 
 PUBLIC_MODULES = ("names", "operations", "text_edits")

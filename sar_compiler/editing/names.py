@@ -1,4 +1,4 @@
-"""The locations of a name: of a tree, of a blackboard key, of a node that others refer to."""
+"""The locations of the name of a tree, of a blackboard key, or of a node to which other nodes refer."""
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -24,16 +24,16 @@ _WRITES = (AccessKind.WRITE, AccessKind.BOTH, AccessKind.CHANGE)
 
 
 class RenamingError(SarError):
-    """A name cannot be changed at all its locations."""
+    """A tree, node or key cannot be renamed."""
 
 
 class NameLocation(NamedTuple):
     """A location of a name.
 
     Attributes:
-        source: The file.
-        span: The range in the file.
-        is_origin: Whether it is the definition: the tree itself, a writer of the key, the node.
+        source: The file that contains the name.
+        span: The location in the file.
+        is_origin: Whether the location is a definition: the tree or node itself, or a writer of the key.
     """
 
     source: Source
@@ -42,14 +42,14 @@ class NameLocation(NamedTuple):
 
 
 class NamedThing(NamedTuple):
-    """The meaning of a name in a file.
+    """A tree, node or key with a name.
 
     Attributes:
         name: The name.
-        spots: Its locations.
-        refusal: The reason why it cannot be changed; empty if it can.
-        taken: The names of others of its kind.
-        is_key: Whether it is used in scripts, which allow only letters, digits and '_'.
+        spots: The locations of the name.
+        refusal: The reason why the name cannot be changed; empty if it can be changed.
+        taken: The names that other trees or keys have.
+        is_key: Whether the name is a key. Scripts allow only letters, digits and '_' in keys.
     """
 
     name: str
@@ -60,7 +60,7 @@ class NamedThing(NamedTuple):
 
 
 class _PointedAttribute(NamedTuple):
-    """The attribute at a location: its element, its name, and the character of its value."""
+    """The attribute value at an offset: the element, the attribute's name, and the index of the character in the value."""
 
     element: Element
     attribute: str
@@ -68,12 +68,12 @@ class _PointedAttribute(NamedTuple):
 
 
 def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) -> NamedThing | None:
-    """Return the meaning of the name at a location in a file; None if there is no name.
+    """Return the tree, node or key whose name is at an offset of a file; None if there is no name.
 
     Args:
         tree: The file.
-        offset: The location.
-        beside: Other files that may use its trees, as they include it.
+        offset: The offset.
+        beside: Other open files, which may include the file and use its trees.
     """
     main = tree.forest.main
     element = last_element_before(list(main.root.iterate()), main.source.position_of(offset))
@@ -82,8 +82,8 @@ def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) 
     pointed = _attribute_at(element, offset)
     files = _affected_files(tree, beside)
     if pointed is None:
-        return _named_tree(files, element.attributes["ID"]) if _is_use(element, offset) else None
-    if pointed.attribute == _MAIN or (pointed.attribute == "ID" and element.tag not in _explicit(tree)):
+        return _named_tree(files, element.attributes["ID"]) if _is_on_subtree_tag(element, offset) else None
+    if pointed.attribute == _MAIN or (pointed.attribute == "ID" and element.tag not in _kind_tags(tree)):
         return _named_tree(files, element.attributes[pointed.attribute])
     return _thing_in_node(tree, files, pointed)
 
@@ -91,25 +91,25 @@ def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) 
 def _thing_in_node(
     tree: ProjectTree, files: Sequence[TreeFile], pointed: _PointedAttribute
 ) -> NamedThing | None:
-    """Return the meaning of a name in an attribute of a node: another node, or a key."""
-    bound, around = _find_bound(tree, pointed.element)
-    if bound is None or around is None:
+    """Return the node or key whose name is in an attribute of a node."""
+    bound, bound_tree = _find_bound(tree, pointed.element)
+    if bound is None or bound_tree is None:
         return None
-    meant = bound.references.get(pointed.attribute)
-    if meant is not None:
-        return _named_node(around, meant)
+    target = bound.references.get(pointed.attribute)
+    if target is not None:
+        return _named_node(bound_tree, target)
     words = _NAME.finditer(pointed.element.attributes[pointed.attribute])
     word = next((each[0] for each in words if each.start() <= pointed.character <= each.end()), None)
-    accesses = tree.context.key_accesses.get(around)
-    return _named_key(tree, files, around, word) if word and accesses and word in accesses.keys else None
+    accesses = tree.context.key_accesses.get(bound_tree)
+    return _named_key(tree, files, bound_tree, word) if word and accesses and word in accesses.keys else None
 
 
-def _explicit(tree: ProjectTree) -> set[str]:
-    """Return the tags in whose `ID` a node is named."""
+def _kind_tags(tree: ProjectTree) -> set[str]:
+    """Return the tags such as `Action`, whose `ID` names a node and not a tree."""
     return {spec.kind.value for spec in tree.context.registry}
 
 
-def _is_use(element: Element, offset: int) -> bool:
+def _is_on_subtree_tag(element: Element, offset: int) -> bool:
     if element.tag != SUBTREE_TAG or not element.attributes.get("ID"):
         return False
     start, end = element.source.spans.tag(element)
@@ -135,7 +135,7 @@ def _find_bound(tree: ProjectTree, element: Element) -> tuple[BoundNode | None, 
 
 
 def _affected_files(tree: ProjectTree, beside: Iterable[ProjectTree]) -> list[TreeFile]:
-    """Return the file, its includes, all files of its set, and the files that include it."""
+    """Return the file, the files that it includes, all files of its set, and the files that include it."""
     own, tree_set = real_path(tree.path), tree.project.tree_set
     users = (each.forest for each in beside if own in map(_real_path, each.forest.files))
     forests = (*users, *(tree_set.forests.values() if tree_set else ()), tree.forest)
@@ -166,39 +166,38 @@ def _spots_of_tree(files: Iterable[TreeFile], name: str) -> Iterator[NameLocatio
                 yield NameLocation(file.source, each.value_span("ID"))
 
 
-def _named_node(around: BoundTree, meant: BoundNode) -> NamedThing:
-    element = meant.element
+def _named_node(tree: BoundTree, named: BoundNode) -> NamedThing:
+    element = named.element
     own = element.value_span("name") if "name" in element.attributes else element.tag_span()
     spots = [NameLocation(element.source, own, is_origin=True)]
-    for each in around.referring:
+    for each in tree.referring:
         for attribute, target in each.references.items():
-            if target is meant and attribute in each.element.attributes:
+            if target is named and attribute in each.element.attributes:
                 spots.append(NameLocation(each.element.source, each.element.value_span(attribute)))
-    return NamedThing(meant.name, tuple(spots), "names of nodes are also used in scenarios and properties")
+    return NamedThing(named.name, tuple(spots), "scenarios and properties may also contain names of nodes")
 
 
-def _named_key(tree: ProjectTree, files: Sequence[TreeFile], around: BoundTree, key: str) -> NamedThing:
-    accesses = tree.context.key_accesses[around]
+def _named_key(tree: ProjectTree, files: Sequence[TreeFile], owner: BoundTree, key: str) -> NamedThing:
+    accesses = tree.context.key_accesses[owner]
     spots = [spot for each in accesses.accesses if each.key == key for spot in _spots_of_access(each)]
-    # Remapping a port, and removing a key, are not accesses.
-    for node in around.nodes:
+    # Attributes that remap a port or remove a key are not accesses.
+    for node in owner.nodes:
         spots += _key_locations(node, key)
-    users = [*_users(files, around.name)]
+    users = [*_users(files, owner.name)]
     spots += [NameLocation(each.source, each.name_span(key)) for each in users if key in each.attributes]
-    spots += _port_descriptions(files, around.name, key)
-    inner = (use.element for use in around.uses)
+    spots += _port_descriptions(files, owner.name, key)
+    inner = (use.element for use in owner.uses)
     refusal = ""
     if key.startswith(ROOT_SIGN):
-        refusal = "a key of the root is visible in all trees, and may be a parameter of the mission"
+        refusal = "all trees can use a key of the root, and it may be a mission parameter"
     elif any(each.attributes.get(AUTOREMAP) == "true" for each in (*users, *inner)):
-        refusal = f"with {AUTOREMAP}, keys of the same name in other trees are the same entry"
+        refusal = f"with {AUTOREMAP}, keys with the same name in other trees refer to the same entry"
     elif accesses.is_open:
-        refusal = "a node of this tree accesses keys in ways that the file does not show"
-    told = {
-        (each.source.path, each.span): each for each in reversed(spots)
-    }  # the first one of a location, which says most
+        refusal = "a node of this tree accesses keys that the file does not name"
+    # Of several spots at one location, the first one is used, because it may be a definition.
+    unique = {(each.source.path, each.span): each for each in reversed(spots)}
     taken = frozenset({*accesses.keys, *(name for each in users for name in each.attributes)})
-    return NamedThing(key, tuple(told.values()), refusal, taken, is_key=True)
+    return NamedThing(key, tuple(unique.values()), refusal, taken, is_key=True)
 
 
 def _spots_of_access(access: KeyAccess) -> Iterator[NameLocation]:
@@ -214,7 +213,7 @@ def _spots_of_access(access: KeyAccess) -> Iterator[NameLocation]:
 
 
 def _key_locations(node: BoundNode, key: str) -> Iterator[NameLocation]:
-    """Yield the locations of keys in attributes, in braces or as names of keys, for any use."""
+    """Yield the locations of a key in the attributes of a node: in braces, or as the value of a port for key names."""
     element = node.element
     for attribute, text in element.attributes.items():
         parameter = node.spec.parameters.get(attribute)
@@ -225,7 +224,7 @@ def _key_locations(node: BoundNode, key: str) -> Iterator[NameLocation]:
 
 
 def _users(files: Iterable[TreeFile], name: str) -> Iterator[Element]:
-    """Yield the elements that tick a tree."""
+    """Yield the `SubTree` elements that use a tree."""
     for tree in (each for file in files for each in file.trees):
         for element in tree.iterate():
             if element.tag == SUBTREE_TAG and element.attributes.get("ID") == name:
@@ -233,7 +232,7 @@ def _users(files: Iterable[TreeFile], name: str) -> Iterator[Element]:
 
 
 def _port_descriptions(files: Iterable[TreeFile], name: str, key: str) -> Iterator[NameLocation]:
-    """Yield the descriptions of a tree's port."""
+    """Yield the locations of a port's name in the models of a tree."""
     for models in (each for file in files for each in file.root.children if each.tag == MODEL_TAG):
         for model in models.children:
             if model.tag == SUBTREE_TAG and model.attributes.get("ID") == name:
@@ -242,7 +241,7 @@ def _port_descriptions(files: Iterable[TreeFile], name: str, key: str) -> Iterat
 
 
 def check_renaming(thing: NamedThing) -> None:
-    """Check whether a name can be changed.
+    """Check whether a tree, node or key can be renamed.
 
     Raises:
         RenamingError: If it cannot be renamed.
@@ -252,15 +251,15 @@ def check_renaming(thing: NamedThing) -> None:
 
 
 def rename_edits(thing: NamedThing, name: str) -> list[tuple[NameLocation, str]]:
-    """Return the new text for each location of a name.
+    """Return the locations of a name, each with the new name.
 
     Raises:
-        RenamingError: If it cannot be changed to this one.
+        RenamingError: If the name cannot be changed, or the new name is invalid or already exists.
     """
     check_renaming(thing)
     if not (_KEY if thing.is_key else _TREE).fullmatch(name):
         listed = "letters, digits and '_'" if thing.is_key else "letters, digits, '_', '.' or '-'"
-        raise RenamingError(f"'{name}' is not a valid name. Write {listed}")
+        raise RenamingError(f"'{name}' is not a valid name. Use only {listed}")
     if name in thing.taken - {thing.name}:
         raise RenamingError(f"'{name}' already exists. Choose another name")
     return [(spot, name) for spot in thing.spots]

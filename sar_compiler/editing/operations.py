@@ -1,7 +1,7 @@
-"""The operations on the elements of a tree file, each as edits of its text.
+"""Operations on the elements of a tree file, as edits of its text.
 
-An element is named by its number: its place in the order of the file, from 0 for the root element. Every operation has been
-read back before its edits are returned, so the edited text can be parsed.
+An element is identified by its index in the order of the file, from 0 for the root element. Before the edits of an
+operation are returned, the edited text is parsed, so that edits never make a file invalid.
 """
 
 import itertools
@@ -35,9 +35,9 @@ class Siblings:
     """Consecutive children of an element.
 
     Attributes:
-        parent: The element.
-        first: The index of the first of them.
-        last: The index of the last one.
+        parent: The parent element.
+        first: The index of the first sibling.
+        last: The index of the last sibling.
     """
 
     parent: Element
@@ -46,15 +46,20 @@ class Siblings:
 
     @property
     def ends(self) -> tuple[Element, Element]:
-        """The first and the last of them."""
+        """The first and the last sibling."""
         return self.parent.children[self.first], self.parent.children[self.last]
 
 
 class EditedFile:
-    """A file on which operations are applied.
+    """A file to which operations are applied.
 
     Args:
         tree_file: The file.
+
+    Attributes:
+        tree_file: The file.
+        elements: All elements, in the order of the file.
+        text: The edits of the file's text.
     """
 
     def __init__(self, tree_file: TreeFile) -> None:
@@ -63,16 +68,16 @@ class EditedFile:
         self.text: XmlText | YamlText = (
             XmlText(tree_file) if tree_file.source.form is Form.XML else YamlText(tree_file)
         )
-        # The parent of each element and its index in it, by the element's offset.
+        # The parent of each element and the element's index in it, by the element's offset.
         self._places = {
             child.offset: (each, index) for each in self.elements for index, child in enumerate(each.children)
         }
 
     def element(self, number: int) -> Element:
-        """Return an element.
+        """Return the element with a number.
 
         Raises:
-            EditError: If there is none with this number.
+            EditError: If no element has this number.
         """
         if not 0 <= number < len(self.elements):
             message = f"there is no element {number}. The text has changed"
@@ -84,40 +89,40 @@ class EditedFile:
         return next(index for index, each in enumerate(self.elements) if each is element)
 
     def siblings(self, number: int, last: int | None = None) -> Siblings:
-        """Return an element and its following siblings up to another one, as children of their parent.
+        """Return the siblings from one element to another, which is by default the same.
 
         Raises:
-            EditError: If it is the root element, or the other one is no later sibling.
+            EditError: If the first element is the root element, or the last element is not a later sibling.
         """
         first, end = self.element(number), self.element(number if last is None else last)
         if first.offset not in self._places:
             message = f"<{first.tag}> contains the whole file and cannot be moved or deleted"
             raise EditError(message)
-        (parent, index), (other, behind) = (self._places[each.offset] for each in (first, end))
-        if other is not parent or behind < index:
+        (parent, index), (other, last_index) = (self._places[each.offset] for each in (first, end))
+        if other is not parent or last_index < index:
             message = "these elements are not adjacent siblings. Select adjacent children of one parent"
             raise EditError(message)
-        return Siblings(parent, index, behind)
+        return Siblings(parent, index, last_index)
 
     def tree_around(self, element: Element) -> Element:
         """Return the tree that contains an element.
 
         Raises:
-            EditError: If it is in no tree.
+            EditError: If the element is not in a tree.
         """
         while element.tag != TREE_TAG:
             if element.offset not in self._places:
-                message = "this element is in no tree"
+                message = f"<{element.tag}> is not in a tree"
                 raise EditError(message)
             element = self._places[element.offset][0]
         return element
 
 
 def move(file: EditedFile, element: int, parent: int, index: int) -> list[TextEdit]:
-    """Move an element to a position among the children of another one; positions are counted before the move.
+    """Move an element to an index among the children of another element; the index is counted before the move.
 
     Raises:
-        EditError: If the other one is in it.
+        EditError: If the moved element contains the other element.
     """
     moved, target, here = file.element(element), file.element(parent), file.siblings(element)
     if any(each is target for each in moved.iterate()):
@@ -133,7 +138,7 @@ def move(file: EditedFile, element: int, parent: int, index: int) -> list[TextEd
 def insert(
     file: EditedFile, parent: int, index: int, tag: str, attributes: Mapping[str, str] | None = None
 ) -> list[TextEdit]:
-    """Insert a new element at a place among the children of another one."""
+    """Insert a new element at an index among the children of another element."""
     target = file.element(parent)
     _require_index(target, index)
     return file.text.insert(target, index, file.text.format_new(synthetic_element(tag, attributes)))
@@ -156,7 +161,7 @@ def unwrap(file: EditedFile, element: int) -> list[TextEdit]:
     """Replace an element by its children.
 
     Raises:
-        EditError: If it has none.
+        EditError: If the element has no children.
     """
     outer = file.element(element)
     file.siblings(element)
@@ -167,34 +172,34 @@ def unwrap(file: EditedFile, element: int) -> list[TextEdit]:
 
 
 def delete(file: EditedFile, element: int) -> list[TextEdit]:
-    """Delete an element with everything in it and the comments directly above it."""
+    """Delete an element with its descendants and the comments directly above it."""
     file.siblings(element)
     return file.text.delete_element(file.element(element))
 
 
 def duplicate(file: EditedFile, element: int) -> list[TextEdit]:
-    """Insert a copy of an element after it."""
+    """Insert a copy of an element after the element."""
     here, copied = file.siblings(element), file.element(element)
     return file.text.insert(here.parent, here.first + 1, file.text.copy(copied, copied))
 
 
 def extract(file: EditedFile, element: int, tree: str) -> list[TextEdit]:
-    """Move an element into a new tree, and replace it by a `SubTree` of that tree with the same keys.
+    """Move an element into a new tree, and replace it by a `SubTree` node with the same keys.
 
     Raises:
-        EditError: If there is such a tree, or the element uses private keys.
+        EditError: If the tree already exists, or the element uses private keys.
     """
     moved, root = file.element(element), file.tree_file.root
     around = file.tree_around(moved)
     if moved is around:
-        message = f"'{around.attributes.get('ID', '')}' is a tree already"
+        message = f"'{around.attributes.get('ID', '')}' is already a tree"
         raise EditError(message)
     if any(each.attributes.get("ID") == tree for each in file.tree_file.trees):
         message = f"there is already a tree '{tree}'. Choose another name"
         raise EditError(message)
     keys = set(_keys(moved))
     if private := sorted(key for key in keys if key.startswith("_")):
-        message = f"the private key '{private[0]}' is not shared with a subtree. Rename it first"
+        message = f"the private key '{private[0]}' cannot be shared with a subtree. Rename it first"
         raise EditError(message)
     remap = {_AUTOREMAP: "true"} if keys or any(_scripts(moved)) else {}
     call = synthetic_element(SUBTREE_TAG, {"ID": tree, **remap})
@@ -212,16 +217,16 @@ def inline(file: EditedFile, element: int) -> list[TextEdit]:
     """Replace a `SubTree` node by a copy of its tree's content.
 
     Raises:
-        EditError: If the tree is not in this file, or its keys cannot be written in place of its ports.
+        EditError: If the tree is not in this file, or its keys would have another meaning in the calling tree.
     """
     call = file.element(element)
     name = call.attributes.get("ID", "")
     tree = next((each for each in file.tree_file.trees if each.attributes.get("ID") == name), None)
     if call.tag != SUBTREE_TAG or tree is None or not tree.children:
-        message = f"<{call.tag}> ticks no tree of this file"
+        message = f"<{call.tag}> does not use a tree of this file"
         raise EditError(message)
     if tree is file.tree_around(call):
-        message = f"the tree '{name}' ticks itself"
+        message = f"the tree '{name}' contains this <{call.tag}>, which therefore cannot be replaced"
         raise EditError(message)
     lines = _with_ports(file.text.contents(tree), _ports(call, tree, file.tree_around(call)))
     return file.text.replace(call, call, lines, with_comments=False)
@@ -236,7 +241,7 @@ OPERATIONS: Mapping[str, Callable[..., list[TextEdit]]] = {
     each.__name__: each
     for each in (move, insert, wrap, unwrap, delete, duplicate, extract, inline, set_attribute)
 }
-"""The operations, by the names that editors use for them."""
+"""The operations, by the names that editors use."""
 
 
 def edits_of(tree_file: TreeFile, operation: str, /, **arguments: Any) -> list[TextEdit]:
@@ -244,15 +249,15 @@ def edits_of(tree_file: TreeFile, operation: str, /, **arguments: Any) -> list[T
 
     Args:
         tree_file: The file.
-        operation: Its name in `OPERATIONS`.
-        **arguments: Its arguments.
+        operation: The operation's name in `OPERATIONS`.
+        **arguments: The operation's arguments.
 
     Raises:
-        EditError: If it is impossible, or its arguments are wrong.
+        EditError: If the operation is impossible, or its arguments are wrong.
     """
     function = OPERATIONS.get(operation)
     if function is None:
-        message = f"there is no operation '{operation}'. Choose one of {', '.join(OPERATIONS)}"
+        message = f"unknown operation '{operation}' (known: {', '.join(OPERATIONS)})"
         raise EditError(message)
     text = tree_file.source.text
     expanded = _without_brackets(tree_file, operation, arguments)
@@ -265,13 +270,13 @@ def edits_of(tree_file: TreeFile, operation: str, /, **arguments: Any) -> list[T
     try:
         parse_tree(edited, tree_file.source.path)
     except TreeError as error:
-        message = f"this cannot be written here: {error.findings[0].message}"
+        message = f"this change would make the file invalid: {error.findings[0].message}"
         raise EditError(message) from error
     return edits if expanded is tree_file else edit_between(text, edited)
 
 
 def _without_brackets(tree_file: TreeFile, operation: str, arguments: Mapping[str, Any]) -> TreeFile:
-    """Return a file in which the elements of an operation are on separate lines; in YAML they may be between brackets."""
+    """Return the file with the elements of an operation on separate lines; in YAML, they may be in brackets."""
     if tree_file.source.form is Form.XML or operation == set_attribute.__name__:
         return tree_file
     names = [
@@ -293,7 +298,7 @@ def _without_brackets(tree_file: TreeFile, operation: str, arguments: Mapping[st
 
 
 def _separate_elements(file: EditedFile, element: Element, operation: str) -> Iterator[Element]:
-    """Yield an element, and the others that must be on separate lines for an operation on it."""
+    """Yield an element, and the other elements that must be on separate lines for an operation on the element."""
     yield element
     if operation == inline.__name__:
         for tree in file.tree_file.trees:
@@ -306,28 +311,28 @@ def _separate_elements(file: EditedFile, element: Element, operation: str) -> It
 
 def _require_index(parent: Element, index: int) -> None:
     if not 0 <= index <= len(parent.children):
-        message = f"<{parent.tag}> has {len(parent.children)} children, and no place {index}"
+        message = f"{index} is not a position among the children of <{parent.tag}>, which has {len(parent.children)}"
         raise EditError(message)
 
 
 def _keys(element: Element) -> Iterator[str]:
-    """Yield the keys in braces in an element and below it."""
+    """Yield the keys in braces of an element and its descendants."""
     for each in element.iterate():
         for value in each.attributes.values():
             yield from (found[1] for found in _KEY.finditer(value))
 
 
 def _scripts(element: Element) -> Iterator[str]:
-    """Yield the scripts in an element and below it."""
+    """Yield the scripts of an element and its descendants."""
     for each in element.iterate():
         yield from (value for name, value in each.attributes.items() if _SCRIPTS.fullmatch(name))
 
 
 def _ports(call: Element, tree: Element, around: Element) -> dict[str, str]:
-    """Return the replacement of each key in braces when a subtree is replaced by its content.
+    """Return the replacements of keys in braces when a `SubTree` node is replaced by its tree's content.
 
     Raises:
-        EditError: If a key would have another meaning there.
+        EditError: If the node has a condition, or a key would have another meaning in the calling tree.
     """
     given = {name: value for name, value in call.attributes.items() if name not in _OF_SUBTREE}
     condition = next((name for name in given if name.startswith("_")), None)
@@ -342,13 +347,13 @@ def _ports(call: Element, tree: Element, around: Element) -> dict[str, str]:
         outer = set(_keys(around)) | set(re.findall(r"[A-Za-z_]\w*", " ".join(_scripts(around))))
         clash = next(iter(sorted(own & outer)), None)
     if clash is not None:
-        message = f"the key '{clash}' has another meaning around <{call.tag}>. Rename it first"
+        message = f"the key '{clash}' has another meaning outside of <{call.tag}>. Rename it first"
         raise EditError(message)
     return {f"{{{name}}}": value for name, value in changed.items()}
 
 
 def _with_ports(lines: Snippet, ports: Mapping[str, str]) -> list[SnippetLine]:
-    """Return lines with other values for keys in braces."""
+    """Return lines with keys in braces replaced."""
 
     def replace(match: re.Match[str]) -> str:
         return ports.get(match[0], match[0])
@@ -360,9 +365,9 @@ class Refactoring(NamedTuple):
     """An operation that is possible at an element.
 
     Attributes:
-        title: What it does, for a menu.
-        operation: Its name in `OPERATIONS`.
-        arguments: Its arguments.
+        title: The title in a menu.
+        operation: The operation's name in `OPERATIONS`.
+        arguments: The operation's arguments.
     """
 
     title: str
@@ -384,13 +389,13 @@ def refactorings_at(tree_file: TreeFile, number: int) -> list[Refactoring]:
     name = element.attributes.get("name") or element.attributes.get("ID") or element.tag
     at: dict[str, Any] = {"element": number}
     parent = file.number(here.parent)
-    ways = [
-        (way, index)
-        for way, index in (("up", here.first - 1), ("down", here.first + 2))
+    moves = [
+        (direction, index)
+        for direction, index in (("up", here.first - 1), ("down", here.first + 2))
         if 0 <= index <= len(here.parent.children)
     ]
     found = [
-        *((f"Move {name} {way}", "move", {**at, "parent": parent, "index": index}) for way, index in ways),
+        *((f"Move {name} {to}", "move", {**at, "parent": parent, "index": index}) for to, index in moves),
         (f"Duplicate {name}", "duplicate", at),
         (f"Delete {name}", "delete", at),
     ]
@@ -404,7 +409,7 @@ def refactorings_at(tree_file: TreeFile, number: int) -> list[Refactoring]:
 
 
 def _free_name(tree_file: TreeFile, name: str) -> str:
-    """Return a tree name that the file does not use yet, similar to a given one."""
+    """Return an unused tree name that is similar to a given name."""
     taken = {each.attributes.get("ID") for each in tree_file.trees}
     plain = re.sub(r"[^\w.-]", "", name) or "Part"
     names = itertools.chain([plain], (f"{plain}{number}" for number in itertools.count(2)))

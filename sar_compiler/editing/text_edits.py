@@ -1,4 +1,4 @@
-"""Replacements of parts of a string, and the lines that such a replacement consists of."""
+"""Edits of a string, and snippets of lines that edits insert."""
 
 import itertools
 from collections.abc import Iterable, Sequence
@@ -9,7 +9,7 @@ from sar_compiler.tree.diagnostic import LINE_END
 
 
 class EditError(SarError):
-    """An operation is impossible on this text."""
+    """An operation on a tree file is impossible."""
 
 
 class TextEdit(NamedTuple):
@@ -17,7 +17,7 @@ class TextEdit(NamedTuple):
 
     Attributes:
         start: The offset of the first character to replace.
-        end: The offset after the last one.
+        end: The offset after the last character to replace.
         text: The replacement.
     """
 
@@ -27,7 +27,7 @@ class TextEdit(NamedTuple):
 
 
 def apply_edits(text: str, edits: Iterable[TextEdit]) -> str:
-    """Return a string with edits applied; their offsets are those of the original, and no two overlap."""
+    """Return a string with edits applied. Their offsets refer to the original string, and no two edits overlap."""
     parts, done = [], 0
     for edit in sorted(edits):
         parts += [text[done : edit.start], edit.text]
@@ -36,7 +36,7 @@ def apply_edits(text: str, edits: Iterable[TextEdit]) -> str:
 
 
 def inverse_edits(text: str, edits: Iterable[TextEdit]) -> list[TextEdit]:
-    """Return the edits that restore the original text from the edited one."""
+    """Return the edits that restore the original text from the edited text."""
     inverse, growth = [], 0
     for edit in sorted(edits):
         start = edit.start + growth
@@ -46,22 +46,22 @@ def inverse_edits(text: str, edits: Iterable[TextEdit]) -> list[TextEdit]:
 
 
 def edit_between(old: str, new: str) -> list[TextEdit]:
-    """Return the smallest single edit from one text to another; none if they are equal."""
+    """Return the smallest single edit that changes one text into another; an empty list if they are equal."""
     if old == new:
         return []
     most = min(len(old), len(new))
     start = next((index for index in range(most) if old[index] != new[index]), most)
     rest = most - start
-    behind = next((index for index in range(rest) if old[-1 - index] != new[-1 - index]), rest)
-    return [TextEdit(start, len(old) - behind, new[start : len(new) - behind])]
+    tail = next((index for index in range(rest) if old[-1 - index] != new[-1 - index]), rest)
+    return [TextEdit(start, len(old) - tail, new[start : len(new) - tail])]
 
 
 class SnippetLine(NamedTuple):
     """A line of a snippet.
 
     Attributes:
-        text: The line, without its end and without the indentation that all lines share.
-        is_fixed: Whether its indentation is part of an attribute's value, and stays.
+        text: The text of the line, without the line end and without the indentation that all lines share.
+        is_fixed: Whether the indentation is part of an attribute's value, and must not be changed.
     """
 
     text: str
@@ -73,26 +73,26 @@ Snippet = Sequence[SnippetLine]
 
 
 def indent_lines(lines: Snippet, indent: str) -> list[SnippetLine]:
-    """Return lines with further indentation."""
+    """Return lines with additional indentation."""
     return [each if each.is_fixed or not each.text else SnippetLine(indent + each.text) for each in lines]
 
 
 def cut_lines(text: str, indent: str, fixed: Iterable[int] = ()) -> list[SnippetLine]:
-    """Return a part of a string as lines.
+    """Split a text into the lines of a snippet.
 
     Args:
-        text: The part, whose first line begins with its indentation.
-        indent: The indentation of the first line, which is removed from the others too.
-        fixed: The offsets of line starts whose indentation stays.
+        text: The text.
+        indent: The indentation of the first line, which is removed from all lines.
+        fixed: The offsets of the starts of lines whose indentation must not be changed.
     """
-    lines, kept = [], set(fixed)
+    lines, unchanged = [], set(fixed)
     ends = [each.end() for each in LINE_END.finditer(text)]
     for begin, end in itertools.pairwise([0, *ends, len(text)]):
         if begin == end:
             continue
         line = text[begin:end]
         body = line.rstrip("\r\n")
-        if begin in kept:
+        if begin in unchanged:
             lines.append(SnippetLine(body, is_fixed=True))
         else:
             lines.append(
@@ -102,5 +102,5 @@ def cut_lines(text: str, indent: str, fixed: Iterable[int] = ()) -> list[Snippet
 
 
 def join_lines(lines: Snippet, end: str) -> str:
-    """Return lines as text, with a line end after each of them except the last one."""
+    """Return lines as text, with a line end after each line except the last."""
     return end.join(each.text for each in lines)

@@ -1,7 +1,7 @@
 """Edits of a tree file in XML.
 
-An element that has its lines for itself is moved as lines, together with the comments directly above it and the one on its
-last line. An element within a line is moved as a part of that line.
+An element that is alone on its lines is moved as whole lines, together with the comments directly above it and a
+comment at the end of its last line. Any other element is moved as a part of its line.
 """
 
 import bisect
@@ -35,7 +35,7 @@ _BEFORE = re.compile(r"[ \t]*(?:\r\n|\r|\n)[ \t]*\Z")
 
 
 class _TagExtent(NamedTuple):
-    """The offsets of an element: its start tag from *start* to *opened*, its end tag from *closing* to *end*."""
+    """The offsets of an element: the start tag from *start* to *opened*, and the end tag from *closing* to *end*."""
 
     start: int
     opened: int
@@ -47,11 +47,11 @@ class _ElementBlock(NamedTuple):
     """The part of a file that is moved with an element.
 
     Attributes:
-        start: The offset of its first character: with the comments above it.
-        own: The offset of its first character, without them.
-        end: The offset after its last character.
-        indent: Its indentation.
-        has_lines: Whether it consists of whole lines.
+        start: The offset of the part's first character, which may belong to a comment above the element.
+        own: The offset of the element's first character.
+        end: The offset after the part's last character.
+        indent: The indentation of the element.
+        has_lines: Whether the part consists of whole lines.
     """
 
     start: int
@@ -74,7 +74,7 @@ class XmlText:
         self._elements = [*tree_file.root.iterate()]
         self._parents = {child.offset: each for each in self._elements for child in each.children}
         self._extents: dict[int, _TagExtent] = {}
-        # The starts of comments by their ends.
+        # The start offset of each comment, by the offset of its end.
         self._comments: dict[int, int] = {}
         self._scan(readable(tree_file))
         self._unit = self._indentation()
@@ -86,8 +86,8 @@ class XmlText:
             if kind == "comment":
                 self._comments[piece.end()] = piece.start()
             elif kind == "end":
-                start, behind = opened.pop()
-                self._extents[start] = _TagExtent(start, behind, piece.start(), piece.end())
+                start, tag_end = opened.pop()
+                self._extents[start] = _TagExtent(start, tag_end, piece.start(), piece.end())
             elif kind == "start" and piece[0].endswith("/>"):
                 self._extents[piece.start()] = _TagExtent(
                     piece.start(), piece.end(), piece.end(), piece.end()
@@ -100,7 +100,7 @@ class XmlText:
         return [SnippetLine(each) for each in element_lines(element)]
 
     def wrap(self, wrapper: Element, lines: Snippet) -> Snippet:
-        """Return the lines of a new element with others in it."""
+        """Return the lines of a new element with other lines as its content."""
         *first, last = element_lines(wrapper)
         start = [SnippetLine(each) for each in (*first, f"{last.removesuffix('/>')}>")]
         return [*start, *indent_lines(lines, self._unit), SnippetLine(f"</{wrapper.tag}>")]
@@ -113,7 +113,7 @@ class XmlText:
         return self._cut(start.own, self._extent(last).end, start.indent)
 
     def contents(self, element: Element) -> Snippet:
-        """Return the lines of everything between the tags of an element."""
+        """Return the lines between the tags of an element."""
         extent = self._extent(element)
         start, end = extent.opened, extent.closing
         while start < end and self._text[start] in _BLANK:
@@ -127,13 +127,13 @@ class XmlText:
     def replace(
         self, first: Element, last: Element, lines: Snippet, *, with_comments: bool = True
     ) -> list[TextEdit]:
-        """Return the edits that write lines in place of consecutive siblings.
+        """Return the edits that replace consecutive siblings by lines.
 
         Args:
             first: The first sibling.
-            last: The last one.
+            last: The last sibling.
             lines: The lines.
-            with_comments: Whether the comments about the siblings are replaced, too.
+            with_comments: Whether the siblings' comments are replaced, too.
         """
         start, end = self._block(first), self._block(last)
         if not (start.has_lines and end.has_lines):
@@ -144,7 +144,7 @@ class XmlText:
         return [TextEdit(start.own, self._extent(last).end, self._join(lines, start.indent))]
 
     def insert(self, parent: Element, index: int, lines: Snippet) -> list[TextEdit]:
-        """Return the edits that write lines before the child with an index, or after the last one."""
+        """Return the edits that insert lines before the child at an index, or after the last child."""
         if index < len(parent.children):
             block = self._block(parent.children[index])
             if block.has_lines:
@@ -176,7 +176,7 @@ class XmlText:
         return [TextEdit(start, extent.closing, f"{end}{text}{outer}")]
 
     def delete_element(self, element: Element) -> list[TextEdit]:
-        """Return the edits that remove an element with its comments; a parent without any other content is one tag."""
+        """Return the edits that remove an element with its comments; a parent without other content gets an empty tag."""
         block = self._block(element)
         parent = self._parents[element.offset]
         around = self._extent(parent)
@@ -205,7 +205,7 @@ class XmlText:
         return self._extents[element.offset]
 
     def _indentation(self) -> str:
-        """Return the indentation of a level, as the first child shows it."""
+        """Return the indentation of one level, which is that of the first indented child."""
         for each in self._elements[1:]:
             outer, inner = (self._line(one.offset) for one in (self._parents[each.offset], each))
             if outer[0] < inner[0] and inner[1].startswith(outer[1]):
@@ -213,7 +213,7 @@ class XmlText:
         return "  "
 
     def _line(self, offset: int) -> tuple[int, str]:
-        """Return the start of an offset's line, and the blanks at the beginning of the line before the offset."""
+        """Return the start of the line with an offset, and the line's indentation before the offset."""
         start = self._source.offset(self._source.position_of(offset)[0], 1)
         lead = self._text[start:offset]
         return start, lead[: len(lead) - len(lead.lstrip(_BLANK))]
@@ -227,7 +227,7 @@ class XmlText:
         return _ElementBlock(self._with_comments(line), extent.start, rest.end(), indent, has_lines=True)
 
     def _with_comments(self, line: int) -> int:
-        """Return the start of the comments on the lines directly above a line."""
+        """Return the start of the comments on the lines directly above a line; the line's start if there are none."""
         while line:
             end = line - (2 if self._text.endswith("\r\n", 0, line) else 1)
             while self._text[end - 1] in _BLANK:
@@ -242,7 +242,7 @@ class XmlText:
         return line
 
     def _cut(self, start: int, end: int, indent: str) -> Snippet:
-        """Return a part of the text as lines; those that begin in an attribute's value stay as they are."""
+        """Return a part of the text as lines; the indentation of lines that begin in an attribute's value is fixed."""
         fixed = []
         for element in self._inside(start, end):
             for _, (*_, first, last) in self._source.spans.attributes(element):
@@ -255,7 +255,7 @@ class XmlText:
         return self._elements[first:last]
 
     def _join(self, lines: Snippet, indent: str) -> str:
-        """Return lines as text; the first one has its indentation already."""
+        """Return lines as text; the first line is already indented."""
         return join_lines([lines[0], *indent_lines(lines[1:], indent)], self._source.line_end)
 
     def _line_end_after(self, end: int) -> str:

@@ -1,7 +1,7 @@
 """Edits of a tree file in YAML.
 
-A node is moved as the lines from its dash on, together with the comments directly above it and those that are indented below it.
-Nodes between brackets have no lines of their own: `expand` writes them as lines first.
+A node is moved as the lines from its dash on, together with the comments directly above it and the indented comments
+below it. A node in brackets has no lines of its own, so `expand` first rewrites it as lines.
 """
 
 import re
@@ -28,7 +28,7 @@ from sar_compiler.tree.yaml_writer import node_lines, scalar
 _COMMENT_LINE = re.compile(r"([ \t]*)(#[^\r\n]*)?(\r\n|\r|\n|\Z)")
 _REST_OF_LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n|\Z)")
 _MEANT_IN_FLOW = re.compile(r"[,\[\]{}#]")
-_COMMENT_BEHIND = re.compile(r"[ \t]+(?=#)")
+_BLANKS_BEFORE_COMMENT = re.compile(r"[ \t]+(?=#)")
 _BESIDE_ENTRY = re.compile(r"\s*,\s*")
 
 
@@ -37,14 +37,14 @@ class _NodeExtent:
     """The offsets of an element.
 
     Attributes:
-        start: Of the node's first character, after its dash.
-        end: After its last character.
-        tag_end: After its tag.
-        content: Of the first character of its content; None if there is none.
-        children: Of the key `children`; None if there is none.
-        is_flow: Whether it, its content or its children are between brackets.
+        start: The offset of the node's first character, after its dash.
+        end: The offset after the node's last character.
+        tag_end: The offset after the tag.
+        content: The offset of the content's first character; None if there is no content.
+        children: The offset of the key `children`; None if there is no such key.
+        is_flow: Whether the node, its content or its children are in brackets.
         has_content: Whether a colon follows the tag.
-        values: The ends of the values of its attributes.
+        values: The offset after each attribute's value, by attribute.
     """
 
     start: int
@@ -66,7 +66,11 @@ def _end(event: Any) -> int:
 
 
 class _ExtentReader:
-    """Reads the extents of all elements of a file."""
+    """The reader of the extents of all elements in a file.
+
+    Attributes:
+        found: The extents, by the offset of the element.
+    """
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -113,7 +117,7 @@ class _ExtentReader:
         extent.end = self._collection_end(key, extent.end)
 
     def _skip(self, value: Any) -> int:
-        """Return the offset after a value."""
+        """Read the events of a value; return the offset after the value."""
         if isinstance(value, yaml.ScalarEvent):
             start, end = _start(value), _end(value)
             if value.style not in ("|", ">"):
@@ -127,7 +131,7 @@ class _ExtentReader:
 
     @staticmethod
     def _collection_end(event: Any, end: int) -> int:
-        """Return where a collection ends: that of a block ends with its content."""
+        """Return the offset after a collection; a block collection ends with its content."""
         return _end(event) if _start(event) < _end(event) else end
 
 
@@ -145,24 +149,26 @@ class YamlText:
         self._extents = _ExtentReader(self._text).found
 
     def outermost_flow(self, element: Element) -> Element | None:
-        """Return the outermost element around and including one that is written between brackets; None if there is none."""
-        around: Element | None = element
+        """Return the outermost element in brackets among an element and its ancestors; None if there is none."""
+        ancestor: Element | None = element
         found = None
-        while around is not None:
-            found = around if self._extents[around.offset].is_flow else found
-            around = self._parents.get(around.offset)
+        while ancestor is not None:
+            found = ancestor if self._extents[ancestor.offset].is_flow else found
+            ancestor = self._parents.get(ancestor.offset)
         return found
 
     def expand(self, element: Element) -> list[TextEdit]:
-        """Return the edits that write an element without brackets."""
+        """Return the edits that rewrite an element without brackets."""
         extent = self._extents[element.offset]
         dash = "- " if element.offset in self._parents else ""
         lines = [SnippetLine(each) for each in node_lines(element, "", dash)]
         lines[0] = SnippetLine(lines[0].text.removeprefix(dash))
         column = self._source.position_of(extent.start)[1] - 1 - len(dash)
         text, end = self._join(lines, " " * column), extent.end
-        if behind := _COMMENT_BEHIND.match(self._text, end):  # it would be a part of a block
-            text, end = f"{text}{self._source.line_end}{' ' * column}", behind.end()
+        if comment := _BLANKS_BEFORE_COMMENT.match(
+            self._text, end
+        ):  # a block scalar would contain the comment
+            text, end = f"{text}{self._source.line_end}{' ' * column}", comment.end()
         return [TextEdit(extent.start, end, text)]
 
     def format_new(self, element: Element) -> Snippet:
@@ -170,7 +176,7 @@ class YamlText:
         return [SnippetLine(each) for each in node_lines(element)]
 
     def wrap(self, wrapper: Element, lines: Snippet) -> Snippet:
-        """Return the lines of a new element with others in it."""
+        """Return the lines of a new element with other lines as its children."""
         first, *rest = node_lines(wrapper)
         colon = "" if rest else ":"
         start = [SnippetLine(f"{first}{colon}"), *map(SnippetLine, rest), SnippetLine(f"    {CHILDREN_KEY}:")]
@@ -187,13 +193,13 @@ class YamlText:
     def replace(
         self, first: Element, last: Element, lines: Snippet, *, with_comments: bool = True
     ) -> list[TextEdit]:
-        """Return the edits that write lines in place of consecutive siblings; arguments as in `XmlText.replace`."""
+        """Return the edits that replace consecutive siblings by lines; see `XmlText.replace` for the arguments."""
         line, indent = self._dash(first)
         start, end = self._start(first) if with_comments else line, self._end(last)
         return [TextEdit(start, end, indent + self._join(lines, indent) + self._line_end_after(end))]
 
     def insert(self, parent: Element, index: int, lines: Snippet) -> list[TextEdit]:
-        """Return the edits that write lines before the child with an index, or after the last one."""
+        """Return the edits that insert lines before the child at an index, or after the last child."""
         if index < len(parent.children):
             child = parent.children[index]
             start, indent = self._start(child), self._dash(child)[1]
@@ -205,18 +211,18 @@ class YamlText:
         children = [SnippetLine(f"{CHILDREN_KEY}:"), *indent_lines(lines, "  ")]
         return self._add(parent, extent, max(extent.values.values(), default=extent.end), children)
 
-    def _add(self, element: Element, extent: _NodeExtent, behind: int, lines: Snippet) -> list[TextEdit]:
-        """Return the edits that add lines to the content of an element, below an offset."""
+    def _add(self, element: Element, extent: _NodeExtent, offset: int, lines: Snippet) -> list[TextEdit]:
+        """Return the edits that add lines to the content of an element, after the line with an offset."""
         if extent.content is None:
             column = self._source.position_of(self._source.spans.tag(element)[0])[1] + 1
             colon = [] if extent.has_content else [TextEdit(extent.tag_end, extent.tag_end, ":")]
-            below = self._line_at(self._line_behind(extent.end), " " * column, lines)
+            below = self._line_at(self._next_line(extent.end), " " * column, lines)
             return [*colon, below]
         column = self._source.position_of(extent.content)[1] - 1
-        return [self._line_at(self._line_behind(behind), " " * column, lines)]
+        return [self._line_at(self._next_line(offset), " " * column, lines)]
 
     def delete_element(self, element: Element) -> list[TextEdit]:
-        """Return the edits that remove an element with its comments; that of the last child removes the list."""
+        """Return the edits that remove an element with its comments, and `children` if the list would be empty."""
         parent = self._parents[element.offset]
         key = self._extents[parent.offset].children
         start = self._start(element)
@@ -246,9 +252,9 @@ class YamlText:
         return self._add(element, extent, behind or 0, [SnippetLine(entry)])
 
     def _remove_attribute(self, start: int, extent: _NodeExtent, end: int) -> list[TextEdit]:
-        """Return the edits that remove an attribute: between brackets with a comma, else with its line."""
+        """Return the edits that remove an attribute, with a comma if it is in brackets, otherwise with its lines."""
         if extent.content is None or self._text[extent.content] != "{":
-            return [TextEdit(self._line(start), self._line_behind(end), "")]
+            return [TextEdit(self._line(start), self._next_line(end), "")]
         behind = _BESIDE_ENTRY.match(self._text, end)
         if behind is not None:
             return [TextEdit(start, behind.end(), "")]
@@ -256,19 +262,19 @@ class YamlText:
         return [TextEdit(before - 1 if self._text[before - 1] == "," else start, end, "")]
 
     def _line(self, offset: int) -> int:
-        """Return the start of an offset's line."""
+        """Return the start of the line with an offset."""
         return self._source.offset(self._source.position_of(offset)[0], 1)
 
-    def _line_behind(self, offset: int) -> int:
-        """Return the start of the line after an offset's line."""
+    def _next_line(self, offset: int) -> int:
+        """Return the start of the line after the line with an offset."""
         rest = _REST_OF_LINE.match(self._text, offset)
         return rest.end() if rest is not None else len(self._text)
 
     def _dash(self, element: Element) -> tuple[int, str]:
-        """Return the start of the line of an element's dash, and its indentation.
+        """Return the start of the line with an element's dash, and the indentation of this line.
 
         Raises:
-            EditError: If it has no line of its own.
+            EditError: If the element is not on a separate line.
         """
         dash = self._text.rfind("-", 0, self._extents[element.offset].start)
         line = self._line(dash)
@@ -278,7 +284,7 @@ class YamlText:
         return line, self._text[line:dash]
 
     def _start(self, element: Element) -> int:
-        """Return the start of an element's lines, with the comments directly above it."""
+        """Return the start of an element's lines, which include the comments directly above it."""
         line, indent = self._dash(element)
         while line:
             above = self._line(line - 1)
@@ -288,9 +294,9 @@ class YamlText:
         return line
 
     def _end(self, element: Element) -> int:
-        """Return the end of an element's lines, with the comments that are indented below it."""
+        """Return the end of an element's lines, which include the indented comments below it."""
         indent = len(self._dash(element)[1])
-        end = line = self._line_behind(self._extents[element.offset].end)
+        end = line = self._next_line(self._extents[element.offset].end)
         while line < len(self._text) and (found := _COMMENT_LINE.match(self._text, line)):
             line = found.end()
             if found[2] is None:
@@ -301,7 +307,7 @@ class YamlText:
         return end
 
     def _line_at(self, offset: int, indent: str, lines: Snippet) -> TextEdit:
-        """Return the edit that writes lines at a line's start, which may be the end of a file without a line end."""
+        """Return the edit that inserts lines at a line's start, or at the end of a file without a final line end."""
         text, end = indent + self._join(lines, indent), self._source.line_end
         is_start = not offset or LINE_END.match(self._text, offset - 1) is not None
         return TextEdit(offset, offset, f"{text}{end}" if is_start else f"{end}{text}")
@@ -310,19 +316,19 @@ class YamlText:
         return cut_lines(self._text[start:end], indent)
 
     def _join(self, lines: Snippet, indent: str) -> str:
-        """Return lines as text; the first one has its indentation already."""
+        """Return lines as text; the first line is already indented."""
         return join_lines([lines[0], *indent_lines(lines[1:], indent)], self._source.line_end)
 
     def _line_end_after(self, end: int) -> str:
         return self._source.line_end if self._text[:end].endswith(("\n", "\r")) else ""
 
 
-def _entry_in_flow(extent: _NodeExtent, behind: int | None, entry: str, *, has_children: bool) -> TextEdit:
-    """Return the edit that adds an attribute between brackets, behind the last one."""
+def _entry_in_flow(extent: _NodeExtent, last: int | None, entry: str, *, has_children: bool) -> TextEdit:
+    """Return the edit that adds an attribute in brackets, at the end of the last attribute's value if there is one."""
     if extent.content is None:
         return TextEdit(extent.end, extent.end, f"{'' if extent.has_content else ':'} {{{entry}}}")
-    if behind is not None:
-        return TextEdit(behind, behind, f", {entry}")
+    if last is not None:
+        return TextEdit(last, last, f", {entry}")
     start = extent.content + 1
     return TextEdit(start, start, f"{entry}, " if has_children else entry)
 

@@ -1,7 +1,7 @@
-"""Completions at a position in an incomplete text: tags, attributes, values, keys and trees.
+"""Completions at the cursor: tags, attributes, values, keys and trees.
 
-The text is incomplete when an editor sends the request, so the position is determined from the text before it alone. The
-completions come from the registry, and from the file when it was last parsed.
+The text is incomplete when an editor requests completions, so only the text before the cursor determines the syntactic
+context. The completions come from the registry, and from the last version of the file that could be parsed.
 """
 
 import re
@@ -43,12 +43,12 @@ _NAMES_TREE = {(SUBTREE_TAG, "ID"), (ROOT_TAG, "main_tree_to_execute")}
 
 
 class CompletionContext(NamedTuple):
-    """The context of a position.
+    """The syntactic context at the cursor, which determines the completions.
 
     Attributes:
         tag: The tag of the element; None if the tag itself is being typed.
-        attribute: The attribute whose value is being typed; None if it is no value.
-        value: The part of the value before the position.
+        attribute: The attribute whose value is being typed; None if no value is being typed.
+        value: The part of the value before the cursor.
     """
 
     tag: str | None = None
@@ -62,7 +62,7 @@ class Completion(NamedTuple):
     Attributes:
         kind: `tag`, `attribute`, `value`, `key` or `tree`.
         text: The text to insert.
-        doc: Its description.
+        doc: The description of the tag, attribute, value, key or tree.
     """
 
     kind: str
@@ -70,8 +70,8 @@ class Completion(NamedTuple):
     doc: str = ""
 
 
-def place_in(text: str, offset: int, form: Form) -> CompletionContext | None:
-    """Return the context of a position; None if there are no completions."""
+def context_at(text: str, offset: int, form: Form) -> CompletionContext | None:
+    """Return the syntactic context at an offset of a text; None if there are no completions."""
     return _xml_context(text[:offset]) if form is Form.XML else _yaml_context(text[:offset])
 
 
@@ -100,13 +100,13 @@ def _yaml_context(before: str) -> CompletionContext | None:
         return CompletionContext()
     value = _YAML_VALUE.match(line)
     if value or _YAML_KEY.match(line):
-        tag = _yaml_tag_around(before[:start], len(line) - len(line.lstrip(" ")))
+        tag = _yaml_parent_tag(before[:start], len(line) - len(line.lstrip(" ")))
         return None if tag is None else CompletionContext(tag, *(value.groups() if value else ()))
     return None
 
 
-def _yaml_tag_around(before: str, indent: int) -> str | None:
-    """Return the tag of the mapping that contains a line with this indent."""
+def _yaml_parent_tag(before: str, indent: int) -> str | None:
+    """Return the tag of the mapping that contains the line after *before*, which has the given indentation."""
     for line in reversed(before.split("\n")):
         blanks = len(line) - len(line.lstrip(" "))
         if line.strip() and not line.lstrip().startswith("#") and blanks < indent:
@@ -115,23 +115,23 @@ def _yaml_tag_around(before: str, indent: int) -> str | None:
     return None
 
 
-def completions_at(
-    place: CompletionContext, registry: Registry, tree: ProjectTree | None, form: Form
+def completions_for(
+    context: CompletionContext, registry: Registry, tree: ProjectTree | None, form: Form
 ) -> list[Completion]:
-    """Return the completions at a position.
+    """Return the completions for a syntactic context.
 
     Args:
-        place: The position.
-        registry: The registered tags.
-        tree: The file when it was last parsed; None if it never was.
-        form: The form of the file.
+        context: The syntactic context.
+        registry: The known tags.
+        tree: The last version of the file that could be parsed; None if there is none.
+        form: The format of the file.
     """
-    if place.tag is None:
+    if context.tag is None:
         return [*_tags(registry)]
-    if place.attribute is None:
+    if context.attribute is None:
         children = [Completion("attribute", CHILDREN_KEY)] if form is Form.YAML else []
-        return [*_attributes(place.tag, registry, tree), *children]
-    return [*_values(place, registry, tree)]
+        return [*_attributes(context.tag, registry, tree), *children]
+    return [*_values(context, registry, tree)]
 
 
 def _tags(registry: Registry) -> Iterator[Completion]:
@@ -146,9 +146,11 @@ def _attributes(tag: str, registry: Registry, tree: ProjectTree | None) -> Itera
         yield from (Completion("attribute", name) for name in _ROOT_ATTRIBUTES[tag])
         return
     if tag == SUBTREE_TAG:
-        yield Completion("attribute", "ID", "The tree that is ticked as its child.")
+        yield Completion("attribute", "ID", "The ID of the tree to tick.")
         yield Completion(
-            "attribute", AUTOREMAP, "Remaps every key to that of the same name around the subtree."
+            "attribute",
+            AUTOREMAP,
+            "Remaps every key of the subtree to the key of the same name in this tree.",
         )
         yield from (Completion("attribute", key, "A key of the subtree.") for key in _keys(tree))
     for parameter in _parameters(registry.variants(tag)).values():
@@ -161,12 +163,12 @@ def _parameters(specs: Iterable[NodeSpec]) -> dict[str, Parameter]:
     return {parameter.name: parameter for spec in specs for parameter in spec.attributes}
 
 
-def _values(place: CompletionContext, registry: Registry, tree: ProjectTree | None) -> Iterator[Completion]:
-    tag, attribute = place.tag or "", place.attribute or ""
+def _values(context: CompletionContext, registry: Registry, tree: ProjectTree | None) -> Iterator[Completion]:
+    tag, attribute = context.tag or "", context.attribute or ""
     if (tag, attribute) in _NAMES_TREE:
         yield from (Completion("tree", name) for name in (tree.forest.known_ids if tree else ()))
         return
-    if "{" in place.value:
+    if "{" in context.value:
         yield from (Completion("key", key) for key in _keys(tree))
         return
     if tag in {kind.value for kind in Kind} and attribute == "ID":
@@ -177,25 +179,25 @@ def _values(place: CompletionContext, registry: Registry, tree: ProjectTree | No
     )
     yield from (Completion("value", choice) for choice in choices)
     if parameter is not None and parameter.role is ParameterRole.REFERENCE:
-        yield from (Completion("value", name) for name in _nodes_meant(parameter, tree))
+        yield from (Completion("value", name) for name in _referable_nodes(parameter, tree))
     elif parameter is not None and parameter.direction is not None:
         yield from (Completion("key", f"{{{key}}}") for key in _keys(tree))
 
 
 def _keys(tree: ProjectTree | None) -> list[str]:
-    """Return the keys of all trees of a file."""
+    """Return the blackboard keys that all trees of a file use."""
     if tree is None:
         return []
     return sorted({key for each in tree.context.key_accesses.values() for key in each.keys})
 
 
-def _nodes_meant(parameter: Parameter, tree: ProjectTree | None) -> list[str]:
-    """Return the names of the nodes to which a reference can refer."""
+def _referable_nodes(parameter: Parameter, tree: ProjectTree | None) -> list[str]:
+    """Return the names of the nodes to which a reference parameter can refer."""
     nodes = (node for each in (tree.context.trees if tree else ()) for node in each.nodes)
     return sorted({node.name for node in nodes if node.spec.is_class_of(parameter)})
 
 
 def page_of_tag(tag: str, registry: Registry) -> str | None:
-    """Return the description of a tag, with its ports and possible outcomes; None for an unknown tag."""
+    """Return the description of a tag with its attributes and possible outcomes; None if the tag is unknown."""
     specs = registry.variants(tag) or ([subtree()] if tag == SUBTREE_TAG else [])
     return nodes_as_text(specs) if specs else None

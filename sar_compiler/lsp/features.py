@@ -1,4 +1,4 @@
-"""The supported requests of the Language Server Protocol."""
+"""The requests of the Language Server Protocol that the server supports."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -25,14 +25,14 @@ def tree_server(
     options: Sequence[str],
     new_budget: Callable[[], Budget],
 ) -> TreeServer:
-    """Return a server with all its features.
+    """Create a language server that supports all these requests.
 
     Args:
         version: The version of this project.
-        additions: The user's additions to any project's configuration.
+        additions: The user's additions to the configurations of all projects.
         command: The command that starts `sar-compile`.
-        options: The options that define the additions.
-        new_budget: Returns the budget of a check.
+        options: The command-line options that define the additions.
+        new_budget: Function that creates the budget of a check.
     """
     server = TreeServer(version, additions, command, options, new_budget)
     _add_texts(server)
@@ -106,7 +106,7 @@ def _add_help(server: TreeServer) -> None:
 
 
 async def _tree(server: TreeServer, uri: str) -> ProjectTree | None:
-    """Return a file as it is; None while it cannot be parsed."""
+    """Return the tree parsed from a file's current text; None while the text cannot be parsed."""
     file = await server.wait_for_check(uri)
     return file.current_tree if file else None
 
@@ -115,7 +115,7 @@ def _formatting_edits(server: TreeServer, tree: ProjectTree) -> list[lsp.TextEdi
     """Return the edit that formats a file canonically.
 
     Raises:
-        JsonRpcInvalidParams: If it has no canonical form.
+        JsonRpcInvalidParams: If the file cannot be formatted.
     """
     source = tree.source
     try:
@@ -161,8 +161,8 @@ def _add_names(server: TreeServer) -> None:
         with _show_refusal():
             check_renaming(thing)
         places = [place.range for place in map(server.location, thing.spots) if place.uri == uri]
-        held = (each for each in places if each.start <= position <= each.end)
-        return next((lsp.PrepareRenamePlaceholder(each, thing.name) for each in held), None)
+        at_cursor = (each for each in places if each.start <= position <= each.end)
+        return next((lsp.PrepareRenamePlaceholder(each, thing.name) for each in at_cursor), None)
 
     @server.feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
     async def symbols(params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
@@ -172,7 +172,7 @@ def _add_names(server: TreeServer) -> None:
 
 @contextmanager
 def _show_refusal() -> Iterator[None]:
-    """Show in the editor why an action is impossible."""
+    """Show the message of a `SarError` in the editor."""
     try:
         yield
     except SarError as error:
@@ -186,10 +186,10 @@ def _add_commands(server: TreeServer) -> None:
         tree = await _tree(server, uri)
         return server.lenses(uri, tree) if tree else []
 
-    def add(what: str, name: str) -> None:
+    def add(subcommand: str, name: str) -> None:
         @server.command(name)
         async def run(uri: str, tree_id: str | None = None) -> bool:
-            return await server.run_command(what, uri, tree_id)
+            return await server.run_command(subcommand, uri, tree_id)
 
-    for what, name in COMMANDS.items():
-        add(what, name)
+    for subcommand, name in COMMANDS.items():
+        add(subcommand, name)

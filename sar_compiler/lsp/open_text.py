@@ -1,7 +1,7 @@
-"""The text of an open file, and findings that move with it.
+"""The text of an open file, and the findings about it, whose positions move with edits.
 
-While a tag is incomplete, most of a file cannot be parsed, and its findings would vanish until the tag is closed. So the
-findings of the last text that could be parsed stay, except those whose own text was edited.
+While a tag is incomplete, most of a file cannot be parsed, and the findings would vanish until the tag is closed. So
+the findings about the last text that could be parsed remain, except for findings whose text was edited.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -16,11 +16,11 @@ from sar_compiler.tree.discovery import FORMS, is_other_file_type
 
 
 class Edit(NamedTuple):
-    """A replacement of one piece of text.
+    """The replacement of a part of a text.
 
     Attributes:
         start: The offset of the first character to remove.
-        end: The offset after the last one.
+        end: The offset after the last character to remove.
         length: The number of inserted characters.
     """
 
@@ -35,19 +35,19 @@ class Edit(NamedTuple):
 
 
 def edit_between(old: str, new: str) -> Edit:
-    """Return the smallest edit from one text to another."""
+    """Return the smallest edit that changes one text into another."""
     most = min(len(old), len(new))
     start = _common_length(most, lambda low, high: old[low:high] == new[low:high])
     ends = len(old), len(new)
-    behind = _common_length(
+    tail = _common_length(
         most - start,
         lambda low, high: old[ends[0] - high : ends[0] - low] == new[ends[1] - high : ends[1] - low],
     )
-    return Edit(start, len(old) - behind, len(new) - behind - start)
+    return Edit(start, len(old) - tail, len(new) - tail - start)
 
 
 def _common_length(limit: int, are_alike: Callable[[int, int], bool]) -> int:
-    """Return the number of equal characters of two texts up to a limit, given a comparison of ranges."""
+    """Return the length of the common beginning of two texts, up to a limit; *are_alike* compares a range of both."""
     alike, different = 0, limit + 1
     while different - alike > 1:
         middle = (alike + different) // 2
@@ -59,13 +59,13 @@ def _common_length(limit: int, are_alike: Callable[[int, int], bool]) -> int:
 
 
 class PlacedFinding(NamedTuple):
-    """A finding in an edited text.
+    """A finding with its position in the edited text.
 
     Attributes:
-        finding: The original finding.
-        start: The offset of its first character.
-        end: The offset after its last one.
-        is_touched: Whether its own text was edited since.
+        finding: The finding, with its position in the text that was checked.
+        start: The offset of the first character in the edited text.
+        end: The offset after the last character in the edited text.
+        is_touched: Whether the text at the finding was edited since the check.
     """
 
     finding: Diagnostic
@@ -75,11 +75,11 @@ class PlacedFinding(NamedTuple):
 
     @classmethod
     def from_finding(cls, finding: Diagnostic) -> "PlacedFinding":
-        """Return a finding in the text in which it was found."""
+        """Return a finding with its position in the text that was checked."""
         return cls(finding, *finding.source.offsets(finding.span))
 
     def after_edit(self, edit: Edit) -> "PlacedFinding":
-        """Return its position after an edit."""
+        """Return the finding with its position after an edit."""
         if edit.end <= self.start:
             return self._replace(start=self.start + edit.growth, end=self.end + edit.growth)
         if edit.start > self.end:
@@ -90,17 +90,17 @@ class PlacedFinding(NamedTuple):
 
 @dataclass
 class OpenText:
-    """An edited text with its analysis.
+    """The text of an open file, with the results of its last check.
 
     Attributes:
-        path: The file.
-        text: The text.
+        path: The path of the file.
+        text: The current text.
         version: The editor's version number of the text.
-        shown: The findings about it, at their present positions.
-        elsewhere: The findings about other files, such as those that it includes.
-        tree: The file when it was last parsed; None before.
-        is_checked: Whether the analysis is of the present text.
-        seen: The texts of other open files with which it was checked, by their names.
+        shown: The findings about the file, at their positions in the current text.
+        elsewhere: The findings about other files, such as included files.
+        tree: The last version of the file that could be parsed; None if there is none.
+        is_checked: Whether the current text was checked.
+        seen: The versions of other open files with which this file was checked, by URI.
     """
 
     path: Path
@@ -119,22 +119,22 @@ class OpenText:
 
     @property
     def form(self) -> Form:
-        """Its form."""
+        """The format of the file."""
         return FORMS.get(self.path.suffix.lower(), Form.XML)
 
     def is_foreign(self) -> bool:
-        """Return whether an open file has never been a tree file."""
+        """Return whether the file has not been a tree file at any time since it was opened."""
         is_other = is_other_file_type(self.text, self.form)
         self._was_tree = self._was_tree or bool(self.text.strip() and not is_other)
         return is_other and not self._was_tree
 
     @property
     def current_tree(self) -> ProjectTree | None:
-        """The parsed file; None while it cannot be parsed."""
+        """The tree parsed from the current text; None while the text cannot be parsed or is not checked yet."""
         return self.tree if self.tree is not None and self.tree.source.text == self.text else None
 
     def change(self, text: str, version: int | None) -> None:
-        """Store a new text."""
+        """Store a new text, and move the findings to their positions in it."""
         edit = edit_between(self.text, text)
         self.text, self.version, self.is_checked = text, version, False
         self.shown = [each.after_edit(edit) for each in self.shown]
@@ -143,22 +143,22 @@ class OpenText:
         self._edited = self._edited_region(edit)
 
     def _edited_region(self, edit: Edit) -> tuple[int, int]:
-        """Return the region of continued typing, in which adjacent edits are joined."""
+        """Return the start and end of the region of continued typing, which consists of adjacent edits."""
         start, end = edit.start, edit.start + edit.length
         if self._edited is None or edit.end < self._edited[0] or edit.start > self._edited[1]:
             return start, end
         return min(start, self._edited[0]), max(end, self._edited[1] + edit.growth)
 
     def mark_complete(self) -> None:
-        """Treat the text as complete, because the file was saved."""
+        """Treat the text as complete, for example because the file was saved."""
         self._edited = None
 
     def set_findings(self, tree: ProjectTree | None, findings: Iterable[Diagnostic]) -> None:
-        """Store the findings about the present text.
+        """Store the findings of a check of the current text.
 
         Args:
-            tree: The file; None if its project's configuration has errors.
-            findings: The findings in it and in other files.
+            tree: The checked file; None if the configuration of its project has errors.
+            findings: The findings about this file and about other files.
         """
         findings = list(findings)
         own = real_path(self.path)
@@ -170,28 +170,28 @@ class OpenText:
         if tree is not None and not tree.is_malformed:
             self.tree = tree
         if self._is_half_typed(tree, found):
-            told = {(each.finding.code, each.start) for each in found}
-            stay = [each for each in self._sound if not each.is_touched]
-            found += [each for each in stay if (each.finding.code, each.start) not in told]
+            new = {(each.finding.code, each.start) for each in found}
+            former = [each for each in self._sound if not each.is_touched]
+            found += [each for each in former if (each.finding.code, each.start) not in new]
             elsewhere = list(dict.fromkeys([*elsewhere, *self._sound_elsewhere]))
         else:
             self._sound, self._sound_elsewhere = found, elsewhere
-        # The errors of ticks stay until runs are tried again.
+        # The findings about errors in ticks remain until runs are explored again.
         found += [each for each in self._raised if not each.is_touched]
         self.shown, self.elsewhere = sorted(found, key=lambda each: each.start), elsewhere
 
     def set_tick_errors(self, findings: Iterable[Diagnostic]) -> None:
-        """Store the errors of ticks of the present text."""
+        """Store the findings about errors that ticks of the current tree raise."""
         before = {id(each.finding) for each in self._raised}
         own = real_path(self.path)
         self._raised = [
             PlacedFinding.from_finding(each) for each in findings if real_path(Path(each.source.path)) == own
         ]
-        kept = [each for each in self.shown if id(each.finding) not in before]
-        self.shown = sorted([*kept, *self._raised], key=lambda each: each.start)
+        others = [each for each in self.shown if id(each.finding) not in before]
+        self.shown = sorted([*others, *self._raised], key=lambda each: each.start)
 
     def _is_half_typed(self, tree: ProjectTree | None, found: Iterable[PlacedFinding]) -> bool:
-        """Return whether new errors result only from an incomplete text."""
+        """Return whether errors are probably caused by text that the user has not completed yet."""
         if tree is not None and tree.is_malformed:
             return True
         if self._edited is None:

@@ -1,8 +1,8 @@
-"""The language server: its open files, their checks, and the messages to the editor.
+"""The language server: its open files, their checks, and its messages to the editor.
 
-Texts are processed in order. A check runs in a separate thread, one at a time and within a budget. After each change the server
-sends the findings so far at once, moved with the text, and the new findings after the check. When the editor cancels a request,
-the process that the request has started ends as well.
+Changed files are checked one after the other, in a separate thread and within a budget. After each change, the server
+at once sends the previous findings at their new positions, and sends the new findings after the check. When the editor
+cancels a request, the process that the request has started is killed.
 """
 
 import asyncio
@@ -26,7 +26,7 @@ from sar_compiler.editing.names import NamedThing, NameLocation, name_at
 from sar_compiler.editing.operations import edits_of, refactorings_at
 from sar_compiler.editing.text_edits import TextEdit
 from sar_compiler.errors import SarError
-from sar_compiler.lsp.completions import completions_at, page_of_tag, place_in
+from sar_compiler.lsp.completions import completions_for, context_at, page_of_tag
 from sar_compiler.lsp.open_text import OpenText, PlacedFinding
 from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.nodes.registry import Registry
@@ -51,17 +51,17 @@ _KINDS = {
     "tree": lsp.CompletionItemKind.Module,
 }
 COMMANDS = {"verify": "sar.verify", "simulate": "sar.simulate"}
-"""The subcommands of `sar-compile` for the lenses, with the commands that an editor requests."""
+"""The names of the editor's commands, by the subcommand of `sar-compile` that they run; code lenses offer them."""
 _REFACTORINGS = {"extract": lsp.CodeActionKind.RefactorExtract, "inline": lsp.CodeActionKind.RefactorInline}
 _IDLE_SEC = 0.5
-"""The pause in typing before runs are tried."""
+"""The pause in typing, in seconds, after which runs are explored."""
 
 
 _OfThread = TypeVar("_OfThread")
 
 
 class _IdleBudget(SearchBudget):
-    """The budget for trying runs while typing pauses."""
+    """The budget for exploring runs while typing pauses."""
 
     def __init__(self, interrupted: threading.Event) -> None:
         super().__init__(WORK)
@@ -73,14 +73,14 @@ class _IdleBudget(SearchBudget):
 
 
 class TreeServer(LanguageServer):
-    """A language server for tree files.
+    """The language server for tree files.
 
     Args:
         version: The version of this project.
-        additions: The user's additions to any project's configuration.
+        additions: The user's additions to the configurations of all projects.
         command: The command that starts `sar-compile`.
-        options: The options that define the additions.
-        new_budget: Returns the budget of a check.
+        options: The command-line options that define the additions.
+        new_budget: Function that creates the budget of a check.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class TreeServer(LanguageServer):
         self._options = options
         self._additions = additions
         self._open: dict[str, OpenText] = {}
-        self._texts: Mapping[Path, str] = {}  # the settings that affect a check
+        self._texts: Mapping[Path, str] = {}  # the texts of open files during a check
         self._unchanged: dict[Path, tuple[FileIdentity | str | None, TreeFile]] = {}
         self._loader = self._new_loader()
         self._wanted: dict[str, None] = {}
@@ -106,7 +106,7 @@ class TreeServer(LanguageServer):
         self._checked = asyncio.Event()
         self._changed = threading.Event()
         self._thread = ThreadPoolExecutor(1, "checks")
-        self._told: dict[str, set[str]] = {}
+        self._published: dict[str, set[str]] = {}
         self._problems: set[str] = set()
 
     def _new_loader(self) -> Workspace:
@@ -116,13 +116,13 @@ class TreeServer(LanguageServer):
         return Workspace(self._additions, self._read, note, [check_mission])
 
     def open_folders(self, uris: Iterable[str]) -> None:
-        """Treat the files in the editor's open folders as one set."""
+        """Check the files in the editor's open folders as one set."""
         folders = [path for uri in uris if (path := to_fs_path(uri)) is not None]
         self._additions = self._additions._replace(folders=tuple(map(Path, folders)))
         self.renew()
 
     def _report_problem(self, problem: str) -> None:
-        """Show once why a file cannot be checked, from the thread of the checks."""
+        """Show the reason why a file cannot be checked, if it was not shown yet; called in the thread of the checks."""
         self._log(lsp.MessageType.Error, problem)
         if problem not in self._problems:
             self._problems.add(problem)
@@ -130,11 +130,11 @@ class TreeServer(LanguageServer):
             self._loop.call_soon_threadsafe(self.window_show_message, message)
 
     def _log(self, kind: lsp.MessageType, text: str) -> None:
-        """Log a message, from the thread of the checks."""
+        """Log a message in the editor; called in the thread of the checks."""
         self._loop.call_soon_threadsafe(self.window_log_message, lsp.LogMessageParams(kind, text))
 
     def _read(self, path: Path) -> TreeFile:
-        """Read a file in the editor's version; cache unchanged files."""
+        """Read the editor's version of a file, or the file from the disk if it is not open; cache unchanged files."""
         text = self._texts.get(real_path(path))
         content = read_file(path, TREE) if text is None else None
         version = text if content is None else content.identity
@@ -147,40 +147,40 @@ class TreeServer(LanguageServer):
     # Texts
 
     def on_opened(self, uri: str, text: str, version: int) -> None:
-        """Store a file that was opened."""
+        """Store the text of a file that was opened, and check it."""
         path = to_fs_path(uri)
         if path is not None:
             self._open[uri] = OpenText(Path(path), text, version)
             self._request_check(uri)
 
     def on_changed(self, uri: str, text: str, version: int) -> None:
-        """Apply a change, and send the findings so far at their new positions."""
+        """Store a changed text, send the previous findings at their new positions, and check the text."""
         if uri in self._open:
             self._open[uri].change(text, version)
             self._publish(uri)
             self._request_check(uri)
 
     def on_saved(self, uri: str) -> None:
-        """Check a file that was saved, and all other open files."""
+        """Check all open files again, because a file was saved."""
         if uri in self._open:
             self._open[uri].mark_complete()
         self.renew()
 
     def on_closed(self, uri: str) -> None:
-        """Discard a closed file's text, and its findings unless another file includes it."""
+        """Discard a closed file's text, and the findings about it unless an open file includes it."""
         self._open.pop(uri, None)
         self._wanted.pop(uri, None)
-        self._publish(uri, *self._told.pop(uri, ()))
+        self._publish(uri, *self._published.pop(uri, ()))
         self.renew()
 
     def renew(self) -> None:
-        """Check all open files again after a change outside of them."""
+        """Check all open files again, because other files or settings have changed."""
         self._loader = self._new_loader()
         for uri in self._open:
             self._request_check(uri)
 
     def open_text(self, uri: str) -> OpenText | None:
-        """Return an open file."""
+        """Return the open file with a URI; None if it is not open."""
         return self._open.get(uri)
 
     # Checks
@@ -207,7 +207,7 @@ class TreeServer(LanguageServer):
                 checked.clear()
 
     async def _is_idle(self) -> bool:
-        """Return whether typing pauses."""
+        """Wait, and return whether the user has not typed meanwhile."""
         self._awoken.clear()
         with contextlib.suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self._awoken.wait(), _IDLE_SEC)
@@ -228,13 +228,13 @@ class TreeServer(LanguageServer):
             file.set_findings(tree, findings)
             self._publish(uri)
             for other, each in self._open.items():
-                if other != uri and _depends(each, path):
+                if other != uri and _depends_on(each, path):
                     self._recheck(other, because=uri)
             self._checked.set()
             self._checked = asyncio.Event()
 
     def _recheck(self, uri: str, because: str) -> None:
-        """Queue a dependent file for checking, once per version of the file it depends on."""
+        """Request the check of a file that depends on another file, once for each version of the other file."""
         stamp = (because, self._open[because].version)
         if self._open[uri].seen.get(because) != stamp[1]:
             self._open[uri].seen[because] = stamp[1]
@@ -251,28 +251,28 @@ class TreeServer(LanguageServer):
         except SarError as error:
             self._report_problem(str(error))
             return tree, []
-        except Exception as error:  # noqa: BLE001 - whatever it is, there is something to say about the file
+        except Exception as error:  # noqa: BLE001 - any error becomes a finding about the file
             return tree, [failure_of_file(path, error)]
         loader.report_use()
         return tree, findings
 
     async def _run_in_budget(self, path: Path, function: Callable[[], _OfThread]) -> _OfThread | None:
-        """Return the result of some work on a file; report an exhausted budget, and return None."""
+        """Call a function about a file within a budget; if the budget is exhausted, report it and return None."""
         budget = self._new_budget()
 
         def run_checks() -> _OfThread | None:
             try:
                 return budget.run(function)
             except BudgetSpentError:
-                self._report_problem(f"{path}: not checked: {budget.reason}")
-                # The abandoned check may have stopped anywhere in it.
+                self._report_problem(f"{path} was not checked: {budget.reason}")
+                # The abandoned check may have left the loader in an inconsistent state.
                 self._loader = self._new_loader()
                 return None
 
         return await self._loop.run_in_executor(self._thread, run_checks)
 
     async def _try_runs(self, uri: str) -> None:
-        """Try the runs of a file while typing pauses, and send their errors."""
+        """Explore the runs of a file while typing pauses, and send the findings about errors in ticks."""
         file = self._open.get(uri)
         tree = file.current_tree if file is not None else None
         if file is None or tree is None:
@@ -288,32 +288,29 @@ class TreeServer(LanguageServer):
     def _publish(self, *uris: str) -> None:
         for uri in uris:
             file = self._open.get(uri)
-            beside: dict[str, list[Diagnostic]] = {}
-            for each in file.elsewhere if file else ():
-                beside.setdefault(from_fs_path(str(real_path(Path(each.source.path)))) or "", []).append(each)
-            before = self._told.get(uri, set())
-            self._told[uri] = set(beside)
-            for about in {uri, *before, *beside}:
+            others = {_uri_of(each) for each in file.elsewhere} if file else set()
+            before = self._published.get(uri, set())
+            self._published[uri] = others
+            for about in {uri, *before, *others}:
                 self._publish_about(about)
 
     def _publish_about(self, uri: str) -> None:
-        """Send all findings about one file, including those found by checks of other files."""
+        """Send all findings about one file, including findings from checks of other files."""
         file = self._open.get(uri)
-        told: dict[object, lsp.Diagnostic] = {}
+        unique: dict[object, lsp.Diagnostic] = {}
         if file is not None:
             source = Source(str(file.path), file.text, NO_SPANS)
             for placed in file.shown:
-                told[placed.finding.code, placed.finding.message, placed.start] = self._diagnostic(
-                    source, placed
-                )
+                key = placed.finding.code, placed.finding.message, placed.start
+                unique[key] = self._diagnostic(source, placed)
         for other in self._open.values():
             for each in other.elsewhere:
-                if from_fs_path(str(real_path(Path(each.source.path)))) == uri:
+                if _uri_of(each) == uri:
                     placed = PlacedFinding.from_finding(each)
                     key = each.code, each.message, placed.start
-                    told.setdefault(key, self._diagnostic(each.source, placed))
+                    unique.setdefault(key, self._diagnostic(each.source, placed))
         version = file.version if file else None
-        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, [*told.values()], version))
+        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, [*unique.values()], version))
 
     def _diagnostic(self, source: Source, placed: PlacedFinding) -> lsp.Diagnostic:
         finding = placed.finding
@@ -327,7 +324,7 @@ class TreeServer(LanguageServer):
         )
 
     def range_of(self, source: Source, start: int, end: int) -> lsp.Range:
-        """Return a range of a text in the editor's units."""
+        """Convert two offsets in a text to a range in the editor's units."""
         return lsp.Range(self._position(source, start), self._position(source, end))
 
     def _position(self, source: Source, offset: int) -> lsp.Position:
@@ -337,7 +334,7 @@ class TreeServer(LanguageServer):
         return lsp.Position(line - 1, units)
 
     def offset_of(self, file: OpenText, position: lsp.Position) -> int:
-        """Return the offset of an editor's position in a text."""
+        """Convert a position in the editor's units to an offset in a file's text."""
         source = Source(str(file.path), file.text, NO_SPANS)
         starts, codec = source.line_starts, self.workspace.position_codec
         if position.line >= len(starts):
@@ -354,13 +351,13 @@ class TreeServer(LanguageServer):
     # Requests
 
     async def wait_for_check(self, uri: str) -> OpenText | None:
-        """Return an open file after its text has been checked."""
+        """Wait until the current text of an open file has been checked, and return the file; None if it is not open."""
         while (file := self._open.get(uri)) is not None and not file.is_checked:
             await self._checked.wait()
         return self._open.get(uri)
 
     async def name_at(self, uri: str, position: lsp.Position) -> NamedThing | None:
-        """Return the meaning of the name at a position."""
+        """Return the tree, node or key whose name is at a position; None if there is no name."""
         file = await self.wait_for_check(uri)
         tree = file.current_tree if file is not None else None
         if file is None or tree is None:
@@ -370,32 +367,31 @@ class TreeServer(LanguageServer):
         return name_at(tree, self.offset_of(file, position), beside)
 
     def location(self, spot: NameLocation) -> lsp.Location:
-        """Return the locations of a name."""
+        """Convert the location of a name to the editor's form."""
         uri = from_fs_path(str(real_path(Path(spot.source.path)))) or ""
         return lsp.Location(self._as_opened(uri), self.range_of(spot.source, *spot.source.offsets(spot.span)))
 
     def _as_opened(self, uri: str) -> str:
-        """Return the editor's URI of a file, which may refer to a link."""
+        """Return the URI with which the editor has opened a file, which may be that of a link."""
         path = to_fs_path(uri)
         return next((name for name, each in self._open.items() if str(real_path(each.path)) == path), uri)
 
     def completions(self, file: OpenText, position: lsp.Position) -> list[lsp.CompletionItem]:
         """Return the completions at a position."""
         form = file.form
-        place = None if file.is_foreign() else place_in(file.text, self.offset_of(file, position), form)
-        if place is None:
+        context = None if file.is_foreign() else context_at(file.text, self.offset_of(file, position), form)
+        if context is None:
             return []
-        registry = self._vocabulary(file)
-        offers = completions_at(place, registry, file.tree, form)
+        completions = completions_for(context, self._vocabulary(file), file.tree, form)
         return [
             lsp.CompletionItem(
                 each.text, kind=_KINDS[each.kind], detail=each.doc or None, sort_text=f"{number:05}"
             )
-            for number, each in enumerate({each.text: each for each in offers}.values())
+            for number, each in enumerate({each.text: each for each in completions}.values())
         ]
 
     def _vocabulary(self, file: OpenText) -> Registry:
-        """Return the known tags; empty if the project cannot be loaded, which the findings report."""
+        """Return the known tags of a file's project; empty if the project cannot be loaded, which is a finding."""
         try:
             if file.tree is not None:
                 return file.tree.context.registry
@@ -404,7 +400,7 @@ class TreeServer(LanguageServer):
             return Registry()
 
     def hover(self, file: OpenText, position: lsp.Position) -> lsp.Hover | None:
-        """Return the description of the node at a position, with its ports and possible outcomes."""
+        """Return the description of the node at a position, with its attributes and possible outcomes."""
         tree = file.current_tree
         if tree is None:
             return None
@@ -416,7 +412,7 @@ class TreeServer(LanguageServer):
         )
 
     def actions(self, uri: str, file: OpenText, wanted: lsp.Range) -> list[lsp.CodeAction]:
-        """Return the fixes of the findings in a range of text, and one for all safe fixes."""
+        """Return the actions in a range of text: the fixes of findings, all safe fixes, and the refactorings."""
         tree = file.current_tree
         if tree is None or tree.tree_file is None:
             return []
@@ -426,7 +422,7 @@ class TreeServer(LanguageServer):
         here = list(each_fix(tree.source, tree.tree_file, own, lambda _finding: True))
         found = [
             lsp.CodeAction(
-                f"Write {fix.finding.suggestion}" if fix.finding.suggestion else "Leave it out",
+                f"Replace by {fix.finding.suggestion}" if fix.finding.suggestion else "Delete",
                 lsp.CodeActionKind.QuickFix,
                 [self._diagnostic(tree.source, PlacedFinding.from_finding(fix.finding))],
                 edit=self._edit(uri, tree.source, [fix]),
@@ -442,7 +438,7 @@ class TreeServer(LanguageServer):
         return [*found, *self._refactorings(uri, tree, first)]
 
     def _refactorings(self, uri: str, tree: ProjectTree, offset: int) -> Iterator[lsp.CodeAction]:
-        """Yield the operations on the element at an offset; their edits follow when one is chosen."""
+        """Yield the operations on the element at an offset; the editor requests the edits of the chosen operation."""
         elements = [*tree.forest.main.root.iterate()]
         number = (
             bisect.bisect_right(elements, tree.source.position_of(offset), key=lambda each: each.position) - 1
@@ -458,7 +454,7 @@ class TreeServer(LanguageServer):
         """Return the edit of an operation on a file.
 
         Raises:
-            EditError: If it is impossible.
+            EditError: If the operation is impossible.
         """
         return self._edit(uri, tree.source, edits_of(tree.forest.main, operation, **arguments))
 
@@ -467,7 +463,7 @@ class TreeServer(LanguageServer):
         return lsp.WorkspaceEdit({uri: edits})
 
     def symbols(self, tree: ProjectTree) -> list[lsp.DocumentSymbol]:
-        """Return the trees of a file with the nodes in them."""
+        """Return the trees of a file with their nodes."""
         return [self._symbol(each) for each in tree.forest.main.trees]
 
     def _symbol(self, element: Element) -> lsp.DocumentSymbol:
@@ -483,7 +479,7 @@ class TreeServer(LanguageServer):
         return lsp.DocumentSymbol(name, kind, lsp.Range(place.start, end), place, element.tag, children=inner)
 
     def lenses(self, uri: str, tree: ProjectTree) -> list[lsp.CodeLens]:
-        """Return the lenses above the trees that may be executed."""
+        """Return the code lenses, which are above each tree that may be executed."""
         own = [each for each in tree.forest.executable if each.source is tree.source]
         found = []
         for element in own:
@@ -493,35 +489,35 @@ class TreeServer(LanguageServer):
                 found.append(lsp.CodeLens(place, lsp.Command(title, name, arguments=arguments)))
         return found
 
-    async def run_command(self, what: str, uri: str, tree_id: str | None) -> bool:
-        """Run a subcommand of `sar-compile` on the current text, and show its output.
+    async def run_command(self, subcommand: str, uri: str, tree_id: str | None) -> bool:
+        """Run a subcommand of `sar-compile` on the current text of a file, and log its output.
 
         Returns:
-            Whether it found no problem.
+            Whether the command has succeeded.
         """
         file = self._open.get(uri)
         if file is None:
             return False
         chosen = [f"--tree={tree_id}"] if tree_id else []
         process = await asyncio.create_subprocess_exec(
-            *self._command, what, "-", *chosen, *self._options,
+            *self._command, subcommand, "-", *chosen, *self._options,
             cwd=file.path.parent, env=dependent_environment(),
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.STDOUT,
         )  # fmt: skip
         number = self.protocol.msg_id
         request = None if number is None else self.protocol._request_futures.get(number)  # noqa: SLF001
         if request is not None:
-            # pygls cancels the response to the request, but not its computation.
+            # When a request is cancelled, pygls cancels only the response, so the process is killed here.
             request.add_done_callback(lambda _: _kill(process))
         output, _ = await process.communicate(file.text.encode())
-        said = output.decode("utf-8", "replace").strip().replace("<stdin>", str(file.path))
-        is_fine = process.returncode == 0
-        kind = lsp.MessageType.Info if is_fine else lsp.MessageType.Warning
-        self.window_log_message(lsp.LogMessageParams(kind, said))
-        told = "in order" if is_fine else "not in order"
-        message = f"{what} {file.path.name}: {told}. The server's log has the full text"
+        text = output.decode("utf-8", "replace").strip().replace("<stdin>", str(file.path))
+        has_succeeded = process.returncode == 0
+        kind = lsp.MessageType.Info if has_succeeded else lsp.MessageType.Warning
+        self.window_log_message(lsp.LogMessageParams(kind, text))
+        result = "no problems found" if has_succeeded else "problems found"
+        message = f"{subcommand} {file.path.name}: {result}. The server's log contains the output"
         self.window_show_message(lsp.ShowMessageParams(kind, message))
-        return is_fine
+        return has_succeeded
 
 
 def _kill(process: asyncio.subprocess.Process) -> None:
@@ -529,12 +525,18 @@ def _kill(process: asyncio.subprocess.Process) -> None:
         process.kill()
 
 
-def _depends(file: OpenText, path: Path) -> bool:
-    """Return whether the findings of a file depend on another one."""
+def _uri_of(finding: Diagnostic) -> str:
+    return from_fs_path(str(real_path(Path(finding.source.path)))) or ""
+
+
+def _depends_on(file: OpenText, path: Path) -> bool:
+    """Return whether the findings about an open file depend on another file."""
     tree = file.tree
     if tree is None:
         return False
-    tree_set = tree.forest.tree_set  # the project of the check, which may have been replaced
+    tree_set = (
+        tree.forest.tree_set
+    )  # not the set of the project, which may have been replaced since the check
     return (tree_set is not None and tree_set.is_read) or any(
         real_path(Path(each.source.path)) == real_path(path) for each in tree.forest.files
     )

@@ -1,6 +1,6 @@
-"""The graphical editor: a page with the tree drawn beside its text, and the queries of that page.
+"""The graphical editor: a page that shows the drawing of a tree and its text, and the functions behind it.
 
-The page is in `static`. It asks `tree_studio` over HTTP (`web.edit_page`).
+The page is in `static`. It sends requests over HTTP (`web.edit_page`), to which `tree_studio` responds.
 """
 
 PUBLIC_MODULES = ("tree_studio",)

@@ -1,4 +1,4 @@
-"""The file behind the graphical editor: its text, its version on the disk, and how it is saved."""
+"""A file of the graphical editor, which is read, compared and written with its version on the disk."""
 
 import hashlib
 import re
@@ -15,13 +15,13 @@ _CRLF = re.compile(r"\r\n")
 
 
 class EditedDocument:
-    """The file of the page, as it was last read or written.
+    """A file that the page edits.
 
     Args:
-        path: The file.
+        path: The path of the file.
 
     Attributes:
-        path: The file.
+        path: The path of the file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -32,11 +32,11 @@ class EditedDocument:
     def load(self) -> Mapping[str, object]:
         """Return the text of the file with its version.
 
-        A file whose lines all end with CRLF is edited with LF, and written with CRLF again.
+        If all lines of the file end with CRLF, they end with LF in the returned text, and are written with CRLF again.
 
         Raises:
-            UnreadableFileError: If it cannot be read.
-            TreeError: If it is not text.
+            UnreadableFileError: If the file cannot be read.
+            TreeError: If the file is not text.
         """
         data = read_file(self.path, TREE).data
         self._source = source = _source_of(data, self.path)
@@ -50,14 +50,14 @@ class EditedDocument:
         Args:
             text: The text.
             version: The version that the page has read or written last.
-            overwrite: Whether to write although the file has changed since.
+            overwrite: Whether to write the file even if another program has changed it since.
 
         Returns:
-            The new version; or `has_changed`, and nothing is written.
+            The new version; `has_changed` if another program has changed the file, which is then not written.
 
         Raises:
-            UnreadableFileError: If it cannot be read.
-            WriteError: If it cannot be written.
+            UnreadableFileError: If the file cannot be read.
+            WriteError: If the file cannot be written.
         """
         if not overwrite and self.is_changed(version):
             return {"has_changed": True}
@@ -67,15 +67,15 @@ class EditedDocument:
         return {"version": _version(data)}
 
     def is_changed(self, version: str) -> bool:
-        """Return whether the file on the disk is another version."""
+        """Return whether the version of the file on the disk differs from a version."""
         return _version(read_file(self.path, TREE).data) != version
 
 
 def _source_of(data: bytes, path: Path) -> Source:
-    """Return the text of a file, even of one that cannot be parsed.
+    """Return the text of a file, even if it cannot be parsed.
 
     Raises:
-        TreeError: If it is not text.
+        TreeError: If the file is not text.
     """
     try:
         return parse_tree(data, str(path)).source

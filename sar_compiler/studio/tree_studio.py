@@ -1,7 +1,7 @@
-"""The questions of the editor's page about the tree files of a project; values and results are JSON values.
+"""The requests of the editor's page about the tree files of a project; arguments and responses are JSON values.
 
-Each question comes with the present text, so nothing here is a second document. Offsets count UTF-16 units, as JavaScript
-does. The page asks over HTTP (`web.edit_page`), or in the browser itself, where Python runs in a worker.
+Each request contains the current text, so the page has the only copy that is edited. Offsets count UTF-16 units, as in
+JavaScript. The page sends requests over HTTP (`web.edit_page`), or to Python in a worker of the browser.
 """
 
 import bisect
@@ -42,21 +42,21 @@ from sar_compiler.views.drawing import svg
 from sar_compiler.writing import write_bytes
 
 MOST_STATES = 1_000_000
-"""The most states of an analysis."""
+"""The default maximum number of states of an analysis."""
 SIDE_BY_SIDE = frozenset({"verify", "predict", "progress", "stop"})
-"""The questions that are answered while others are."""
+"""The requests that are processed in parallel with other requests."""
 _MOST_TICKS = 1000
 _ENDED = ("SUCCESS", "FAILURE")
 
 
 class Studio:
-    """Answers the page about the files of a project.
+    """The back end of the editor's page for a file, and for the other files of its project.
 
     Args:
         path: The file that is opened first.
-        additions: The user's additions to its project's configuration.
-        max_states: The most states of an analysis.
-        on_progress: Called now and then with the number of states that an analysis has found.
+        additions: The user's additions to the configuration of the file's project.
+        max_states: The maximum number of states of an analysis.
+        on_progress: Called repeatedly with the number of states that an analysis has found.
 
     Attributes:
         document: The file.
@@ -79,7 +79,7 @@ class Studio:
         self._budget = Budget()
         self._states = 0
         self._scenario: Mapping[str, object] = {}
-        self._questions: Mapping[str, Callable[..., object]] = {
+        self._requests: Mapping[str, Callable[..., object]] = {
             "open": self.document.load,
             "save": self.document.save_text,
             "compare": self.compare,
@@ -96,20 +96,21 @@ class Studio:
             "stop": lambda: self._budget.spend("stopped"),
         }
 
-    def answer_question(self, question: str, values: Mapping[str, Any]) -> object:
-        """Return the answer to a question of the page; `error` in it says why there is none.
+    def answer_question(self, request: str, values: Mapping[str, Any]) -> object:
+        """Return the response to a request of the page; `error` in it is the reason of a failure.
 
         Args:
-            question: Its name.
-            values: Its arguments; `text` is the present text of the file, and `file` its name if it is not the first one.
+            request: The name of the request.
+            values: The arguments. `text` is the current text of the file. `file` is the name of the file, unless it is
+                the file that was opened first.
         """
         if values.get("file"):
             if other := self._others.get(values["file"]):
-                return other.answer_question(question, {**values, "file": ""})
+                return other.answer_question(request, {**values, "file": ""})
             return {"error": f"the project has no file '{values['file']}'"}
-        function = self._questions.get(question)
+        function = self._requests.get(request)
         if function is None:
-            return {"error": f"there is no question '{question}'"}
+            return {"error": f"unknown request '{request}' (known: {', '.join(self._requests)})"}
         try:
             return function(**{name: value for name, value in values.items() if name != "file"})
         except SarError as error:
@@ -117,29 +118,29 @@ class Studio:
             return {"error": findings[0].message if findings else str(error)}
 
     def examine(self, text: str, tree: str | None = None, folded: Collection[int] = ()) -> object:
-        """Return the findings about the file, its elements, and the drawing of a tree, if it can be parsed.
+        """Return the findings about the file and, if it can be parsed, its elements and the drawing of a tree.
 
         Args:
             text: The text.
-            tree: The ID of the tree to draw; by default the one that the file executes.
+            tree: The ID of the tree to draw; by default the main tree.
             folded: The offsets of the elements that are drawn without their children.
         """
         loaded, offset = self._load(text), _utf16_offsets(text)
         findings = loaded.check()
         parsed = loaded.tree_file if not loaded.is_malformed else None
-        told: dict[str, Any] = {"findings": self._findings(loaded, parsed, findings, offset)}
+        result: dict[str, Any] = {"findings": self._findings(loaded, parsed, findings, offset)}
         if parsed is None:
-            return told
+            return result
         ids = [each.attributes.get("ID", "") for each in parsed.trees]
         shown = tree if tree in ids else None
         elements = [*parsed.root.iterate()]
         numbers = {each.position: number for number, each in enumerate(elements)}
-        told |= {"trees": ids, "keys": _keys(loaded, numbers), "files": self._files(loaded)}
-        told["elements"] = _elements(elements, numbers, offset)
+        result |= {"trees": ids, "keys": _keys(loaded, numbers), "files": self._register_files(loaded)}
+        result["elements"] = _elements(elements, numbers, offset)
         try:
             sketch = loaded.sketch(shown)
         except TreeError:
-            return told
+            return result
         own, starts = loaded.source, {*folded}
         folds = {number for number, each in enumerate(elements) if offset(each.offset) in starts}
         nodes: list[int | None] = []
@@ -152,15 +153,15 @@ class Studio:
                 hidden |= {below.id for below in islice(pre_order(each), 1, None)}
         places = [place for place, each in enumerate(pre_order(sketch.root)) if each.id not in hidden]
         drawn = {"svg": svg(sketch, hidden=hidden, is_styled=False), "tree": shown or sketch.name}
-        return {**told, **drawn, "nodes": [nodes[place] for place in places], "places": places}
+        return {**result, **drawn, "nodes": [nodes[place] for place in places], "places": places}
 
     def export(self, text: str, tree: str | None = None) -> object:
-        """Return the drawing of a tree as a file."""
+        """Return the name and content of an SVG file with the drawing of a tree."""
         sketch = self._load(text).sketch(tree)
         return {"name": f"{sketch.name}.svg", "text": svg(sketch)}
 
     def compare(self, version: str) -> object:
-        """Return whether the file has changed on the disk, and whether others of its project have, which are then read again."""
+        """Return whether the file, and whether other files of its project have changed on the disk."""
         stamps = {path: _stamp(path) for path in self._stamps}
         others_have_changed = stamps != self._stamps
         if others_have_changed:
@@ -168,37 +169,37 @@ class Studio:
         return {"has_changed": self.document.is_changed(version), "others_have_changed": others_have_changed}
 
     def edit(self, text: str, operation: str, arguments: Mapping[str, Any]) -> object:
-        """Return the edits of an operation of `editing.operations`."""
+        """Return the edits of an operation of `editing.operations`, by its name and arguments."""
         edits = edits_of(parse_tree(text, str(self._path)), operation, **arguments)
         return {"edits": _edits(text, edits)}
 
     def rename(self, text: str, offset: int, name: str) -> object:
-        """Return the edits that rename the tree or the key at an offset of the text, everywhere in it.
+        """Return the edits that rename the tree or key at an offset, at all its locations in the text.
 
         Raises:
-            EditError: If there is no name, or it is also used in other files.
+            EditError: If there is no name at the offset, or another file also contains the name.
         """
         loaded = self._load(text)
-        meant = name_at(loaded, offset)
-        if meant is None:
-            message = "there is no name of a tree or of a key here"
+        named = name_at(loaded, offset)
+        if named is None:
+            message = "there is no name of a tree or key at this position"
             raise EditError(message)
-        spots = rename_edits(meant, name)
+        spots = rename_edits(named, name)
         other = next((each.source.path for each, _ in spots if each.source is not loaded.source), None)
         if other is not None:
-            message = f"'{meant.name}' is also used in {other}. Rename it in an editor with sar-compile lsp"
+            message = f"{other} also contains '{named.name}'. Rename it in an editor with sar-compile lsp"
             raise EditError(message)
         edits = [TextEdit(*each.source.offsets(each.span), new) for each, new in spots]
         return {"edits": _edits(text, edits)}
 
     def palette(self, text: str) -> object:
-        """Return the nodes that can be inserted, with their attributes."""
+        """Return the specs of the nodes that can be inserted, with their attributes."""
         registry = self._load(text).context.registry
         specs = [variants[0] for variants in registry.by_tag().values()]
         return {"nodes": [_spec(each) for each in (*specs, subtree())]}
 
     def verify(self, text: str, tree: str | None = None) -> object:
-        """Return the verdicts of a proof, with a counterexample of each violated property."""
+        """Verify a tree; return the verdicts, with a counterexample for each violated property."""
         loaded, max_states, budget = self._read(text), self._options[1], self._begin_analysis()
         proof = verify_tree(loaded, tree_id=tree, max_states=max_states, budget=budget)
         nodes = _paths(loaded, tree)
@@ -212,24 +213,23 @@ class Studio:
             }
             for each in proof.verdicts
         ]
-        said = {"states": proof.states, "complete": proof.complete, "stopped": budget.reason}
-        return {**said, "verdicts": verdicts}
+        search = {"states": proof.states, "complete": proof.complete, "stopped": budget.reason}
+        return {**search, "verdicts": verdicts}
 
     def predict(self, text: str, tree: str | None = None) -> object:
-        """Return the probability of success and of each property, as text.
+        """Return the probabilities of success and of each property, as text.
 
         Raises:
-            EditError: If the library for it is not installed.
+            EditError: If NumPy or SciPy is not installed.
         """
         try:
             from sar_compiler.analysis.prediction_view import prediction_as_text
         except ImportError:
-            message = "probabilities need NumPy and SciPy, which this page lacks. Install the package, and run sar-compile predict"
+            message = "NumPy and SciPy are missing. Install the package, and run sar-compile predict"
             raise EditError(message) from None
         begun, budget = time.monotonic(), self._begin_analysis()
         found = predict_tree(self._read(text), tree_id=tree, max_states=self._options[1], budget=budget)
-        said = prediction_as_text(found, time.monotonic() - begun)
-        return {"text": said, "stopped": budget.reason}
+        return {"text": prediction_as_text(found, time.monotonic() - begun), "stopped": budget.reason}
 
     def play_ticks(
         self,
@@ -238,13 +238,13 @@ class Studio:
         ticks: int = 6,
         leaves: Mapping[str, Iterable[str]] | None = None,
     ) -> object:
-        """Return the first ticks of a run.
+        """Simulate a run; return its ticks.
 
         Args:
             text: The text.
-            tree: The tree; by default the one that the file executes.
-            ticks: The number of ticks.
-            leaves: The outcomes of leaves, one after the other, by the names of the leaves; others have their usual ones.
+            tree: The ID of the tree; by default the main tree.
+            ticks: The maximum number of ticks.
+            leaves: The successive outcomes of leaves, by leaf name; other leaves return their default outcomes.
         """
         chosen = {name: list(each) for name, each in (leaves or {}).items()}
         script = {"leaves": chosen, **({"tree": tree} if tree else {})}
@@ -254,25 +254,25 @@ class Studio:
         return _run(run.ticks, _paths(loaded, tree), run.simulated.fact_values())
 
     def record_scenario(self, name: str) -> object:
-        """Write the run that was played last as a scenario with expectations into a new file beside the tree.
+        """Write the last simulated run as a scenario with expectations to a new file in the folder of the tree file.
 
         Raises:
-            EditError: If the name is not that of a new file.
-            WriteError: If it cannot be written.
+            EditError: If the name does not end with `.yaml` or `.yml`, or the file already exists.
+            WriteError: If the file cannot be written.
         """
         path = self._path.with_name(Path(name).name)
         if path.suffix not in (".yaml", ".yml"):
             message = f"'{name}' does not end with .yaml"
             raise EditError(message)
         if path.exists():
-            message = f"'{name}' exists already. Choose another name"
+            message = f"'{name}' already exists. Choose another name"
             raise EditError(message)
         scenario = as_yaml(self._scenario)
         write_bytes(path, scenario.encode())
         return {"name": path.name, "text": scenario}
 
     def _begin_analysis(self) -> Budget:
-        """Return the budget of a new analysis, which takes the place of one that still runs."""
+        """Stop the analysis that is running, and return the budget of a new one."""
         on_progress = self._options[2]
 
         def report(progress: Progress) -> None:
@@ -284,8 +284,8 @@ class Studio:
         self._budget = Budget(max_memory_mb=MAX_MEMORY_MB, on_progress=report, memory=memory_now_mb)
         return self._budget
 
-    def _files(self, loaded: ProjectTree) -> list[str]:
-        """Return the names of the project's files, this one first; questions about the others are answered from now on."""
+    def _register_files(self, loaded: ProjectTree) -> list[str]:
+        """Return the names of the project's files, the edited one first, and register the others for later requests."""
         own, folder = loaded.source.path, real_path(self._path).parent
         paths = [real_path(Path(each.source.path)) for each in loaded.forest.files if each.source.path != own]
         self._stamps = {path: _stamp(path) for path in paths}
@@ -295,13 +295,13 @@ class Studio:
         return [self._path.name, *self._others]
 
     def _load(self, text: str) -> ProjectTree:
-        """Return the file in its present state; it is read once for each text."""
+        """Return the tree file with the current text; it is parsed only if the text has changed."""
         if self._tree is None or text != self._text:
             self._tree, self._text = self._read(text), text
         return self._tree
 
     def _read(self, text: str) -> ProjectTree:
-        """Read the file in its present state; other files are read from the disk."""
+        """Parse the tree file with the current text; other files are read from the disk."""
         own = real_path(self._path)
 
         def read(path: Path) -> TreeFile:
@@ -317,10 +317,10 @@ class Studio:
         findings: Iterable[Diagnostic],
         offset: Callable[[int], int],
     ) -> list[object]:
-        source, told = loaded.source, list(findings)
-        fixes = {id(each.finding): each for each in each_fix(source, parsed, told, lambda _finding: True)}
+        source, found = loaded.source, list(findings)
+        fixes = {id(each.finding): each for each in each_fix(source, parsed, found, lambda _finding: True)}
         listed: list[object] = []
-        for each in told:
+        for each in found:
             fix = fixes.get(id(each))
             is_own = each.source.path == source.path and each.source.text == source.text
             start, end = each.source.offsets(each.span) if is_own else (0, 0)
@@ -342,7 +342,7 @@ class Studio:
 
 
 def _utf16_offsets(text: str) -> Callable[[int], int]:
-    """Return the function from offsets in Python to those in JavaScript."""
+    """Return a function that converts offsets in a Python string to offsets in JavaScript."""
     wide = [found.start() for found in re.finditer("[\U00010000-\U0010ffff]", text)]
     return (lambda offset: offset + bisect.bisect_left(wide, offset)) if wide else (lambda offset: offset)
 
@@ -383,7 +383,7 @@ def _elements(
 
 
 def _keys(loaded: ProjectTree, numbers: Mapping[tuple[int, int], int]) -> Mapping[str, list[object]]:
-    """Return the keys, each with the elements of the file that use it, and how."""
+    """Return the keys, each with the elements of the file that access it, and the kinds of access."""
     keys: dict[str, list[object]] = {}
     for accesses in loaded.context.key_accesses.values():
         for each in accesses.accesses:
@@ -394,7 +394,7 @@ def _keys(loaded: ProjectTree, numbers: Mapping[tuple[int, int], int]) -> Mappin
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    """Return the time and the size by which a file is known to be the same; zeros for no file."""
+    """Return the modification time and the size of a file, which change with it; zeros if the file does not exist."""
     with suppress(OSError):
         status = path.stat()
         return status.st_mtime_ns, status.st_size
@@ -425,28 +425,28 @@ def _parameter(parameter: Parameter) -> object:
 
 
 def _paths(loaded: ProjectTree, tree: str | None) -> dict[str, list[int]]:
-    """Return the nodes of the drawing from the root to each node, by its path; wrappers of a node are in no path."""
+    """Return the numbers of the drawn nodes from the root to each node, by its path of names without wrappers."""
     compiled = loaded.preview(tree)
     bound = {each.id: compiled.origins[each.id].bound for each in pre_order(compiled.root)}
-    ways: dict[object, list[int]] = {None: []}
+    drawn: dict[object, list[int]] = {None: []}
     paths: dict[object, list[str]] = {None: []}
     for number, each in enumerate(pre_order(compiled.root)):
         above = None if each is compiled.root or each.parent is None else each.parent.id
         is_wrapper = any(bound[child.id] is bound[each.id] for child in each.children)
-        ways[each.id] = [*ways[above], number]
+        drawn[each.id] = [*drawn[above], number]
         paths[each.id] = paths[above] + ([] if is_wrapper else [each.name])
-    return {"/".join(paths[each]): ways[each] for each in bound}
+    return {"/".join(paths[each]): drawn[each] for each in bound}
 
 
 def _run(
     ticks: Sequence[TickRecord], nodes: Mapping[str, list[int]], final: Mapping[str, object] | None = None
 ) -> object:
-    """Return the events of each tick, with the nodes of the drawing that they concern, and the values after it.
+    """Return the events of each tick with their drawn nodes, and the values of facts and keys after each tick.
 
     Args:
         ticks: The ticks.
-        nodes: The nodes from the root to each node, by its path.
-        final: The facts at the end, if they are known.
+        nodes: The result of `_paths`.
+        final: The facts after the last tick; None if they are not known.
     """
     changes = [{**tick.facts, **tick.keys} for tick in ticks]
     values = dict(final or {})
@@ -471,7 +471,7 @@ def _run(
 
 
 def _scenario(run: ScenarioRun, tree: str | None) -> Mapping[str, object]:
-    """Return the scenario that repeats a run up to its end, and expects what happened."""
+    """Return the scenario that repeats a run up to its end, and expects the same results."""
     last = next((tick.number for tick in run.ticks if tick.root in _ENDED), len(run.ticks))
     ticks, labels = run.ticks[:last], leaf_labels(run.simulated.leaves)
     facts: dict[str, object] = dict(run.simulated.fact_values())

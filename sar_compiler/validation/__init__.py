@@ -1,6 +1,6 @@
-"""Check the files of one command, with cached results, worker processes and fixes.
+"""The checks and fixes of `sar-compile validate`, with cached results and worker processes.
 
-`Validation` runs the check; `sar-compile validate` parses the options and prints the findings.
+`Validation` checks the files. The command parses the options and prints the findings.
 """
 
 PUBLIC_MODULES = ("check_cache", "validation")

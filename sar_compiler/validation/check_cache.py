@@ -1,10 +1,10 @@
-"""Results of checks, stored between commands in the user's cache folder.
+"""The results of checks, which are stored in the user's cache folder for later commands.
 
-A result is reused if everything on which it depends is unchanged. It depends on all answers of the file system during
+A result is reused if everything on which it depends is unchanged. It depends on all responses of the file system during
 the check (`opener.Observation`): the contents of files, and which files are missing. Modules of leaves and libraries
-count as files that were read. The other dependencies are part of the name of the file with the results:
-the options, the current folder, the versions of this package and of Python, and the installed packages. A file
-contains JSON after a checksum; a damaged file, or one of another owner, is ignored.
+count as files that were read. All other dependencies determine the name of the file that stores the results: the
+options, the current folder, the versions of this package and of Python, and the installed packages. The file contains
+a checksum and JSON. A damaged file, or a file that another user owns, is ignored.
 """
 
 import itertools
@@ -28,13 +28,13 @@ from sar_compiler.tree.model import NO_SPANS, NO_SPANS_OF_YAML
 
 
 class TextFix(NamedTuple):
-    """The fix of a finding.
+    """The fix of a finding; see `checks.fixing.Fix`.
 
     Attributes:
-        number: The index of the finding among those of its file.
-        start: As in `checks.fixing.Fix`.
-        end: As in `checks.fixing.Fix`.
-        text: As in `checks.fixing.Fix`.
+        number: The index of the finding among the findings of its file.
+        start: The offset of the first character to replace.
+        end: The offset after the last character to replace.
+        text: The replacement.
     """
 
     number: int
@@ -48,22 +48,22 @@ class FileCheck:
     """The result of the check of a file.
 
     Attributes:
-        palettes: Findings about the palettes of its project.
-        findings: Findings about the file, or about the configuration that prevents its check.
+        palettes: The findings about the palettes of the file's project.
+        findings: The findings about the file, or about the configuration that prevents the check.
         further: The findings of the further checks.
-        raised: Findings about ticks that raise an error.
-        fixes: The fixes of its findings.
+        raised: The findings about ticks that raise an error.
+        fixes: The fixes of `findings`.
         fixable: The number of fixes that do not overlap.
-        used_palettes: Palettes around it that were used although the user did not name them.
-        used_trees: Tree files around it that were used although the user did not name them.
+        used_palettes: The palettes near the file that were used although the user did not name them.
+        used_trees: The tree files near the file that were used although the user did not name them.
         notes: Further notes for the user.
-        problem: The reason why the file, or a file that it needs, cannot be read; empty if all could be read.
-        spent: The work done to explore its runs.
+        problem: The reason why the file, or a file that it needs, cannot be read; empty if all files could be read.
+        spent: The units of work spent to explore the runs of the file.
         is_limited: Whether a larger limit could have led to more findings.
         is_cut: Whether the user has stopped the check.
         is_read: Whether the file could be read.
         is_whole: Whether the check is complete.
-        sources: The queries of the file system made to read the file and its includes.
+        sources: The queries of the file system to read the file and the files that it includes.
     """
 
     palettes: list[Diagnostic] = field(default_factory=list)
@@ -85,16 +85,16 @@ class FileCheck:
 
 
 FINDINGS_OF_A_CHECK = tuple(each.name for each in fields(FileCheck))[:4]
-"""The attributes of a `FileCheck` that are findings."""
+"""The attributes of a `FileCheck` that contain findings."""
 
 
 _KIND = FileKind("cache of findings", 32 << 20)
 _MOST_FILES, _MOST_BYTES = 40, 128 << 20
-"""The limit of the kept results; the oldest are deleted first."""
+"""The maximum number and total size of files with results. The oldest files are deleted first."""
 _MOST_QUESTIONS = 100_000
 _uses = itertools.count()
 _RECENT_NS = 30 * 10**9
-"""A module written more recently than this may have been imported in its previous state."""
+"""The age of a module, in nanoseconds, below which its previous state may have been imported."""
 
 
 def environment_key(options: Sequence[object]) -> str:
@@ -120,14 +120,14 @@ def environment_key(options: Sequence[object]) -> str:
 
 
 def _names_in(folder: str) -> list[str]:
-    """Return the names in a folder that do not begin with `.` or `_`."""
+    """Return the names in a folder, without those that begin with `.` or `_`."""
     with suppress(OSError):
         return sorted(each for each in os.listdir(folder) if each[0] not in "._")  # noqa: PTH208 - returns strings
     return []
 
 
 def _states_in(folder: str) -> Iterator[tuple[str, int, int]]:
-    """Yield the files of the package with their sizes and modification times."""
+    """Yield the files below a folder with their sizes and modification times, without caches of bytecode."""
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in sorted(entries, key=lambda each: each.name):
             if entry.is_dir():
@@ -138,11 +138,11 @@ def _states_in(folder: str) -> Iterator[tuple[str, int, int]]:
 
 
 class CheckCache:
-    """The results of checks of one kind: with the same options, in the same folder.
+    """The stored results of checks with the same options in the same environment.
 
     Args:
         key: The result of `environment_key`.
-        named: A digest of all files of the command; a result may depend on each of them.
+        named: The digest of the names of all files of the command, on which a result may depend.
     """
 
     def __init__(self, key: str, named: str) -> None:
@@ -156,14 +156,14 @@ class CheckCache:
 
     @classmethod
     def for_settings(cls, additions: CommandLineSettings, options: Sequence[object]) -> "CheckCache | None":
-        """Return the cache for checks with some additions; None if these contain more than names.
+        """Return the cache for checks with the given additions; None if the results cannot be cached.
 
         Args:
             additions: The user's additions to the projects of the files.
             options: Further options that determine the findings, as JSON values.
         """
-        # Later checks in a process reuse answers from the first check without a query, so they would record too
-        # little.
+        # Later checks in a process reuse responses of the first check without a query, so they would not record all
+        # dependencies.
         is_first = not next(_uses)
         if (
             not is_first
@@ -172,11 +172,11 @@ class CheckCache:
         ):
             return None
         paths = (additions.models, additions.include_path, map(real_path, additions.folders))
-        said = [[*map(str, each)] for each in paths]
+        listed = [[*map(str, each)] for each in paths]
         kind = [
             *options,
             additions.nodes,
-            said,
+            listed,
             additions.mission,
             additions.is_isolated,
             bool(additions.trees),
@@ -202,11 +202,11 @@ class CheckCache:
                     os.utime(self._path)
 
     def find(self, path: Path, work: int | None) -> FileCheck | None:
-        """Return the result for a file if it is still valid; None if there is none.
+        """Return the stored result for a file if it is still valid; otherwise None.
 
         Args:
             path: The file.
-            work: The limit for exploring its runs, in units of work; None for no limit.
+            work: The limit for exploring the runs of the file, in units of work; None for no limit.
         """
         with suppress(SarError, ValueError, LookupError, TypeError, AttributeError):
             check = check_from_data(self._kept[str(path)])
@@ -215,11 +215,11 @@ class CheckCache:
         return None
 
     def store(self, checks: Mapping[Path, FileCheck], surroundings: Observation, *, reads_set: bool) -> None:
-        """Store results.
+        """Store the results of checks.
 
         Args:
             checks: The new results, by file.
-            surroundings: The queries that these checks made, except those in each result.
+            surroundings: The queries of these checks, except for the queries in `sources` of each result.
             reads_set: Whether the results may depend on every file of the command.
         """
         add_modules(surroundings)
@@ -262,7 +262,7 @@ def _is_own(identity: Any) -> bool:
 
 
 def add_modules(observation: Observation) -> None:
-    """Record the imported modules, except for those of Python and of this package, which the key covers."""
+    """Record the imported modules as read files, except modules of Python and this package, which the key covers."""
     standard, own = os.path.dirname(os.__file__), str(Path(__file__).parents[1])  # noqa: PTH120
     with observation.recording():
         for module in [*sys.modules.values()]:
@@ -286,7 +286,7 @@ def add_modules(observation: Observation) -> None:
 
 
 def check_to_data(check: FileCheck) -> dict[str, Any]:
-    """Return the result of a check as JSON values."""
+    """Convert the result of a check to JSON values."""
     sources: dict[int, tuple[int, Source]] = {}
 
     def finding(each: Diagnostic) -> list[Any]:
@@ -304,7 +304,7 @@ def check_to_data(check: FileCheck) -> dict[str, Any]:
 
 
 def check_from_data(data: Mapping[str, Any]) -> FileCheck:
-    """Return the result of a check from JSON values.
+    """Convert JSON values to the result of a check.
 
     Raises:
         ValueError, LookupError, TypeError: If the values are invalid.
@@ -331,7 +331,7 @@ def check_from_data(data: Mapping[str, Any]) -> FileCheck:
 
 
 def observation_to_data(observation: Observation) -> dict[str, dict[str, dict[str, str]]]:
-    """Return queries as JSON values: the answers by kind, limit and path."""
+    """Convert queries to JSON values: the responses by kind, limit and path."""
     data: dict[str, dict[str, dict[str, str]]] = {}
     for (kind, path, limit), answer in observation.items():
         data.setdefault(kind, {}).setdefault(str(limit), {})[path] = answer
@@ -339,7 +339,7 @@ def observation_to_data(observation: Observation) -> dict[str, dict[str, dict[st
 
 
 def observation_from_data(data: Mapping[str, Mapping[str, Mapping[str, str]]]) -> Observation:
-    """Return queries from JSON values."""
+    """Convert JSON values to queries."""
     return Observation(
         (FileQuery(kind, path, int(limit)), answer)
         for kind, limits in data.items()

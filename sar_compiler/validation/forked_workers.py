@@ -1,4 +1,4 @@
-"""Worker processes that compute a text for each item of a list."""
+"""Worker processes that compute a text for each number of a list."""
 
 import math
 import os
@@ -13,30 +13,30 @@ from typing import NamedTuple
 
 _POLL_SEC = 0.05
 _NUMBER, _LENGTH = 4, 8
-# The number of items that a copy is sent in advance, so that it does not wait for the next one.
-_AHEAD = 2
+# The maximum number of tasks that are sent to a worker in advance, so that it does not wait for the next task.
+_MOST_PENDING = 2
 
 
 class _WorkerProcess(NamedTuple):
     process: int
-    orders: int
-    answers: int
+    tasks: int
+    results: int
     pending: deque[int]
     received: bytearray
 
 
 class ForkedWorkers:
-    """Worker processes, forked from this process.
+    """Worker processes, which are forked from this process.
 
-    A worker has everything that this process has imported and read, so it starts immediately. It has only the thread
-    that created it, so create the workers before any other thread is started. Workers ignore Ctrl-C, and end with
-    this process, even if it is killed.
+    A worker has everything that this process has imported and read, so it starts immediately. Only the thread that
+    calls the constructor exists in a worker, so create the workers before any other thread is started. Workers ignore
+    Ctrl-C, and end with this process, even if it is killed.
 
     Args:
-        work: Returns the text for a number; None if this process must compute it itself.
+        work: Function that returns the text for a number, or None if this process must compute the text itself.
         numbers: The numbers.
         count: The number of workers.
-        max_sec: The processor time of each worker, in seconds.
+        max_sec: The maximum processor time of each worker, in seconds.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class ForkedWorkers:
     ) -> None:
         self._work = work
         self._waiting = deque(numbers)
-        self._copies: list[_WorkerProcess] = []
+        self._workers: list[_WorkerProcess] = []
         self._max_sec = max_sec
         for _ in range(count):
             self._start()
@@ -55,30 +55,34 @@ class ForkedWorkers:
         return hasattr(os, "fork") and threading.active_count() == 1
 
     def _start(self) -> None:
-        orders_in, orders = os.pipe()
-        answers, answers_out = os.pipe()
+        tasks_in, tasks = os.pipe()
+        results, results_out = os.pipe()
         process = os.fork()
         if process == 0:
             with suppress(BaseException):
-                # Otherwise the pipes of the others would stay open when this process's parent ends.
-                for descriptor in (orders, answers, *(each for copy in self._copies for each in copy[1:3])):
+                # Otherwise the pipes of the other workers would stay open when their parent ends.
+                for descriptor in (
+                    tasks,
+                    results,
+                    *(each for worker in self._workers for each in worker[1:3]),
+                ):
                     os.close(descriptor)
-                self._serve(orders_in, answers_out)
+                self._serve(tasks_in, results_out)
             os._exit(0)
-        os.close(orders_in)
-        os.close(answers_out)
-        self._copies.append(_WorkerProcess(process, orders, answers, deque(), bytearray()))
-        self._send_orders(self._copies[-1])
+        os.close(tasks_in)
+        os.close(results_out)
+        self._workers.append(_WorkerProcess(process, tasks, results, deque(), bytearray()))
+        self._send_tasks(self._workers[-1])
 
-    def _serve(self, orders: int, answers: int) -> None:
+    def _serve(self, tasks: int, results: int) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         self._limit_time()
-        while order := os.read(orders, _NUMBER):
-            text = self._work(int.from_bytes(order, "big"))
+        while task := os.read(tasks, _NUMBER):
+            text = self._work(int.from_bytes(task, "big"))
             data = b"" if text is None else text.encode("utf-8", "surrogatepass")
             message = memoryview(len(data).to_bytes(_LENGTH, "big") + data)
             while message:
-                message = message[os.write(answers, message) :]
+                message = message[os.write(results, message) :]
 
     def _limit_time(self) -> None:
         import resource
@@ -88,48 +92,48 @@ class ForkedWorkers:
             with suppress(ValueError, OSError):
                 resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
 
-    def _send_orders(self, copy: _WorkerProcess) -> None:
-        while self._waiting and len(copy.pending) < _AHEAD:
-            copy.pending.append(self._waiting.popleft())
-            with suppress(BrokenPipeError):  # it has died, which is detected when its results are read
-                os.write(copy.orders, copy.pending[-1].to_bytes(_NUMBER, "big"))
+    def _send_tasks(self, worker: _WorkerProcess) -> None:
+        while self._waiting and len(worker.pending) < _MOST_PENDING:
+            worker.pending.append(self._waiting.popleft())
+            with suppress(BrokenPipeError):  # a killed worker is detected when its results are read
+                os.write(worker.tasks, worker.pending[-1].to_bytes(_NUMBER, "big"))
 
     def results(self, is_over: Callable[[], bool]) -> Iterator[tuple[int, str | None]]:
-        """Yield each item's number and text, in any order; None for a text that this process must compute.
+        """Yield each number and its text, in any order; None for a text that this process must compute.
 
         Args:
-            is_over: Returns whether no more results are needed; called repeatedly.
+            is_over: Function that returns whether no more results are needed; called repeatedly.
         """
-        while not is_over() and any(copy.pending for copy in self._copies):
-            open_ones = {copy.answers: copy for copy in self._copies if copy.pending}
-            for descriptor in select.select([*open_ones], [], [], _POLL_SEC)[0]:
-                yield from self._receive(open_ones[descriptor])
-        while not is_over() and self._waiting:  # all copies were killed
+        while not is_over() and any(worker.pending for worker in self._workers):
+            busy = {worker.results: worker for worker in self._workers if worker.pending}
+            for descriptor in select.select([*busy], [], [], _POLL_SEC)[0]:
+                yield from self._receive(busy[descriptor])
+        while not is_over() and self._waiting:  # all workers were killed
             yield self._waiting.popleft(), None
 
-    def _receive(self, copy: _WorkerProcess) -> Iterator[tuple[int, str | None]]:
-        data = os.read(copy.answers, 1 << 20)
-        if not data:  # it was killed, for instance for lack of memory
-            yield from ((number, None) for number in copy.pending)
-            copy.pending.clear()
-        copy.received.extend(data)
-        while len(copy.received) >= _LENGTH:
-            end = _LENGTH + int.from_bytes(copy.received[:_LENGTH], "big")
-            if len(copy.received) < end:
+    def _receive(self, worker: _WorkerProcess) -> Iterator[tuple[int, str | None]]:
+        data = os.read(worker.results, 1 << 20)
+        if not data:  # the worker was killed, for instance for lack of memory
+            yield from ((number, None) for number in worker.pending)
+            worker.pending.clear()
+        worker.received.extend(data)
+        while len(worker.received) >= _LENGTH:
+            end = _LENGTH + int.from_bytes(worker.received[:_LENGTH], "big")
+            if len(worker.received) < end:
                 return
-            text = bytes(copy.received[_LENGTH:end])
-            del copy.received[:end]
-            number = copy.pending.popleft()
-            self._send_orders(copy)
+            text = bytes(worker.received[_LENGTH:end])
+            del worker.received[:end]
+            number = worker.pending.popleft()
+            self._send_tasks(worker)
             yield number, text.decode("utf-8", "surrogatepass") or None
 
     def terminate_workers(self) -> None:
-        """Terminate the workers, regardless of their state."""
-        for copy in self._copies:
+        """Kill all workers."""
+        for worker in self._workers:
             with suppress(ProcessLookupError):
-                os.kill(copy.process, signal.SIGKILL)
-            os.close(copy.orders)
-            os.close(copy.answers)
+                os.kill(worker.process, signal.SIGKILL)
+            os.close(worker.tasks)
+            os.close(worker.results)
             with suppress(ChildProcessError):
-                os.waitpid(copy.process, 0)
-        self._copies.clear()
+                os.waitpid(worker.process, 0)
+        self._workers.clear()

@@ -1,4 +1,4 @@
-"""Check files as one set, and fix them."""
+"""The check of several files as one set, and their fixes."""
 
 import os
 import sys
@@ -49,17 +49,17 @@ if TYPE_CHECKING:
     from sar_compiler.validation.forked_workers import ForkedWorkers
 
 _ROUNDS = 20
-"""Largest number of passes: a fix may reveal another error."""
+"""The maximum number of passes over a file, because a fix may reveal another error."""
 
 
 class CheckOptions(NamedTuple):
-    """The options of a check of files.
+    """The options of `Validation.check`.
 
     Attributes:
-        is_tried: Whether the runs of files are explored for errors raised in ticks.
-        trial_sec: The processor time for the runs of a file, seconds; None for a fixed amount of work.
+        is_tried: Whether the runs of files are explored for ticks that raise an error.
+        trial_sec: The processor time for exploring the runs of a file, in seconds; None for a fixed amount of work.
         is_cached: Whether results are stored and reused.
-        max_sec: The processor time of each worker process, in seconds.
+        max_sec: The maximum processor time of each worker process, in seconds.
     """
 
     is_tried: bool
@@ -69,10 +69,10 @@ class CheckOptions(NamedTuple):
 
 
 class Validation:
-    """A check of files as one set: a tree that one file lacks is looked up in the others.
+    """A check of several files as one set: a tree that one file lacks is looked up in the other files.
 
     Args:
-        names: The files and folders, as the user names them.
+        names: The names of the files and folders, as the user wrote them.
         additions: The user's additions to the projects of the files.
         further_checks: The checks of a tree in addition to the rules.
         on_error: Called with the reason if a file or folder cannot be read, checked or written.
@@ -80,12 +80,12 @@ class Validation:
 
     Attributes:
         files: The files.
-        findings: The findings, each once.
-        fixes: The fixable findings, each with its fix.
-        fixable: Number of findings that can be fixed.
-        checked: Number of files that could be read.
-        clean: The files without findings, except those found in a folder.
-        unreadable: Number of files and folders that could not be read, checked or written.
+        findings: The findings, without duplicates.
+        fixes: Pairs of a fixable finding and its fix.
+        fixable: The number of findings that can be fixed.
+        checked: The number of files that could be read.
+        clean: The files without findings, except for files that were found in a folder.
+        unreadable: The number of files and folders that could not be read, checked or written.
     """
 
     def __init__(
@@ -103,20 +103,20 @@ class Validation:
         self._further_checks, self._on_error, self._on_note = further_checks, on_error, on_note
         self._run: CheckRun | None = None
         self._done = 0
-        self._is_left = False
-        self._said: set[object] = set()
+        self._is_abandoned = False
+        self._reported: set[object] = set()
         self._raising: set[object] = set()
         self._used: tuple[dict[Path, None], dict[Path, None]] = {}, {}
         self._found_in_folders: set[Path] = set()
         folders: list[Path] = []
-        # Of several links to a file, or a file listed again in a folder, the first one is used.
+        # If a file has several names, such as links, or is also in a named folder, the first name is used.
         files: dict[Path, Path] = {}
         for name in names:
             for path in self._find_files(name, folders):
                 files.setdefault(real_path(path), path)
         self.files = tuple(files.values())
         self._places = frozenset(files)
-        # A single file or folder is no set: its surroundings are searched instead.
+        # A single file or folder is not a set. The surrounding folders are searched for its trees instead.
         trees = self.files if names[1:] else ()
         self._additions = additions._replace(trees=trees, names=self.files, folders=tuple(folders))
 
@@ -128,7 +128,7 @@ class Validation:
         """Yield the files that a name refers to; record the name if it is a folder."""
         try:
             files = tree_files_in(Path(name)) if name and is_folder(name) else []
-            # A package of leaves can have the name of a shipped tree.
+            # A folder without trees may have the name of a shipped tree, for example a package of leaves.
             if name and is_folder(name) and (files or not is_file(resources.find("trees", name, ".xml"))):
                 if not files:
                     self._report_error(f"{name} has no tree file")
@@ -143,12 +143,12 @@ class Validation:
 
     def _report_error(self, why: str) -> None:
         self.unreadable += 1
-        if why not in self._said:
-            self._said.add(why)
+        if why not in self._reported:
+            self._reported.add(why)
             self._on_error(why)
 
     def fix(self, on_fix: "Callable[[Fix], object]") -> None:
-        """Apply all possible fixes to the files; `check` finds the remaining errors.
+        """Apply all safe fixes to the files; `check` finds the remaining errors.
 
         Args:
             on_fix: Called with each fix that was applied.
@@ -168,10 +168,10 @@ class Validation:
             except Exception as error:  # noqa: BLE001 - no error may prevent findings about the other files
                 from sar_compiler.checks import failure_of_file
 
-                self._report([failure_of_file(path, error, "mending")])
+                self._report([failure_of_file(path, error, "fixing")])
 
     def check(self, options: CheckOptions, budget: Budget) -> None:
-        """Check the files within a budget that `processor_sec` measures."""
+        """Check the files within a budget, whose processor time `processor_sec` measures."""
         work: int | None = 0
         is_tried = options.is_tried and is_part_installed("analysis")
         if is_tried:
@@ -189,13 +189,13 @@ class Validation:
 
         cache = self._cache(options, is_tried=is_tried)
         run = self._run = CheckRun(self.files, make_checker, cache, work, budget)
-        run.make_copies(options.max_sec)
+        run.start_workers(options.max_sec)
         try:
             with suppress(BudgetSpentError):
                 budget.run(lambda: self._receive_checks(run, budget))
         finally:
             # Findings of an abandoned check are ignored.
-            self._is_left = True
+            self._is_abandoned = True
             run.stop_workers()
         if any(self._used):
             from sar_compiler.project.workspace import use_notes
@@ -219,21 +219,21 @@ class Validation:
 
     @property
     def unchecked_count(self) -> int:
-        """Number of files that were not checked completely."""
+        """The number of files that were not checked completely."""
         return len(self.files) - self._done
 
     def _receive(self, path: Path, check: "FileCheck") -> None:
-        """Receive the result of the check of a file."""
-        if self._is_left:
+        """Add the result of a file's check to the results of all files."""
+        if self._is_abandoned:
             return
         for text in check.notes:
-            if text not in self._said:
-                self._said.add(text)
+            if text not in self._reported:
+                self._reported.add(text)
                 self._on_note(text)
         self.checked += check.is_read
-        # A palette among the files is reported under its name as written.
+        # A palette that is one of the checked files is reported as such, under the name that the user wrote.
         self._report(each for each in check.palettes if real_path(Path(each.source.path)) not in self._places)
-        # A tree of an included file is tried in each of the including files.
+        # The runs of an included tree are explored with each file that includes it.
         raised = [each for each in check.raised if (each.source.path, each.span) not in self._raising]
         self._raising.update((each.source.path, each.span) for each in raised)
         self._report([*check.findings, *check.further, *raised])
@@ -248,13 +248,13 @@ class Validation:
             self.clean.append(path)
 
     def _report(self, findings: Iterable[Diagnostic]) -> None:
-        """Add findings without duplicates, which occur if several files include one file."""
+        """Add findings, except for duplicates, which occur if several files include the same file."""
         new = []
         for finding in findings:
-            if finding.identity not in self._said:
-                self._said.add(finding.identity)
+            if finding.identity not in self._reported:
+                self._reported.add(finding.identity)
                 new.append(finding)
-        if not self._is_left:
+        if not self._is_abandoned:
             self.findings += new
 
 
@@ -262,7 +262,7 @@ def _fix_file(workspace: "Workspace", path: Path, on_fix: "Callable[[Fix], objec
     for _ in range(_ROUNDS):
         try:
             tree = workspace.load_file(path)
-            tree.project.findings  # noqa: B018 - with a malformed palette, no file is checked
+            tree.project.findings  # noqa: B018 - raises an error if a palette is malformed
         except (TreeError, UnreadableFileError):
             return
         from sar_compiler.checks.fixing import fixes
@@ -276,32 +276,32 @@ def _fix_file(workspace: "Workspace", path: Path, on_fix: "Callable[[Fix], objec
 
 
 def _write(tree: "ProjectTree", chosen: "Sequence[Fix]") -> None:
-    """Apply fixes to a file, and leave all other bytes unchanged."""
+    """Apply fixes to a file without changing any other byte."""
     from sar_compiler.checks.fixing import apply_fixes
     from sar_compiler.writing import WriteError, write_bytes
 
     path, source = tree.path, tree.source
     if encode_text(source, source.text) != read_file(path, TREE).data:
         raise WriteError(
-            f"{path} was not fixed, because it has changed meanwhile, or its encoding cannot be written"
+            f"{path} was not fixed, because it has changed since it was read, or its encoding cannot be written"
         )
     write_bytes(path, encode_text(source, apply_fixes(source.text, chosen)))
 
 
-FEWEST_FOR_COPIES = 20
-"""The minimum number of files for which copies of the process save more time than they cost."""
-_MOST_COPIES = 8
+FEWEST_FOR_WORKERS = 20
+"""The minimum number of files for which worker processes save more time than they cost."""
+_MOST_WORKERS = 8
 
 
 class CheckRun:
-    """The checks of some files.
+    """One pass over files, which uses stored results and worker processes.
 
     Args:
         files: The files.
-        make_checker: Creates the checker; called only if results are missing.
-        cache: The stored results; None without a cache.
+        make_checker: Function that creates the checker; called only if results are missing.
+        cache: The stored results; None if there is no cache.
         work: The limit for exploring the runs of a file, in units of work; None for no limit.
-        budget: The limits of the checks.
+        budget: The limits of all checks together.
 
     Attributes:
         others_sec: The processor time that the worker processes have used, in seconds.
@@ -320,44 +320,44 @@ class CheckRun:
         self._cache = None if STANDARD_INPUT in files else cache
         self._results: dict[int, FileCheck] = {}
         for number, path in enumerate(files):
-            if self._cache is not None and (kept := self._cache.find(path, work)) is not None:
-                self._results[number] = kept
+            if self._cache is not None and (stored := self._cache.find(path, work)) is not None:
+                self._results[number] = stored
         self._missing = [number for number in range(len(files)) if number not in self._results]
         self._checker = make_checker() if self._missing else None
-        self._copies: ForkedWorkers | None = None
+        self._workers: ForkedWorkers | None = None
         self._count = 1
         self._others = Observation()
         self._reads_set = False
         self._sent = self._modules = 0
         self._cpu: dict[int, float] = {}
 
-    def make_copies(self, max_sec: float) -> None:
-        """Start worker processes if there is enough work for them; call it before any thread is started.
+    def start_workers(self, max_sec: float) -> None:
+        """Start worker processes if there are enough files; must be called before any thread is started.
 
         Args:
-            max_sec: The processor time of each worker process, in seconds.
+            max_sec: The maximum processor time of each worker process, in seconds.
         """
-        if len(self._missing) < FEWEST_FOR_COPIES:
+        if len(self._missing) < FEWEST_FOR_WORKERS:
             return
         from sar_compiler.validation.forked_workers import ForkedWorkers
 
         affinity = getattr(os, "sched_getaffinity", None)
-        count = min(len(affinity(0)) if affinity else os.cpu_count() or 1, _MOST_COPIES)
+        count = min(len(affinity(0)) if affinity else os.cpu_count() or 1, _MOST_WORKERS)
         if count > 1 and ForkedWorkers.are_possible():
             import sar_compiler.checks.schema_validation
-            import sar_compiler.tree.xml  # noqa: F401 - once for all copies
+            import sar_compiler.tree.xml  # noqa: F401 - imported once for all workers
 
             self._count = count
-            self._copies = ForkedWorkers(self._check_in_copy, self._missing, count, max_sec)
+            self._workers = ForkedWorkers(self._check_in_worker, self._missing, count, max_sec)
 
-    def _check_in_copy(self, number: int) -> str | None:
+    def _check_in_worker(self, number: int) -> str | None:
         checker = self._checker
         assert checker is not None  # noqa: S101 - there are files to check
         if not self._sent:
             self._budget.divide_memory(self._count)
         try:
             check = checker.check(self._files[number])
-        except Exception:  # noqa: BLE001 - it is raised again where it is reported
+        except Exception:  # noqa: BLE001 - the main process repeats the check, and reports the error
             return None
         observed = checker.surroundings
         if self._cache is not None and self._modules != len(sys.modules):
@@ -378,8 +378,8 @@ class CheckRun:
         )
 
     def _receive(self, message: dict[str, Any]) -> FileCheck:
-        for question, answer in observation_from_data(message["surroundings"]).items():
-            self._others.record(question, answer)
+        for query, response in observation_from_data(message["surroundings"]).items():
+            self._others.record(query, response)
         self._others.is_consistent = self._others.is_consistent and message["is_consistent"]
         self._reads_set = self._reads_set or message["reads_set"]
         self._cpu[message["process"]] = message["cpu_sec"]
@@ -390,10 +390,10 @@ class CheckRun:
 
     def results(self) -> Iterator[tuple[Path, FileCheck]]:
         """Yield each file with its result, in the order of the files."""
-        answers = iter(()) if self._copies is None else self._copies.results(self._budget.is_spent)
+        computed = iter(()) if self._workers is None else self._workers.results(self._budget.is_spent)
         for number, path in enumerate(self._files):
-            while number not in self._results and (answer := next(answers, None)) is not None:
-                done, text = answer
+            while number not in self._results and (result := next(computed, None)) is not None:
+                done, text = result
                 if text is not None:
                     self._results[done] = self._receive(json_value(text))
                 elif done == number:
@@ -406,12 +406,12 @@ class CheckRun:
             yield path, self._results[number]
 
     def stop_workers(self) -> None:
-        """Stop the worker processes and cache the results for the next command."""
-        if self._copies is not None:
-            self._copies.terminate_workers()
+        """Stop the worker processes, and store the results for later commands."""
+        if self._workers is not None:
+            self._workers.terminate_workers()
         if self._cache is not None and self._checker is not None:
-            for question, answer in self._checker.surroundings.items():
-                self._others.record(question, answer)
+            for query, response in self._checker.surroundings.items():
+                self._others.record(query, response)
             self._others.is_consistent = (
                 self._others.is_consistent and self._checker.surroundings.is_consistent
             )
@@ -425,16 +425,16 @@ class CheckRun:
 
 
 class FileChecker:
-    """Checks files one by one, and continues after a failed check.
+    """The checker of single files, which reports a failed check as a finding.
 
     Args:
         additions: The user's additions to the projects of the files.
-        further_checks: Returns findings in addition to those of the rules.
-        try_runs: Explores the runs of a file within limits; None to explore none.
+        further_checks: Functions that return findings in addition to those of the rules.
+        try_runs: Function that explores the runs of a file within limits; None if runs are not explored.
 
     Attributes:
-        surroundings: The queries of the checks so far, except those in the `sources` of each check. The files share them,
-            because they share configurations, palettes, sets of trees and nodes.
+        surroundings: The file system queries of all checks so far, except for the queries in `sources` of each check.
+            The files share these queries, because they share configurations, palettes, sets of trees and nodes.
     """
 
     def __init__(
@@ -446,7 +446,7 @@ class FileChecker:
         self.surroundings = Observation()
         self._further_checks, self._try_runs = further_checks, try_runs
         self._check = FileCheck()
-        # The content of a file and its includes is recorded only for its own check; a set is read once for all files.
+        # Reading a file and its includes is recorded in its own check. A set is read once for all files.
         with large_imports():
             from sar_compiler.project.workspace import Workspace
         self.workspace = Workspace(additions, self._read, self._add_note, further_checks, read_tree_file)
@@ -460,7 +460,7 @@ class FileChecker:
 
     @property
     def reads_set(self) -> bool:
-        """Whether the check searched the other named files for trees."""
+        """Whether a check has searched the other files of the command for trees."""
         return any(each.tree_set is not None and each.tree_set.is_read for each in self.workspace.projects)
 
     def check(self, path: Path) -> FileCheck:
@@ -478,7 +478,7 @@ class FileChecker:
                 check.is_read = True
             except SarError as error:
                 check.problem = str(error)
-            except Exception as error:  # noqa: BLE001 - whatever it is, the other files are still checked
+            except Exception as error:  # noqa: BLE001 - the other files are checked after any error
                 from sar_compiler.checks import failure_of_file
 
                 check.findings.append(failure_of_file(path, error))
@@ -488,7 +488,7 @@ class FileChecker:
         tree = self.workspace.load_file(path)
         check.is_read = True
         project = tree.project
-        # Record the uses of this file even if other files have used the same palettes and trees.
+        # The palettes and trees that this file uses are recorded even if other files have used them.
         project.used_palettes, project.used_trees = {}, {}
         if not tree.is_malformed:
             project.report_use(tree.forest)

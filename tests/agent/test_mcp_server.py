@@ -203,7 +203,7 @@ def test_a_call_that_takes_too_long_is_given_up_and_the_next_one_is_answered(wor
     given_up, outside = call(
         ("verify", {"file": "right.xml"}), ("validate", {"file": "/"}), options=["--limit", "0.01"]
     )
-    assert "verify was aborted after 0.01 s, the limit of a call" in given_up
+    assert "verify was aborted after 0.01 s, the time limit of a call" in given_up
     assert "is outside" in outside
 
 
@@ -413,8 +413,8 @@ class TestManyCalls:
     @pytest.mark.parametrize(
         ("word", "said"),
         [
-            ("much", "the result of verify is larger than 16 MiB: request less"),
-            ("die", "verify was ended by signal 6: it may take 2048 MiB of memory, --memory of the server"),
+            ("much", "the result of verify is larger than 16 MiB. Request less"),
+            ("die", "verify was ended by signal 6. The memory limit is 2048 MiB (--memory of the server)"),
         ],
     )
     def test_a_call_that_takes_too_much_is_an_error_that_says_so(self, access, word, said):
@@ -425,7 +425,7 @@ class TestManyCalls:
         (work / "command.py").write_text(IN_ITS_PLACE, encoding="utf-8")
         access = ToolAccess([work], 1.0, 2**31, [sys.executable, "command.py"])
         answers = self.together(access, 4, "forever")
-        assert {str(each) for each in answers} == {"verify was aborted after 1 s, the limit of a call"}
+        assert {str(each) for each in answers} == {"verify was aborted after 1 s, the time limit of a call"}
         assert (work / "log").read_text(encoding="utf-8") == "++++"
         assert children_of(os.getpid(), "command.py") == []
 

@@ -51,7 +51,7 @@ def test_the_finding_names_the_rule_the_error_and_its_place():
     finding, *_ = check(forest(TWO_SLIPS), default_registry())
     error = "the rule check_badly raised an error at this element: IndexError: list index out of range"
     assert finding.message == f"{error} (test_internal_errors.py, in _fail_on)"
-    assert "Please report this" in finding.advice
+    assert "please report this" in finding.advice
 
 
 def test_what_fails_for_several_rules_alike_is_told_once(monkeypatch):
@@ -142,7 +142,7 @@ def test_a_fix_that_fails_does_not_keep_the_other_files_from_being_mended(tmp_pa
     assert main(["validate", "--fix", *map(str, files), "--format", "github"]) == 3
     assert [file.read_text() for file in files] == [SLIP, MENDED]
     output = capsys.readouterr().out
-    assert "the mending of this file failed: RuntimeError: a surprise" in output
+    assert "the fixing of this file failed: RuntimeError: a surprise" in output
     assert "unknown-attribute" in output
 
 

@@ -149,7 +149,7 @@ MISTAKES = {
             '<Timeout name="Outer" duration="5">\n<Sequence>\n<Look/>\n<Timeout msec="8000"><Drive/></Timeout>\n'
             "</Sequence>\n</Timeout>"
         ),
-        ("without-effect", 6, 1, "its limit of 8 s never expires before the 5 s of 'Outer'"),
+        ("without-effect", 6, 1, "its limit of 8 s never expires before the limit of 5 s of 'Outer'"),
     ),
     "a time limit of a tick": (
         '<Timeout duration="0.2">\n<Drive/>\n</Timeout>',

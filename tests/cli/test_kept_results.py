@@ -279,7 +279,7 @@ def many(count):
 
 
 def test_many_files_are_checked_in_copies_of_the_process_and_few_are_not():
-    many(validation.FEWEST_FOR_COPIES)
+    many(validation.FEWEST_FOR_WORKERS)
     whole = Done("trees", "--no-cache")
     assert whole.places == ({"copy"} if len(os.sched_getaffinity(0)) > 1 else {"here"})
     few = Done(*sorted(Path("trees").iterdir())[1:], "--no-cache")

@@ -143,7 +143,7 @@ def test_on_the_site_a_tree_is_broken_mended_verified_stopped_and_carried_by_a_l
         browser.js("document.querySelector('#verdicts button').click()")
         browser.wait_for("#step", "tick 1: NavigateToZone")
         browser.click("#next")
-        browser.wait_for("#step", "again and again: NavigateToZone aborted")
+        browser.wait_for("#step", "repeated forever: NavigateToZone aborted")
         browser.js("window.studio.replace('name=\"Patrol\"', 'name=\"Carried\"')")
         browser.wait_for("#state", "No findings", _LOADED_SEC)
         browser.click("#link")

@@ -292,16 +292,16 @@ def test_a_subtree_that_would_mean_something_else_is_not_inlined(ports, reason):
     [
         ("move", {"element": 2, "parent": 3, "index": 0}, "<Sequence> cannot be moved into itself"),
         ("move", {"element": 0, "parent": 3, "index": 0}, "<root> contains the whole file"),
-        ("move", {"element": 3, "parent": 2, "index": 3}, "has 2 children, and no place 3"),
+        ("move", {"element": 3, "parent": 2, "index": 3}, "3 is not a position among the children of"),
         ("wrap", {"element": 4, "tag": "A", "last": 3}, "not adjacent siblings"),
         ("unwrap", {"element": 3}, "<A> has no children. Delete it instead"),
         ("delete", {"element": 9}, "there is no element 9"),
-        ("inline", {"element": 3}, "<A> ticks no tree of this file"),
+        ("inline", {"element": 3}, "<A> does not use a tree of this file"),
         ("extract", {"element": 3, "tree": "Main"}, "there is already a tree 'Main'"),
-        ("extract", {"element": 1, "tree": "New"}, "'Main' is a tree already"),
-        ("insert", {"parent": 3, "index": 0, "tag": "<"}, "this cannot be written here"),
+        ("extract", {"element": 1, "tree": "New"}, "'Main' is already a tree"),
+        ("insert", {"parent": 3, "index": 0, "tag": "<"}, "this change would make the file invalid"),
         ("delete", {}, "the arguments of 'delete' are wrong"),
-        ("burn", {}, "there is no operation 'burn'"),
+        ("burn", {}, "unknown operation 'burn'"),
     ],
 )
 def test_an_impossible_operation_says_why(operation, arguments, reason):

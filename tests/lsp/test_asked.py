@@ -245,7 +245,7 @@ def test_a_key_that_others_share_is_not_renamed(editor, tmp_path):
 @pytest.mark.parametrize(
     ("word", "after", "name", "why"),
     [
-        ("{found}", 2, "found-it", "is not a valid name. Write letters, digits and '_'"),
+        ("{found}", 2, "found-it", "is not a valid name. Use only letters, digits and '_'"),
         ("{found}", 2, "other", "'other' already exists"),
         ('ID="Part"', 5, "Main", "'Main' already exists"),
         ('ID="Part"', 5, "a part", "is not a valid name"),
@@ -269,7 +269,7 @@ def test_a_finding_comes_with_the_fix_that_it_suggests(editor, files):
     answer = editor.ask(editor.client.text_document_code_action_async(question))
     fixes = [each for each in answer if each.edit]
     written = {each.title: each.edit.changes[main.as_uri()][0].new_text for each in fixes}
-    assert written == {"Write memory": "memory", "Apply all safe fixes": "memory"}
+    assert written == {"Replace by memory": "memory", "Apply all safe fixes": "memory"}
 
 
 def test_an_operation_on_a_node_is_offered_and_its_edit_follows_when_it_is_chosen(editor, files):
@@ -294,7 +294,7 @@ def test_the_fix_of_a_tag_is_that_of_its_end_tag_as_well(editor, files):
     place = at(main, "<Sequnce", 1)
     question = lsp.CodeActionParams(whose(main), lsp.Range(place, place), lsp.CodeActionContext([]))
     answer = editor.ask(editor.client.text_document_code_action_async(question))
-    (edit,) = next(each for each in answer if each.title == "Write Sequence").edit.changes[main.as_uri()]
+    (edit,) = next(each for each in answer if each.title == "Replace by Sequence").edit.changes[main.as_uri()]
     lines = wrong.splitlines(keepends=True)
     start, end = (
         sum(map(len, lines[: each.line])) + each.character for each in (edit.range.start, edit.range.end)

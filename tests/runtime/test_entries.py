@@ -147,7 +147,7 @@ def test_a_key_of_the_root_is_not_removed_and_the_node_says_so():
     node = UnsetBlackboard("unset", Input("@k"), Scope(stage.scope.board, "sub", stage.scope))
     assert stage.tick(node) == "S:"
     assert stage.values == {"k": 1}
-    assert "'@k' stays" in node.feedback_message
+    assert "'@k' is not removed" in node.feedback_message
 
 
 def test_each_node_notices_updates_for_itself():

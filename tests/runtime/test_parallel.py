@@ -56,7 +56,7 @@ def test_after_a_halt_it_counts_from_zero():
 def test_a_count_that_cannot_be_reached_is_an_error_before_anything_is_ticked(counts):
     stage = Stage()
     with pytest.raises(
-        ThresholdError, match=f"'p' can never count 3 .*write 2 at most as {next(iter(counts))}"
+        ThresholdError, match=f"'p' can never count 3 .*Write at most 2 as {next(iter(counts))}"
     ):
         parallel(stage, a="S", b="S", **counts).tick_once()
     assert stage.told() == ""
@@ -102,7 +102,7 @@ def test_parallel_all_shows_how_many_have_ended():
 
 def test_parallel_all_cannot_allow_more_failures_than_it_has_children():
     stage = Stage()
-    with pytest.raises(ThresholdError, match="write 1 at most as max_failures"):
+    with pytest.raises(ThresholdError, match="Write at most 1 as max_failures"):
         ParallelAll("p", stage.leaves(a="S"), Input(2)).tick_once()
 
 

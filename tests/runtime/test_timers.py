@@ -185,7 +185,7 @@ def test_the_time_to_sleep_comes_from_the_blackboard_when_it_starts():
 @pytest.mark.parametrize("make", [Delay, Timeout])
 def test_nobody_waits_for_less_than_no_time(make):
     stage = Stage()
-    with pytest.raises(DurationError, match=r"cannot wait -5 milliseconds: write 0 or more as (delay_)?msec"):
+    with pytest.raises(DurationError, match=r"cannot wait -5 milliseconds. Write 0 or more as (delay_)?msec"):
         make("t", stage.leaf("a"), Input(-5), ManualClock()).tick_once()
     with pytest.raises(DurationError, match="'z' cannot wait -5"):
         Sleep("z", Input(-5), ManualClock()).tick_once()

@@ -148,7 +148,7 @@ def test_a_mistake_in_the_text_leaves_the_drawing_and_is_repaired_by_a_click(pag
     page.browser.wait_for("#state", "No findings")
     assert page.text == first
     page.browser.js("window.studio.replace('AdvanceZone', '\\n<\\t:')")
-    page.browser.wait_for("#stale", "last text without this error")
+    page.browser.wait_for("#stale", "last version of the text that could be parsed")
     page.browser.wait(lambda: page.browser.js("return !document.querySelector('#stale').hidden"), "a mark")
     assert page.node("AdvanceZone")
 
@@ -203,7 +203,7 @@ def test_a_proof_shows_its_progress_and_is_stopped(page):
     page.browser.wait_for("#state", "Exploring all runs")
     page.browser.wait_for("#state", " states, ")
     page.browser.click("#stop")
-    page.browser.wait_for("#state", "and there are more (stopped)")
+    page.browser.wait_for("#state", "not all explored (stopped)")
     page.browser.wait_for("#verdicts", "not decided")
 
 

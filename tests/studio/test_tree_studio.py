@@ -129,7 +129,7 @@ def test_a_played_run_is_saved_as_a_scenario_that_holds(tmp_path):
     assert saved["name"] == "aborted.yaml"
     assert "NavigateToZone aborted" in saved["text"]
     assert_scenario_holds(path, tmp_path / "aborted.yaml")
-    assert "exists already" in str(studio.answer_question("record", {"name": "aborted.yaml"}))
+    assert "already exists" in str(studio.answer_question("record", {"name": "aborted.yaml"}))
     assert "does not end with .yaml" in str(studio.answer_question("record", {"name": "other.xml"}))
 
 
@@ -210,7 +210,7 @@ def test_a_tree_is_renamed_wherever_the_file_names_it():
 @pytest.mark.parametrize(
     ("question", "values", "error"),
     [
-        ("burn", {}, "there is no question 'burn'"),
+        ("burn", {}, "unknown request 'burn'"),
         ("edit", {"operation": "delete", "arguments": {"element": 0}}, "contains the whole file"),
         ("verify", {"text": "<root"}, "not well-formed"),
         ("rename", {"offset": 3, "name": "A"}, "there is no name"),

@@ -245,8 +245,8 @@ def _check_inner_limits(bound: BoundNode, seconds: float | None) -> Iterator[Dia
         limit = _limit_sec(inner)
         if limit is not None and seconds is not None and seconds <= limit < math.inf:
             message = (
-                f"'{inner.name}' has no effect: its limit of {limit:g} s never expires before the {seconds:g} s of "
-                f"the outer '{bound.name}'"
+                f"'{inner.name}' has no effect: its limit of {limit:g} s never expires before the limit of {seconds:g} s of "
+                f"'{bound.name}'"
             )
             yield inner.element.finding("without-effect", message, hint="write a shorter time, or delete it")
         elif limit is None or limit == math.inf:

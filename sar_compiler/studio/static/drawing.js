@@ -1,11 +1,11 @@
-// The drawing, made by Python, with a selection, drag and drop, and keys.
+// The drawing of the tree, which Python creates. This module adds the selection, drag and drop, and keys.
 import { dropPlace, dropSide } from "./places.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const DRAWN = new Set(["svg", "g", "path", "rect", "text", "title"]);
 const START_PX = 6;
 
-// Only shapes and texts are copied; styles, scripts and links are omitted.
+// Copies the shapes and texts of a drawing, without styles, scripts and links.
 function copied(from) {
   const made = document.createElementNS(SVG, from.localName);
   for (const { name, value } of from.attributes) if (/^(class|d|x|y|rx|width|height|viewBox|role|stroke-dasharray)$/.test(name)) made.setAttribute(name, value);
@@ -32,8 +32,8 @@ class TreeDrawing extends HTMLElement {
     this.addEventListener("wheel", (event) => event.ctrlKey && (event.preventDefault(), this.zoom(event.deltaY < 0 ? 1.15 : 1 / 1.15)), { passive: false });
   }
 
-  // Shows a drawing: its SVG, the element and the number of each drawn node, all elements of the tree, whether an element is
-  // folded, and the severity of each element with findings.
+  // Shows a drawing. `nodes` and `places` are the element and the number of each drawn node, `elements` all elements of the file,
+  // and `severities` the severity of each element with findings.
   show({ svg, nodes, places, elements }, canHold, isFolded, severities) {
     this.elements = elements;
     this.numbers = nodes;
@@ -83,7 +83,7 @@ class TreeDrawing extends HTMLElement {
     if (focus) first.focus({ preventScroll: true });
   }
 
-  // Colours the nodes of one event of a run.
+  // Colours the nodes of an event, from the root to the leaf; returns the element of the leaf.
   walk(event) {
     this.nodes?.forEach((node) => node.classList.remove("way", "success", "failure", "running", "halted"));
     const way = event?.way.map((place) => this.places.indexOf(place)).filter((each) => each >= 0) ?? [];
@@ -93,7 +93,7 @@ class TreeDrawing extends HTMLElement {
     return leaf ? this.numbers[way.at(-1)] : null;
   }
 
-  // Marks the elements that write or read a key: pairs of an element and its kind of access.
+  // Marks the elements that write or read a key; `users` are pairs of an element and a kind of access.
   flow(users = []) {
     this.users = users;
     this.nodes?.forEach((node, place) => {
@@ -103,7 +103,7 @@ class TreeDrawing extends HTMLElement {
     });
   }
 
-  // Returns the next drawn element after the selected one whose texts contain the words.
+  // Returns the next drawn element after the selected element whose texts contain the words; null if there is none.
   find(words) {
     const place = this.numbers.indexOf(this.#chosen) + 1;
     const after = [...this.nodes.slice(place), ...this.nodes.slice(0, place)];
@@ -111,7 +111,7 @@ class TreeDrawing extends HTMLElement {
     return found ? this.#number(found) : null;
   }
 
-  // Starts to drag an object from outside of the drawing.
+  // Starts to drag an element of the drawing, or a node of the palette.
   drag(what, event) {
     this.#drag = { what, x: event.clientX, y: event.clientY, isOn: false };
   }
@@ -132,7 +132,7 @@ class TreeDrawing extends HTMLElement {
     if (element !== null && event.pointerType !== "touch") this.drag({ element }, event);
   }
 
-  // Dragging the background with a mouse scrolls the drawing. Touch scrolls without this.
+  // Dragging the background with a mouse scrolls the drawing. The browser handles touch itself.
   #grab(event) {
     if (event.button || event.pointerType !== "mouse" || event.target.closest("g.node, button, input, select")) return;
     const { scrollLeft, scrollTop } = this.parentElement;

@@ -1,4 +1,4 @@
-// The text: CodeMirror in a shadow root, where its styles do not violate the page's Content-Security-Policy.
+// The text editor. CodeMirror is in a shadow root, where its styles do not violate the page's Content-Security-Policy.
 import {
   bracketMatching, defaultKeymap, drawSelection, EditorState, EditorView, foldGutter, foldKeymap, highlightActiveLine,
   highlightSelectionMatches, HighlightStyle, history, historyKeymap, isolateHistory, keymap, lineNumbers, lintGutter, lintKeymap, redo,
@@ -29,7 +29,7 @@ export class TextEditor {
     this.extensions = [
       lineNumbers(), foldGutter(), lintGutter(), history(), drawSelection(), bracketMatching(), highlightActiveLine(),
       highlightSelectionMatches(), syntaxHighlighting(colours), theme,
-      // Only the file's own line ending separates lines; other characters are kept unchanged.
+      // Only \n separates lines, so that other line endings in the text are not changed.
       EditorState.lineSeparator.of("\n"),
       EditorView.contentAttributes.of({ "aria-label": "The tree file", tabindex: "0" }),
       keymap.of([...defaultKeymap, ...historyKeymap, ...foldKeymap, ...searchKeymap, ...lintKeymap]),
@@ -40,7 +40,7 @@ export class TextEditor {
     ];
   }
 
-  // A new file has no history.
+  // Shows another file, without the history of the previous file.
   open(text, form) {
     this.view.setState(EditorState.create({ doc: text, extensions: [...this.extensions, form === "yaml" ? yaml() : xml()] }));
   }

@@ -1,4 +1,4 @@
-// The page. The text is the only document: operations edit it, and all views are derived from it.
+// The page. Operations edit the text, and all views are derived from the text.
 import { backend } from "./backend.js";
 import "./drawing.js";
 import { TextEditor } from "./editor.js";
@@ -6,7 +6,7 @@ import { keyPlace } from "./places.js";
 
 const at = (id) => document.getElementById(id);
 const drawing = document.querySelector("tree-drawing");
-const looked = { elements: [], findings: [], keys: {} };
+const analysis = { elements: [], findings: [], keys: {} };
 const COMPARE_MS = 2000;
 let editor;
 let specs = new Map();
@@ -18,8 +18,9 @@ let shownTree = null;
 let walk = { events: [], at: -1 };
 let isPlayed = false;
 const script = {};
-// The shown file; empty for the first one. The offsets of the elements whose children are folded.
+// The name of the shown file; empty for the file that was opened first.
 let file = "";
+// The offsets of the elements that are drawn without their children.
 let folded = [];
 
 const make = (tag, properties = {}, ...children) => {
@@ -32,14 +33,14 @@ const say = (text, isError = false) => {
   at("state").textContent = text;
   at("state").classList.toggle("error", isError);
 };
-const ask = (question, values = {}, onProgress = undefined) => backend.ask(question, { file, ...values }, onProgress);
+const ask = (request, values = {}, onProgress = undefined) => backend.ask(request, { file, ...values }, onProgress);
 const nameOf = ({ tag, attributes }) => attributes.name ?? attributes.ID ?? tag;
 const canHold = (number) => {
-  const spec = specs.get(looked.elements[number]?.tag);
+  const spec = specs.get(analysis.elements[number]?.tag);
   return !spec || spec.most !== 0;
 };
 
-// Asks a question in a dialog; returns the entered text or the choice.
+// Asks a question in a dialog; returns the entered text or the choice, or an empty string if the user cancels.
 function question(text, choices, written = null) {
   at("question").textContent = text;
   at("answer").hidden = written === null;
@@ -55,7 +56,7 @@ function question(text, choices, written = null) {
   });
 }
 
-// Findings, drawing and forms of the current text.
+// Analysis of the current text.
 let waiting;
 let isLooking = false;
 const isDirty = () => editor.text !== saved;
@@ -67,40 +68,40 @@ function changed(changes) {
   waiting = setTimeout(look, 30);
 }
 
-// Element numbers belong to the last analysed text, so keys wait until that is the current text.
+// The numbers of elements belong to the last analysed text. Pressed keys wait until this is the current text.
 let settling = [];
-const settled = () => (looked.text === editor.text ? Promise.resolve() : new Promise((resolve) => settling.push(resolve)));
+const settled = () => (analysis.text === editor.text ? Promise.resolve() : new Promise((resolve) => settling.push(resolve)));
 
 async function look() {
   if (isLooking) return changed();
   isLooking = true;
   const text = editor.text;
-  const told = await ask("look", { text, tree: shownTree, folded });
+  const result = await ask("look", { text, tree: shownTree, folded });
   isLooking = false;
   if (text !== editor.text) return changed();
-  if (told.error) return say(told.error, true);
-  const isSame = looked.text === text && looked.tree === told.tree;
-  Object.assign(looked, told, { text });
-  const isSound = Boolean(told.svg);
+  if (result.error) return say(result.error, true);
+  const isSame = analysis.text === text && analysis.tree === result.tree;
+  Object.assign(analysis, result, { text });
+  const isSound = Boolean(result.svg);
   at("picture").classList.toggle("stale", !isSound);
   at("stale").hidden = isSound;
-  editor.show(told.findings, (fix) => editor.apply([fix]));
+  editor.show(result.findings, (fix) => editor.apply([fix]));
   showFindings();
-  for (const each of ["play", "verify", "predict"]) at(each).disabled = !isSound || told.findings.some(({ severity }) => severity === "error");
+  for (const each of ["play", "verify", "predict"]) at(each).disabled = !isSound || result.findings.some(({ severity }) => severity === "error");
   if (isSound) {
-    drawing.show(told, canHold, isFolded, severities());
-    at("tree").replaceChildren(...told.trees.map((each) => make("option", { textContent: each, selected: each === told.tree })));
-    at("keys").replaceChildren(...Object.keys(told.keys).map((each) => make("option", { value: `{${each}}` })));
+    drawing.show(result, canHold, isFolded, severities());
+    at("tree").replaceChildren(...result.trees.map((each) => make("option", { textContent: each, selected: each === result.tree })));
+    at("keys").replaceChildren(...Object.keys(result.keys).map((each) => make("option", { value: `{${each}}` })));
     const shownKey = at("key").value;
-    at("key").replaceChildren(...["", ...Object.keys(told.keys)].map((each) => make("option", { value: each, textContent: each || "none", selected: each === shownKey })));
-    drawing.flow(told.keys[at("key").value]);
+    at("key").replaceChildren(...["", ...Object.keys(result.keys)].map((each) => make("option", { value: each, textContent: each || "none", selected: each === shownKey })));
+    drawing.flow(result.keys[at("key").value]);
     at("unfold").disabled = !folded.length;
     if (!file) {
-      at("file").replaceChildren(...told.files.map((each, place) => make("option", { value: place ? each : "", textContent: each })));
-      at("file").parentElement.hidden = told.files.length < 2;
+      at("file").replaceChildren(...result.files.map((each, place) => make("option", { value: place ? each : "", textContent: each })));
+      at("file").parentElement.hidden = result.files.length < 2;
     }
     if (cursor !== null) choose(elementAt(cursor), true);
-    else if (chosen !== null) choose(chosen < told.elements.length ? chosen : null);
+    else if (chosen !== null) choose(chosen < result.elements.length ? chosen : null);
     cursor = null;
     if (isSame) drawing.walk(walk.events[walk.at]);
     else {
@@ -108,7 +109,7 @@ async function look() {
       begin([]);
     }
   }
-  const count = told.findings.length;
+  const count = result.findings.length;
   say(count ? `${count} ${count === 1 ? "finding" : "findings"}` : "No findings");
   document.body.classList.add("ready");
   settling.forEach((resolve) => resolve());
@@ -116,22 +117,22 @@ async function look() {
   return undefined;
 }
 
-const isFolded = (number) => folded.includes(looked.elements[number].from);
+const isFolded = (number) => folded.includes(analysis.elements[number].from);
 function fold(number) {
-  const { from, children } = looked.elements[number];
+  const { from, children } = analysis.elements[number];
   if (!children.length) return;
   folded = isFolded(number) ? folded.filter((each) => each !== from) : [...folded, from];
   look();
 }
 
 const elementAt = (offset) => {
-  const after = looked.elements.findIndex((each) => each.from > offset);
-  return (after < 0 ? looked.elements.length : after) - 1;
+  const after = analysis.elements.findIndex((each) => each.from > offset);
+  return (after < 0 ? analysis.elements.length : after) - 1;
 };
 
 function severities() {
   const found = new Map();
-  for (const each of [...looked.findings].reverse()) {
+  for (const each of [...analysis.findings].reverse()) {
     const number = elementAt(each.from);
     if (!each.file && each.severity !== "info" && found.get(number) !== "error") found.set(number, each.severity);
   }
@@ -140,7 +141,7 @@ function severities() {
 
 function showFindings() {
   at("findings").replaceChildren(
-    ...looked.findings.map((each) => {
+    ...analysis.findings.map((each) => {
       const place = each.file ? `${each.file}:${each.line}` : `line ${each.line}`;
       const advice = each.advice ? ` ${each.advice}` : "";
       const go = () => {
@@ -158,11 +159,11 @@ function showFindings() {
 // Operations.
 async function operate(operation, values, followed = true) {
   const text = editor.text;
-  if (text !== looked.text) return say("The drawing is behind the text. Try again", true);
-  const told = await ask("edit", { text, operation, arguments: values });
-  if (told.error) return say(told.error, true);
-  if (text !== editor.text) return say("The text has changed meanwhile. Try again", true);
-  apply(told.edits, followed);
+  if (text !== analysis.text) return say("The drawing does not show the current text yet. Try again", true);
+  const result = await ask("edit", { text, operation, arguments: values });
+  if (result.error) return say(result.error, true);
+  if (text !== editor.text) return say("The text has changed during the operation. Try again", true);
+  apply(result.edits, followed);
   return undefined;
 }
 
@@ -176,35 +177,35 @@ function apply(edits, followed = true) {
 }
 
 function insert(spec, place) {
-  const number = chosen ?? looked.elements.findIndex((each) => each.tag === "BehaviorTree");
+  const number = chosen ?? analysis.elements.findIndex((each) => each.tag === "BehaviorTree");
   if (at("around").checked && !place && chosen !== null) return operate("wrap", { element: chosen, tag: spec.tag });
-  const { parent, index, children } = looked.elements[number] ?? {};
+  const { parent, index, children } = analysis.elements[number] ?? {};
   const inside = { parent: number, index: children?.length ?? 0 };
   return operate("insert", { ...(place ?? (canHold(number) || parent === null ? inside : { parent, index: index + 1 })), tag: spec.tag });
 }
 
 async function newTree(element) {
-  const name = await question("Name of the new tree", ["Extract", "Cancel"], nameOf(looked.elements[element]).replace(/[^\w.-]/g, ""));
+  const name = await question("Name of the new tree", ["Extract", "Cancel"], nameOf(analysis.elements[element]).replace(/[^\w.-]/g, ""));
   if (name) operate("extract", { element, tree: name });
 }
 
 async function rename(element) {
-  const { attributes, tag, from } = looked.elements[element];
+  const { attributes, tag, from } = analysis.elements[element];
   const key = tag === "BehaviorTree" || tag === "SubTree" ? "ID" : "name";
   const name = await question(key === "ID" ? "New name of the tree" : "New name of the node", ["Rename", "Cancel"], attributes[key] ?? tag);
   if (!name) return;
   if (key === "name") return operate("set_attribute", { element, name: "name", value: name }, false);
   const text = editor.text;
-  const told = await ask("rename", { text, offset: text.indexOf(attributes.ID, text.indexOf("ID", from)), name });
-  if (told.error) say(told.error, true);
-  else apply(told.edits, false);
+  const result = await ask("rename", { text, offset: text.indexOf(attributes.ID, text.indexOf("ID", from)), name });
+  if (result.error) say(result.error, true);
+  else apply(result.edits, false);
 }
 
-// The selected node: its operations and its attributes.
+// The operations and attributes of the selected node.
 function choose(number, focus = false) {
   chosen = number !== null && number > 0 ? number : null;
   drawing.choose(chosen, focus);
-  const element = looked.elements[chosen];
+  const element = analysis.elements[chosen];
   at("chosen").textContent = element ? `<${element.tag}> ${nameOf(element)}` : "No node is selected";
   at("actions").replaceChildren(...(element ? actions(element) : []));
   at("form").replaceChildren(...(element ? fields(element) : []));
@@ -213,13 +214,13 @@ function choose(number, focus = false) {
 
 function pick(number) {
   choose(number);
-  const element = looked.elements[number];
+  const element = analysis.elements[number];
   if (element) editor.select(element.from, element.to);
 }
 
 function actions(element) {
   const self = chosen;
-  const siblings = looked.elements[element.parent].children.length;
+  const siblings = analysis.elements[element.parent].children.length;
   const simple = (text, operation) => button(text, () => operate(operation, { element: self }));
   const moved = (text, index, isPossible) => button(text, () => operate("move", { element: self, parent: element.parent, index }), { disabled: !isPossible });
   const isTree = element.tag === "BehaviorTree";
@@ -229,7 +230,7 @@ function actions(element) {
     simple("Duplicate", "duplicate"),
     ...(element.children.length && !isTree ? [simple("Unwrap", "unwrap")] : []),
     ...(isTree ? [] : [button("Extract…", () => newTree(self))]),
-    ...(looked.trees.includes(element.attributes.ID) && !isTree ? [button("Show the tree", () => showTree(element.attributes.ID)), simple("Inline", "inline")] : []),
+    ...(analysis.trees.includes(element.attributes.ID) && !isTree ? [button("Show the tree", () => showTree(element.attributes.ID)), simple("Inline", "inline")] : []),
     ...(element.children.length ? [button(isFolded(self) ? "Unfold" : "Fold", () => fold(self))] : []),
     button("Rename…", () => rename(self)),
     simple("Delete", "delete"),
@@ -285,8 +286,8 @@ function begin(ticks, loop = 0) {
 function showStep() {
   const event = walk.events[walk.at];
   const number = drawing.walk(event);
-  const last = event?.isLast && event.root ? `; root ${event.root}` : "";
-  at("step").textContent = event ? `tick ${event.tick}${event.isLoop ? ", again and again" : ""}: ${event.leaf} ${event.does}${last}` : "";
+  const last = event?.isLast && event.root ? ` (root: ${event.root})` : "";
+  at("step").textContent = event ? `tick ${event.tick}${event.isLoop ? ", repeated forever" : ""}: ${event.leaf} ${event.does}${last}` : "";
   if (event && number !== null) pick(number);
   const values = Object.entries(event?.values ?? {});
   at("values").replaceChildren(
@@ -304,7 +305,7 @@ function outcomes(leaf) {
     if (listed.length) script[leaf] = listed;
     else delete script[leaf];
   };
-  return make("label", {}, `Outcomes of ${leaf} in the next run, one after the other `, field);
+  return make("label", {}, `Outcomes of ${leaf} in the next run, in order, separated by commas `, field);
 }
 
 async function run(what, values) {
@@ -314,24 +315,24 @@ async function run(what, values) {
   const clock = setInterval(tell, 500);
   tell();
   at("stop").hidden = what === "play";
-  const told = await ask(what, { text: editor.text, tree: shownTree, ...values }, what === "play" ? undefined : (count) => (states = count));
+  const result = await ask(what, { text: editor.text, tree: shownTree, ...values }, what === "play" ? undefined : (count) => (states = count));
   clearInterval(clock);
   at("stop").hidden = true;
-  if (told.error) say(told.error, true);
-  isPlayed = what === "play" && !told.error;
+  if (result.error) say(result.error, true);
+  isPlayed = what === "play" && !result.error;
   at("verdicts").replaceChildren();
   at("prediction").hidden = true;
-  return told.error ? null : told;
+  return result.error ? null : result;
 }
 
 async function verify() {
-  const told = await run("verify", {});
-  if (!told) return;
-  say(`${told.states} states${told.complete ? "" : ", and there are more"}${told.stopped && " (stopped)"}`);
+  const result = await run("verify", {});
+  if (!result) return;
+  say(`${result.states} states${result.complete ? "" : ", not all explored"}${result.stopped && " (stopped)"}`);
   at("verdicts").replaceChildren(
-    ...told.verdicts.map((each) => {
+    ...result.verdicts.map((each) => {
       const made = make("li", { className: each.verdict === "proved" ? "yes" : "no" }, `${each.question}: ${each.verdict} `);
-      if (each.run) made.append(button("Walk", () => begin(each.run.ticks, each.loop)));
+      if (each.run) made.append(button("Step through", () => begin(each.run.ticks, each.loop)));
       return made;
     }),
   );
@@ -339,30 +340,30 @@ async function verify() {
 }
 
 async function predict() {
-  const told = await run("predict", {});
-  if (!told) return;
-  say(told.stopped ? "Predicted from a part of the runs (stopped)" : "Predicted");
-  at("prediction").textContent = told.text;
+  const result = await run("predict", {});
+  if (!result) return;
+  say(result.stopped ? "The prediction uses only a part of the runs (stopped)" : "The prediction is complete");
+  at("prediction").textContent = result.text;
   at("prediction").hidden = false;
   begin([]);
 }
 
 async function play() {
-  const names = new Set(looked.elements.map(nameOf));
+  const names = new Set(analysis.elements.map(nameOf));
   const leaves = Object.fromEntries(Object.entries(script).filter(([name]) => names.has(name)));
-  const told = await run("play", { ticks: Number(at("ticks").value), leaves });
-  if (!told) return;
-  say(`${told.ticks.length} ticks`);
-  begin(told.ticks);
+  const result = await run("play", { ticks: Number(at("ticks").value), leaves });
+  if (!result) return;
+  say(`${result.ticks.length} ticks`);
+  begin(result.ticks);
 }
 
 async function record() {
-  const name = await question("Name of the scenario's file", ["Save", "Cancel"], `${at("name").textContent.replace(/\.\w+$/, "")}.scenario.yaml`);
+  const name = await question("Name of the scenario file", ["Save", "Cancel"], `${at("name").textContent.replace(/\.\w+$/, "")}.scenario.yaml`);
   if (!name) return;
-  const told = await ask("record", { name });
-  if (told.error) return say(told.error, true);
-  if (backend.site) download(told);
-  say(`Saved as ${told.name}`);
+  const result = await ask("record", { name });
+  if (result.error) return say(result.error, true);
+  if (backend.site) download(result);
+  say(`Saved as ${result.name}`);
 }
 
 // The file.
@@ -373,27 +374,27 @@ function download({ name, text }) {
 }
 
 async function load() {
-  const told = await ask("open");
-  if (told.error) return say(told.error, true);
-  ({ version } = told);
-  document.title = at("name").textContent = told.name;
+  const result = await ask("open");
+  if (result.error) return say(result.error, true);
+  ({ version } = result);
+  document.title = at("name").textContent = result.name;
   editor ??= new TextEditor(at("text").appendChild(make("div")), {
     onChange: changed,
     onSelect: (offset) => choose(elementAt(offset)),
   });
-  editor.open(told.text, told.form);
+  editor.open(result.text, result.form);
   saved = editor.text;
   cursor = shownTree = null;
   folded = [];
-  const listed = await ask("palette", { text: told.text });
+  const listed = await ask("palette", { text: result.text });
   specs = new Map((listed.nodes ?? []).map((each) => [each.tag, each]));
   showPalette();
   return look();
 }
 
-// Loads another file, unless the user keeps the current one.
+// Saves or discards the current text as the user decides, and loads another file unless the user cancels.
 async function leave(prepare) {
-  const answer = isDirty() ? await question("The text is not saved", ["Save", "Discard", "Cancel"]) : "Discard";
+  const answer = isDirty() ? await question("Save the text before you leave this file?", ["Save", "Discard", "Cancel"]) : "Discard";
   if (answer === "Save") await save();
   const isLeft = answer === "Discard" || (answer === "Save" && !isDirty());
   if (isLeft) {
@@ -405,15 +406,15 @@ async function leave(prepare) {
 
 async function save(overwrite = false) {
   const text = editor.text;
-  const told = await ask("save", { text, version, overwrite });
-  if (told.error) return say(told.error, true);
-  if (told.has_changed) {
-    const answer = await question("Another program has changed the file since you opened it. Overwrite it?", ["Overwrite", "Load the file", "Cancel"]);
+  const result = await ask("save", { text, version, overwrite });
+  if (result.error) return say(result.error, true);
+  if (result.has_changed) {
+    const answer = await question("Another program has changed the file since you opened it. Overwrite it?", ["Overwrite", "Reload the file", "Cancel"]);
     if (answer === "Overwrite") await save(true);
-    if (answer === "Load the file") await load();
+    if (answer === "Reload the file") await load();
     return;
   }
-  version = told.version;
+  version = result.version;
   saved = text;
   at("save").disabled = !isDirty();
   if (backend.site) download({ name: at("name").textContent, text });
@@ -422,11 +423,11 @@ async function save(overwrite = false) {
 
 async function compare() {
   if (!editor || document.hidden || isLooking) return;
-  const told = await ask("compare", { version });
-  if (told.others_have_changed) await look();
-  if (!told.has_changed) return;
+  const result = await ask("compare", { version });
+  if (result.others_have_changed) await look();
+  if (!result.has_changed) return;
   if (!isDirty()) await load();
-  else say("Another program has changed the file. Saving will ask", true);
+  else say("Another program has changed the file. You can overwrite or reload it when you save", true);
 }
 
 const onChosen = async (work) => {
@@ -438,7 +439,7 @@ const keys = {
   F2: rename,
   Enter: () => at("form").querySelector("input, select")?.focus(),
   i: () => at("search").focus(),
-  o: (element) => looked.trees.includes(looked.elements[element].attributes.ID) && showTree(looked.elements[element].attributes.ID),
+  o: (element) => analysis.trees.includes(analysis.elements[element].attributes.ID) && showTree(analysis.elements[element].attributes.ID),
   " ": fold,
   "/": () => at("find").focus(),
 };
@@ -448,7 +449,7 @@ drawing.addEventListener("dropped", ({ detail: { element, spec, parent, index } 
 );
 drawing.addEventListener("moved", ({ detail: key }) =>
   onChosen((element) => {
-    const place = keyPlace(looked.elements, element, key);
+    const place = keyPlace(analysis.elements, element, key);
     if (place) operate("move", { element, ...place });
   }),
 );
@@ -478,15 +479,15 @@ at("file").onchange = async () => {
 at("find").onkeydown = (event) => {
   if (event.key !== "Enter" || !at("find").value) return;
   const found = drawing.find(at("find").value);
-  if (found === null) say(`The drawing has no '${at("find").value}'`, true);
+  if (found === null) say(`No drawn node contains '${at("find").value}'`, true);
   else pick(found);
 };
-at("key").onchange = () => drawing.flow(looked.keys[at("key").value]);
+at("key").onchange = () => drawing.flow(analysis.keys[at("key").value]);
 at("unfold").onclick = () => ((folded = []), look());
 at("export").onclick = async () => {
-  const told = await ask("export", { text: editor.text, tree: shownTree });
-  if (told.error) say(told.error, true);
-  else download(told);
+  const result = await ask("export", { text: editor.text, tree: shownTree });
+  if (result.error) say(result.error, true);
+  else download(result);
 };
 at("form").onsubmit = (event) => event.preventDefault();
 at("search").oninput = showPalette;
@@ -505,11 +506,11 @@ at("larger").onclick = () => drawing.zoom(1.25);
 window.addEventListener("focus", compare);
 if (!backend.site) setInterval(compare, COMPARE_MS);
 window.addEventListener("beforeunload", (event) => editor && isDirty() && event.preventDefault());
-// For tests and browser extensions: the text, the replacement of a part of it, and the shown state.
+// The interface for tests and browser extensions: the text, the selected node, and the replacement of a part of the text.
 window.studio = {
   text: () => editor.text,
   chosen: () => chosen,
-  isSettled: () => looked.text === editor.text,
+  isSettled: () => analysis.text === editor.text,
   canHold,
   replace: (part, insert) => {
     const from = editor.text.indexOf(part);
@@ -532,7 +533,7 @@ async function openSite({ examples, put, link }) {
   at("link").onclick = async () => {
     history.replaceState(null, "", await link(at("name").textContent, editor.text));
     await navigator.clipboard.writeText(location.href).catch(() => {});
-    say("The address of this page contains the tree, and is copied");
+    say("The address of this page now contains the tree, and was copied");
   };
 }
 
@@ -540,6 +541,6 @@ if (backend.site) openSite(backend.site);
 await backend.start((share) => {
   at("loading").hidden = share >= 1;
   at("loading").value = share;
-  say("Python is being loaded, once");
+  say("Python is being loaded");
 }, say);
 load();

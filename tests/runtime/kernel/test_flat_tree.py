@@ -92,7 +92,8 @@ class TestUnknownClasses:
     )
     def test_a_control_or_decorator_that_is_not_the_librarys_is_refused_by_name_and_class(self, node):
         with pytest.raises(
-            NotFlatError, match=f"'mine' is a .*{type(node).__name__}.*: replace it by nodes of the library"
+            NotFlatError,
+            match=f"'mine' is a .*{type(node).__name__}.*Replace it by registered controls and decorators",
         ) as caught:
             flatten(composites.Sequence("root", memory=True, children=[node]))
         assert caught.value.behaviour is node
@@ -254,7 +255,7 @@ class TestState:
 
     def test_a_guard_that_answers_with_neither_a_bool_nor_a_status_raises_as_in_py_trees(self):
         flat = flatten(decorators.EternalGuard("guard", Success("child"), lambda: 1))
-        with pytest.raises(RuntimeError, match="'guard': its condition"):
+        with pytest.raises(RuntimeError, match="'guard': the condition"):
             tick(flat, flat.ticker(TIMES))
 
     @pytest.mark.parametrize(("answer", "outcome"), [(Status.FAILURE, FAILURE), (Status.RUNNING, SUCCESS)])
