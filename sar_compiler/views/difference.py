@@ -1,4 +1,4 @@
-"""Structural differences between two tree files, as nodes and as text."""
+"""Structural differences between two tree files, as objects, text and JSON."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -7,12 +7,12 @@ from enum import Enum
 from sar_compiler.nodes.btcpp.port_types import is_same
 from sar_compiler.nodes.cpp_names import normalize
 from sar_compiler.tree.model import TEXT_KEY, Element, TreeFile
-from sar_compiler.tree.plain import as_json
-from sar_compiler.views.matching import ComparedNode, in_place, match
+from sar_compiler.tree.plain import as_json, count_with_noun
+from sar_compiler.views.matching import ComparedNode, match, pairs_in_order
 
 
 class Change(str, Enum):
-    """The kind of a difference between nodes."""
+    """The kind of a difference between two trees."""
 
     ADDED = "added"
     REMOVED = "removed"
@@ -22,18 +22,18 @@ class Change(str, Enum):
 
 @dataclass(frozen=True)
 class Difference:
-    """One difference.
+    """A difference between two tree files.
 
     Attributes:
         change: The kind of the difference.
-        path: The path of the node in the newer file, or in the older one if it was removed.
-        old: The node in the older file; None if it was added.
-        new: The node in the newer file; None if it was removed.
-        what: The changed item: an attribute, `$text` for the description in it, or empty for the tag.
-        before: The old value: that of the attribute (None: not written), the tag, or the path of a moved node
-            (`child 2` if only its index among its siblings has changed).
-        after: The new value.
-        inner: The number of nodes added or removed with it.
+        path: The path of the node in the newer file; for a removed node, in the older file.
+        old: The node in the older file; None if the node was added.
+        new: The node in the newer file; None if the node was removed.
+        what: The changed item: an attribute's name, `$text` for the text of the element, or empty for the tag.
+        before: The old value of the attribute (None: not written) or the old tag. For a moved node its old path, or
+            `child 2` if only its position among its siblings has changed.
+        after: The new value, in the same form.
+        inner: The number of descendants that were added or removed with the node.
     """
 
     change: Change
@@ -47,24 +47,24 @@ class Difference:
 
 
 def difference(old: TreeFile, new: TreeFile) -> list[Difference]:
-    """Compare two tree files by their meaning.
+    """Compare the nodes and attributes of two tree files.
 
-    Comments, the order of attributes, trees, includes and descriptions, the form of the file and its nodes
-    (`<Say/>`, `<Action ID="Say"/>`), and different names of one port type are ignored.
+    These differences are ignored: comments, the file format, `<Say/>` instead of `<Action ID="Say"/>`, another name of
+    the same port type, and the order of attributes, trees, includes and node models.
 
     Args:
         old: The older file.
         new: The newer file.
 
     Returns:
-        The differences, in the order of the newer file; removed nodes at their old position.
+        The differences, in the order of the newer file. Removed nodes precede the other changes of their siblings.
     """
     first, second = match(old, new)
     return [each for each in _differences(first, second) if not _renames_type(each)]
 
 
 def _renames_type(one: Difference) -> bool:
-    """Return whether a difference only renames the type of a described port."""
+    """Return whether a difference is only another name for the same port type."""
     return (
         one.what == "type"
         and one.new is not None
@@ -84,7 +84,7 @@ def _differences(old: ComparedNode, new: ComparedNode) -> Iterator[Difference]:
             yield Difference(
                 Change.REMOVED, child.path, child.element, None, before=child.path, inner=_count(child)
             )
-    stayed = {other for _, other in in_place(old, new)}
+    stayed = {other for _, other in pairs_in_order(old, new)}
     for child in new.children:
         yield from _child(child, stayed)
 
@@ -102,7 +102,7 @@ def _child(node: ComparedNode, stayed: set[ComparedNode]) -> Iterator[Difference
 
 
 def _inside_added(node: ComparedNode) -> Iterator[Difference]:
-    """Yield the differences of nodes that have moved into an added node."""
+    """Yield the differences of nodes that were moved into an added node."""
     if node.partner is not None:
         yield from _child(node, set())
         return
@@ -128,7 +128,7 @@ def _change(
 
 
 def _count(node: ComparedNode) -> int:
-    """Return the number of removed nodes in a subtree, down to nodes that have a partner."""
+    """Return the number of a node's descendants that have no partner, down to the first descendants that have one."""
     return sum(1 + _count(child) for child in node.children if child.partner is None)
 
 
@@ -140,12 +140,12 @@ def _move(old: ComparedNode, new: ComparedNode) -> Difference:
 
 
 def difference_as_text(differences: Iterable[Difference]) -> str:
-    """Return one line for each difference, with the locations in both files; an empty string if there is none."""
+    """Return a line for each difference, with the locations in both files."""
     return "".join(f"{_line(one)}\n" for one in differences)
 
 
 def difference_as_json(differences: Iterable[Difference]) -> str:
-    """Return differences as JSON, with the locations of both nodes."""
+    """Return differences as a JSON array, with the locations of both nodes."""
     return as_json([*map(_difference_data, differences)])
 
 
@@ -167,8 +167,8 @@ def _difference_text(one: Difference, tag: str) -> str:
         place = "" if one.after == one.path else f"{one.path}: "
         return f"{place}{one.before} -> {one.after}"
     if one.change is not Change.CHANGED:
-        with_it = f", with {one.inner} in it" if one.inner else ""
-        return f"{one.path} <{tag}>{with_it}"
+        inner = f", with {count_with_noun(one.inner, 'node')} in it" if one.inner else ""
+        return f"{one.path} <{tag}>{inner}"
     if not one.what:
         return f"{one.path}: <{one.before}> -> <{one.after}>"
     name = "description" if one.what == TEXT_KEY else one.what

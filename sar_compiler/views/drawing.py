@@ -1,7 +1,8 @@
 """Drawings of a tree as Graphviz, Mermaid and SVG.
 
-All formats share one list of nodes. In the picture, children are side by side below their parent if there is room, else
-one below the other, indented: a small tree looks as in a book, and a wide one stays narrow. Lengths are in pixels.
+All formats are drawn from the same list of nodes. In an SVG picture, children are side by side below their parent if
+there is enough space. Otherwise they are indented, one below the other, so that a large tree stays narrow. Lengths are
+in pixels.
 """
 
 import itertools
@@ -30,7 +31,7 @@ from sar_compiler.tree.display_text import escape_to_one_line, shorten
 from sar_compiler.tree.model import SUBTREE_TAG
 from sar_compiler.tree.plain import speakable, to_json_value
 
-# Maximum number of characters of a label and of the line below it; a title has the full texts.
+# The maximum number of characters of a label and of the details below it; the title contains the full texts.
 _LONGEST = 40
 
 
@@ -48,23 +49,23 @@ class Shape(Enum):
 
     @property
     def colour(self) -> str:
-        """Its colour, on light ground."""
+        """The shape's colour on a light background."""
         return COLOURS[self.value if self.value in COLOURS else "leaf"].light
 
 
 class DrawnNode(NamedTuple):
-    """A node of a drawing; no text of it has control characters or line breaks.
+    """A node of a drawing; its texts contain no control characters or line breaks.
 
     Attributes:
-        parent: The index of its parent in the list; -1 for the root.
-        children: The indices of its children.
-        end: The index after its last descendant: the list is in pre-order.
-        shape: Its shape.
-        sign: The sign of its control or decorator; empty for a leaf.
-        name: Its name.
-        details: Its tag, if neither sign nor name shows it, and its attributes as written; may be empty.
-        title: The location in the file, and all texts of the node.
-        is_subtree: Whether it is the top of a subtree.
+        parent: The parent's index in the pre-order list of nodes; -1 for the root.
+        children: The indices of the children.
+        end: The index after the last descendant.
+        shape: The node's shape.
+        sign: The sign of a control, decorator or unknown node; empty for a leaf.
+        name: The node's name.
+        details: The tag, if neither sign nor name shows it, and the attributes as written; may be empty.
+        title: The location in the tree file, the tag, the name and the attributes.
+        is_subtree: Whether the node is a `SubTree` whose content is drawn in a frame.
     """
 
     parent: int
@@ -79,19 +80,19 @@ class DrawnNode(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Its name, after its sign."""
+        """The sign and the name."""
         return f"{self.sign} {self.name}".lstrip()
 
 
 def drawn_nodes(
     tree: Drawable, *, folded: bool = False, hidden: Collection[UUID] = frozenset()
 ) -> list[DrawnNode]:
-    """Return the nodes of a tree for a drawing, in pre-order.
+    """Return the nodes to draw for a tree, in pre-order.
 
     Args:
         tree: The tree.
-        folded: Whether a subtree is one node, without its content.
-        hidden: The IDs of nodes that are not drawn, with all of their descendants.
+        folded: Whether a subtree is drawn as a single node, without its content.
+        hidden: The IDs of nodes that are not drawn, and of all their descendants; ignored if *folded*.
     """
     inside = {each.id for each in _inside_subtrees(tree)} if folded else hidden
     behaviours = [each for each in pre_order(tree.root) if each.id not in inside]
@@ -104,15 +105,15 @@ def drawn_nodes(
     origins = [tree.origins[each.id] for each in behaviours]
     drawn = []
     for each, origin, parent, children, end in zip(behaviours, origins, parents, below, ends, strict=True):
-        # Conditions and `oneshot` of an element put nodes around its own.
+        # An element with conditions or `oneshot` has wrapper nodes.
         is_wrapper = any(origins[child].bound is origin.bound for child in children)
-        drawn.append(DrawnNode(parent, children, end, *_looks(each.name, origin, is_wrapper=is_wrapper)))
-    # A subtree with a frame is unfolded.
+        drawn.append(DrawnNode(parent, children, end, *_appearance(each.name, origin, is_wrapper=is_wrapper)))
+    # A folded subtree has no frame.
     return [each._replace(is_subtree=False) for each in drawn] if folded else drawn
 
 
 def _inside_subtrees(tree: Drawable) -> Iterator[Behaviour]:
-    """Yield the nodes in a subtree of the shown tree."""
+    """Yield the nodes inside the subtrees of a tree."""
     for each in pre_order(tree.root):
         if tree.origins[each.id].bound.subtree is not None:
             yield from itertools.islice(pre_order(each), 1, None)
@@ -125,10 +126,10 @@ def _graph_lines(
 
     Args:
         nodes: The nodes.
-        frame: The beginning of a frame, with a placeholder for the number of its first node.
-        line: Returns the line of a node and its number.
-        end: The end of a frame.
-        edge: An edge, with placeholders for the numbers of parent and child.
+        frame: The line that begins a frame, with a placeholder for the number of the frame's first node.
+        line: Returns the line of a node, given the node's number and the node.
+        end: The line that ends a frame.
+        edge: The line of an edge, with placeholders for the numbers of parent and child.
     """
     ends = Counter(node.end for node in nodes if node.is_subtree)
     for number, node in enumerate(nodes):
@@ -140,8 +141,8 @@ def _graph_lines(
     yield from (edge.format(node.parent, number) for number, node in enumerate(nodes) if node.parent >= 0)
 
 
-def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> tuple[Shape, str, str, str, str, bool]:
-    """Return the appearance of a drawn node."""
+def _appearance(name: str, origin: Origin, *, is_wrapper: bool) -> tuple[Shape, str, str, str, str, bool]:
+    """Return the last six fields of a `DrawnNode`, from `shape` on."""
     bound = origin.bound
     tag, element = bound.spec.tag, bound.element
     if is_wrapper:
@@ -167,7 +168,7 @@ _REPEATS, _SUBTREE, _OTHER = DECORATORS
 
 
 def _shape_and_sign(bound: BoundNode) -> tuple[Shape, str]:
-    """Return the shape of a node by its meaning."""
+    """Return the shape and the sign for a node's kind and semantics."""
     semantics, kind = bound.spec.semantics, bound.spec.kind
     if kind.is_leaf:
         return (Shape.CONDITION if kind is Kind.CONDITION else Shape.ACTION), ""
@@ -184,7 +185,7 @@ def _shape_and_sign(bound: BoundNode) -> tuple[Shape, str]:
 
 
 def _attributes(bound: BoundNode) -> dict[str, str]:
-    """Return the attributes of a node as written, except for those that the drawing shows."""
+    """Return the attributes of a node as written, except for attributes that the drawing shows in another form."""
     attributes = bound.element.attributes
     shown = {"name", "oneshot", *bound.conditions}
     if bound.spec.semantics.with_memory:
@@ -218,7 +219,7 @@ _DOT_SHAPES = {
 
 
 def dot(tree: Drawable, *, folded: bool = False) -> str:
-    """Return a tree as a digraph; subtrees are clusters, or single nodes if they are folded."""
+    """Return a tree as a Graphviz digraph; subtrees are clusters, or single nodes if they are folded."""
     lines = [
         f"digraph {_quote(escape_to_one_line(tree.name))} {{",
         "  ordering=out;",
@@ -242,7 +243,7 @@ def _quote(text: str) -> str:
 
 
 def _dot_text(text: str) -> str:
-    # Graphviz reads entities of HTML everywhere.
+    # Graphviz replaces HTML entities in all strings.
     return text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
 
 
@@ -258,18 +259,18 @@ _BRACKETS = {
     Shape.UNKNOWN: ("[", "]"),
 }
 _ON_SHAPES = f"stroke:{COLOURS['halted'].light},color:{COLOURS['text'].light}"
-# All characters with a meaning in Mermaid, Markdown or HTML.
+# All characters with a special meaning in Mermaid, Markdown or HTML.
 _SIGN = re.compile(r"[^\w ?/=\x80-\U0010ffff]|(?<!\w)[_=]|_(?!\w)")
-# Characters with a meaning together with the next one even as entities (line breaks, formulas, icons): an invisible one
-# separates them.
+# Characters that even as entities form markup with the next character (line breaks, formulas, icons). A zero-width
+# space separates them.
 _APART = "\\$:"
-# The limits of pages that draw Mermaid, such as GitHub and GitLab, which a page cannot raise.
+# The limits of GitHub, GitLab and other sites that draw Mermaid, which a page cannot raise.
 _MOST_EDGES, _LONGEST_CHART = 499, 50_000
 _EDGE = " --> "
 
 
 def mermaid(tree: Drawable, *, folded: bool = False) -> str:
-    """Return a tree as a flowchart from top to bottom; subtrees are boxes, or single nodes if they are folded."""
+    """Return a tree as a Mermaid flowchart; subtrees are boxes, or single nodes if they are folded."""
     nodes = drawn_nodes(tree, folded=folded)
     shapes = sorted({node.shape for node in nodes}, key=list(Shape).index)
     lines = [
@@ -295,36 +296,36 @@ def _entity(match: re.Match[str]) -> str:
     return f"#{ord(match[0])};{'#8203;' if match[0] in _APART else ''}"
 
 
-# Of a picture: the sizes of the fonts, and the width of a character in them, as a part of these.
+# The font sizes of labels and details in a picture, and the width of a character as a fraction of the font size.
 _LABEL, _DETAILS, _CELL = 13, 10.5, 0.605
 _PADDING = 9
 _INDENT, _TRUNK = 17, 9
-# Distances between neighbours side by side or in a column, and between a parent and a row of children, or a single child.
+# The distances between siblings, between a parent and a row of children, and between a parent and a single child.
 _GAP, _LEVEL, _STEP = 8, 24, 14
-# Between a subtree and the line around it.
+# The distance between a subtree and its frame.
 _FRAME = 7
 _MARGIN = 10
-# Every picture may be this wide: at 400 pixels its text is still readable. A larger one may be wider, to limit its
-# ratio of height to width.
+# Every picture may have the width `_NARROW`: its text stays readable if the picture is shown 400 pixels wide. A picture
+# of a large tree may be wider, so that its ratio of height to width stays near `_TALL`.
 _NARROW, _TALL = 560, 4
 
 
 @dataclass
 class Block:
-    """A node with its descendants, as a rectangle.
+    """The rectangle of a picture that contains a node and its descendants.
 
     Attributes:
         wide: The width of the node's own box.
         high: The height of the node's own box.
         frame: The distance of the box from the block's upper edge, and of the content from the other edges.
-        least: The width if no children in it are side by side.
-        beside: Whether its children are side by side.
-        centred: Whether boxes are above the middle of their children, not above their left edge.
+        least: The block's width if no siblings in it are side by side.
+        beside: Whether the node's children are side by side.
+        centred: Whether the box is above the middle of the children, instead of above their left edge.
         shift: The distance of the box from the block's left edge.
-        width: Its width.
-        height: Its height.
-        x: Its left edge: in the block around it, finally in the picture.
-        y: Its upper edge, in the same way.
+        width: The block's width.
+        height: The block's height.
+        x: The block's left edge, relative to the parent's block during the layout, finally to the picture.
+        y: The block's upper edge, relative to the same origin as `x`.
     """
 
     wide: float
@@ -341,7 +342,7 @@ class Block:
 
     @property
     def anchor(self) -> float:
-        """The x position of lines at the box above and below, measured like `x`."""
+        """The x position of the lines above and below the box, relative to the same origin as `x`."""
         return self.x + self.shift + (self.wide / 2 if self.centred else _TRUNK)
 
     @property
@@ -358,13 +359,13 @@ class Block:
 def svg(
     tree: Drawable, *, folded: bool = False, hidden: Collection[UUID] = frozenset(), is_styled: bool = True
 ) -> str:
-    """Return a tree as a picture.
+    """Return a tree as an SVG picture.
 
     Args:
         tree: The tree.
-        folded: Whether a subtree is one node, without its content.
-        hidden: As for `drawn_nodes`.
-        is_styled: Whether the picture contains its style; a page that has it as a file needs none.
+        folded: Whether a subtree is drawn as a single node, without its content.
+        hidden: The IDs of nodes that are not drawn, see `drawn_nodes`.
+        is_styled: Whether the picture contains its stylesheet; not needed in a page that loads the stylesheet itself.
     """
     nodes = drawn_nodes(tree, folded=folded, hidden=hidden)
     blocks = _place_blocks(nodes)
@@ -385,7 +386,7 @@ def svg(
 
 
 def drawing_style() -> str:
-    """Return the style of pictures, with the names of colours that `style` defines."""
+    """Return the stylesheet of pictures, with colours as names that `sar_compiler.style` defines."""
     return files(__package__).joinpath("drawing.css").read_text("utf-8")
 
 
@@ -397,7 +398,7 @@ def _place_blocks(nodes: Sequence[DrawnNode]) -> list[Block]:
     for block, children in reversed(pairs):
         indent = _INDENT if len(children) > 1 else 0
         block.least = max(block.wide, *(indent + child.least for child in children), 0) + 2 * block.frame
-    _choose(nodes, blocks)
+    _choose_layout(nodes, blocks)
     for block, children in reversed(pairs):
         _measure(block, children)
     blocks[0].x = blocks[0].y = _MARGIN
@@ -414,11 +415,11 @@ def _block(node: DrawnNode) -> Block:
 
 
 def _cells(text: str) -> int:
-    """Return the width of a text in characters; East Asian ones have width 2, accents 0."""
+    """Return the width of a text in character cells; a wide East Asian character has width 2, an accent 0."""
     return sum(0 if combining(each) else 2 if east_asian_width(each) in "WF" else 1 for each in text)
 
 
-def _choose(nodes: Sequence[DrawnNode], blocks: Sequence[Block]) -> None:
+def _choose_layout(nodes: Sequence[DrawnNode], blocks: Sequence[Block]) -> None:
     """Decide, from the root down, which children fit side by side."""
     area = blocks[0].least * sum(block.high + _GAP for block in blocks)
     room = [max(_NARROW, blocks[0].least, math.sqrt(area / _TALL))] * len(nodes)
@@ -461,7 +462,7 @@ def _connections(nodes: Sequence[DrawnNode], blocks: Sequence[Block]) -> Iterato
         if not children:
             continue
         if block.beside:
-            # In the middle of the gap, regardless of the children's boxes.
+            # In the middle of the gap between the levels, regardless of the children's boxes.
             bend = (block.bottom + children[0].y) / 2
             yield f"M{block.anchor:.0f} {block.bottom:.0f}V{bend:.0f}"
             for child in children:
@@ -490,7 +491,7 @@ def _node(node: DrawnNode, block: Block) -> str:
 
 
 def _outline(shape: Shape, x: int, y: int, wide: int, high: int) -> str:
-    """Return the outline of a node: octagons for selectors, as in py_trees, and rounded ends for conditions."""
+    """Return the SVG path of a node's outline: an octagon for a selector as in py_trees, round ends for a condition."""
     if shape is Shape.PARALLEL:
         return f"M{x} {y}h{wide}l-6 {high}h{-wide}z"
     if shape is Shape.DECORATOR:
@@ -506,7 +507,7 @@ def _outline(shape: Shape, x: int, y: int, wide: int, high: int) -> str:
     return f"M{x + corner} {y}h{h}{one}v{v}{two}h{-h}{three}v{-v}{four}z"
 
 
-# Right and down, for the corners of a box, clockwise from the upper right one.
+# The signs of the x and y steps at the corners of a box, clockwise from the upper right corner.
 _TURNS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 
 

@@ -19,19 +19,19 @@ if TYPE_CHECKING:
     from sar_compiler.checks.fixing import Fix
 
 _COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "notice"}
-# The characters that would end a message, and those that would end a property as well.
+# The characters to escape in messages and properties, and further ones to escape in properties.
 _ALWAYS = {"%": "%25", "\r": "%0D", "\n": "%0A"}
 _IN_MESSAGES = str.maketrans(_ALWAYS)
 _IN_PROPERTIES = str.maketrans({**_ALWAYS, ":": "%3A", ",": "%2C"})
 
 
 def findings_as_json(findings: Iterable[Diagnostic]) -> str:
-    """Return findings as a JSON array; lines and columns from 1, the end exclusive."""
+    """Return findings as a JSON array; lines and columns count from 1, and the end column is exclusive."""
     return as_json([*map(finding_data, findings)])
 
 
 def finding_data(finding: Diagnostic) -> dict[str, object]:
-    """Return a finding as data for JSON; see `findings_as_json`."""
+    """Convert a finding to an object of the array that `findings_as_json` returns."""
     return {
         "file": finding.source.path,
         **finding.span._asdict(),
@@ -45,14 +45,14 @@ def finding_data(finding: Diagnostic) -> dict[str, object]:
 
 
 def findings_as_github(findings: Iterable[Diagnostic]) -> str:
-    """Return a workflow command for each finding, which GitHub shows as an annotation of its lines."""
+    """Return a GitHub workflow command for each finding, which annotates the finding's lines."""
     return "\n".join(_command(finding) for finding in findings)
 
 
 def _command(finding: Diagnostic) -> str:
     span = finding.span
     properties: dict[str, object] = {"file": finding.source.path, "line": span.line}
-    if span.line == span.end_line:  # columns need a single line, and the last one belongs to the range
+    if span.line == span.end_line:  # columns need a single line, and the end is inclusive
         properties["col"] = span.column
     properties["endLine"] = span.end_line
     if span.line == span.end_line:
@@ -64,20 +64,20 @@ def _command(finding: Diagnostic) -> str:
 
 
 def page_of(code: str) -> str:
-    """Return the page about a kind of finding, in Markdown.
+    """Return the Markdown page about the findings with a code.
 
     Raises:
-        ResourceError: If it is not installed.
+        ResourceError: If the page is not installed.
     """
     return shared_file_path("docs/findings", f"{code}.md").read_text("utf-8")
 
 
 def plain_text(page: str, paint: Callable[[str, str], str]) -> str:
-    """Return a Markdown page for a terminal: code is indented, and headings are bold.
+    """Format a Markdown page for a terminal: code blocks are indented, and headings are coloured.
 
     Args:
-        page: The page.
-        paint: Returns a text in the colours of its kind.
+        page: The page, in Markdown.
+        paint: Returns a text in the colours of a kind of text; headings are of the kind `place`.
     """
     lines, is_code = [], False
     for line in page.splitlines():
@@ -89,7 +89,7 @@ def plain_text(page: str, paint: Callable[[str, str], str]) -> str:
 
 
 def _plain_line(line: str, paint: Callable[[str, str], str]) -> str:
-    """Return a line of Markdown without markup, and each link as its text."""
+    """Return a line of Markdown without markup; a link is replaced by its text."""
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", line)
     text = re.sub(r"\*\*?([^*]+)\*\*?", r"\1", text).replace("`", "")
     heading = re.match(r"#+ (.*)", text)
@@ -97,48 +97,49 @@ def _plain_line(line: str, paint: Callable[[str, str], str]) -> str:
 
 
 FEW = 3
-"""The largest number of a cause's locations in one file, and of its messages, that are listed individually."""
+"""The maximum number of findings with one message, and of messages with one cause, that are not merged."""
 
 _NAMED = 8
 
 
 def group_by_cause(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return one finding for each cause, at its first location, with the number of the others.
+    """Merge the findings that have the same cause into one, which lists the further locations or subjects.
 
-    Up to `FEW` locations in one file are separate findings; so are the messages of a cause that has up to `FEW`.
+    Up to `FEW` findings with the same message, all in one file, are not merged. A cause with up to `FEW` different
+    messages results in at least one finding for each message.
     """
     causes = _groups(findings, lambda each: (each.cause, each.severity))
-    return [told for group in causes for told in _first_of_cause(group)]
+    return [merged for group in causes for merged in _merge_cause(group)]
 
 
 def _groups(findings: Iterable[Diagnostic], key: Callable[[Diagnostic], Hashable]) -> list[list[Diagnostic]]:
-    """Return findings in groups of equal keys, in the order of the first ones."""
+    """Group findings by key, in the order in which the keys first occur."""
     groups: dict[Hashable, list[Diagnostic]] = {}
     for each in findings:
         groups.setdefault(key(each), []).append(each)
     return list(groups.values())
 
 
-def _first_of_cause(group: Sequence[Diagnostic]) -> list[Diagnostic]:
+def _merge_cause(group: Sequence[Diagnostic]) -> list[Diagnostic]:
     by_message = _groups(group, lambda each: each.message)
     cause = group[0].common_cause
     if cause is not None and len(by_message) > FEW:
         return [replace(group[0], message=_cause_text(cause, group), suggestion=None)]
-    return [told for places in by_message for told in _first_of_message(places)]
+    return [merged for places in by_message for merged in _merge_message(places)]
 
 
-def _first_of_message(places: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
+def _merge_message(places: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
     if len(places) <= FEW and len({each.source.path for each in places}) == 1:
         return places
     first, others = places[0], places[1:]
     near = ", ".join(f"{each.source.path}:{each.span.line}" for each in others[:FEW])
     more = ", ..." if others[FEW:] else ""
-    where = f"and in {count_with_noun(len(others), 'more place')}: {near}{more}"
-    return [replace(first, message=f"{first.message}; {where}")]
+    where = f"also in {count_with_noun(len(others), 'other place')}: {near}{more}"
+    return [replace(first, message=f"{first.message} ({where})")]
 
 
 def _cause_text(cause: Cause, group: Iterable[Diagnostic]) -> str:
-    """Return the sentence that lists the subjects of a cause, the most frequent first."""
+    """Return the message that lists the subjects of a cause, the most frequent first."""
     counts = Counter(each.common_cause.subject for each in group if each.common_cause)
     named = ", ".join(f"'{subject}' ({number:,})" for subject, number in counts.most_common(_NAMED))
     others = f" and {len(counts) - _NAMED:,} more" if len(counts) > _NAMED else ""
@@ -150,11 +151,11 @@ _LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: 
 
 
 def findings_as_sarif(findings: Sequence[Diagnostic], fixes: Mapping[object, "Fix"]) -> str:
-    """Return findings as a SARIF log with one run; columns count units of UTF-16, the standard's default.
+    """Return findings as a SARIF log with one run; columns count UTF-16 code units, SARIF's default.
 
     Args:
         findings: The findings.
-        fixes: The safe fixes for some of them, by their `identity`.
+        fixes: The safe fixes, by the `identity` of the finding.
     """
     codes = sorted({finding.code for finding in findings})
     rules = [_rule(code) for code in codes]
@@ -214,7 +215,7 @@ def _region(source: Source, span: Span) -> dict[str, int]:
 
 
 def _column(source: Source, line: int, column: int) -> int:
-    """Return a column in units of UTF-16, from 1."""
+    """Convert a column from characters to UTF-16 code units; both count from 1."""
     return len(source.line(line)[: column - 1].encode("utf-16-le", "surrogatepass")) // 2 + 1
 
 

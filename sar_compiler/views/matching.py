@@ -15,20 +15,20 @@ _NAMES = ("name", "ID", "path")
 
 @dataclass(eq=False)
 class ComparedNode:
-    """An element in a comparison.
+    """An element of a compared tree file.
 
     Attributes:
         element: The element.
-        parent: The enclosing node.
-        type: Its tag; in the explicit form (`<Action ID="Say"/>`) the ID.
-        attributes: Its attributes, without those that do not affect the tree.
-        ordered: Whether the order of its children is significant.
-        children: The nodes in it.
-        number: Its index among its siblings, from 0.
+        parent: The parent node; None for the root.
+        type: The element's tag, or the ID of an element in the explicit form (`<Action ID="Say"/>`).
+        attributes: The element's attributes, without editor attributes of the root.
+        ordered: Whether the order of the children is significant.
+        children: The child nodes.
+        number: The index among the siblings, from 0.
         mark: A number that is equal for all equal elements of both files.
-        size: The number of elements in its subtree.
-        label: Its name in a path.
-        partner: The matching node of the other file.
+        size: The number of elements in the subtree, including this element.
+        label: The node's name in a path.
+        partner: The matching node of the other file; None if there is no match.
     """
 
     element: Element
@@ -45,7 +45,7 @@ class ComparedNode:
 
     @property
     def name(self) -> str:
-        """The label among nodes of its type; empty if it has none."""
+        """The value of `name`, `ID` or `path`; empty if the node has none of these attributes."""
         return next((self.attributes[key] for key in _NAMES if key in self.attributes), "")
 
     @property
@@ -55,7 +55,7 @@ class ComparedNode:
 
     @property
     def path(self) -> str:
-        """The labels of the enclosing nodes and its own; the root has only its own."""
+        """The labels from the child of the root down to the node, joined by slashes; for the root its own label."""
         labels = []
         node: ComparedNode | None = self
         while node is not None and node.parent is not None:
@@ -71,14 +71,14 @@ class ComparedNode:
 
 
 Key = Callable[[ComparedNode], Hashable | None]
-"""The key that two nodes must share to be paired; a node with None pairs with nothing."""
+"""Returns the key that two nodes must share to be paired; a node whose key is None is not paired."""
 
 
 def match(old: TreeFile, new: TreeFile) -> tuple[ComparedNode, ComparedNode]:
     """Match the elements of two versions of a file.
 
-    Elements are paired in three steps: those at the same position with equal content or an equal name, then those that have
-    moved, then those with another name or tag whose position and content agree.
+    Elements are paired in three steps: first elements at the same position with equal content or an equal name, then
+    moved elements, and last elements at the same position with similar content but another name or tag.
 
     Returns:
         The roots of both files; each node's `partner` is the matching node of the other file.
@@ -92,14 +92,14 @@ def match(old: TreeFile, new: TreeFile) -> tuple[ComparedNode, ComparedNode]:
     return first, second
 
 
-def in_place(old: ComparedNode, new: ComparedNode) -> list[tuple[ComparedNode, ComparedNode]]:
-    """Return the pairs of children that follow each other in the same order in both nodes of a pair."""
+def pairs_in_order(old: ComparedNode, new: ComparedNode) -> list[tuple[ComparedNode, ComparedNode]]:
+    """Return the pairs of matching children whose relative order is the same in both nodes."""
     there = {child.partner: child for child in old.children}
     pairs = [(there[child], child) for child in new.children if child in there]
     if not old.ordered:
         return pairs
-    kept = common_subsequence([one.number for one in old.children], [one.number for one, _ in pairs])
-    return [pairs[j] for _, j in kept]
+    common = common_subsequence([one.number for one in old.children], [one.number for one, _ in pairs])
+    return [pairs[j] for _, j in common]
 
 
 def _node(
@@ -111,7 +111,7 @@ def _node(
         kind = attributes.pop("ID")
     if parent is None:
         attributes = {k: v for k, v in attributes.items() if not k.startswith(EDITOR_ATTRIBUTES)}
-    # Trees and descriptions are found by name, at any position.
+    # Trees and node models are identified by name, so their order is insignificant.
     inside = ordered and element.tag != MODEL_TAG
     node = ComparedNode(element, parent, kind, attributes, inside and element.tag != ROOT_TAG)
     node.children = [_node(child, node, marks, ordered=inside) for child in element.children]
@@ -119,13 +119,13 @@ def _node(
     node.label = node.name or node.type
     _number(node.children)
     below = [child.mark for child in node.children]
-    said = (
+    content = (
         kind,
         frozenset(attributes.items()),
         element.text,
         tuple(below if node.ordered else sorted(below)),
     )
-    node.mark = marks.setdefault(said, len(marks))
+    node.mark = marks.setdefault(content, len(marks))
     return node
 
 
@@ -166,7 +166,7 @@ def _content(node: ComparedNode) -> Hashable | None:
 
 
 def _align(old: ComparedNode, new: ComparedNode) -> None:
-    """Pair the children of a pair of nodes by unambiguous keys."""
+    """Pair the children of two matching nodes by mark, identity and content."""
     if not old.ordered:
         for key in (_mark, _identity):
             _pair_by_key(_without_pair(old.children), _without_pair(new.children), key)
@@ -182,7 +182,7 @@ def _align_gap(
     key: Key,
     accept: Callable[[ComparedNode, ComparedNode], bool] = lambda _old, _new: True,
 ) -> list[tuple[list[ComparedNode], list[ComparedNode]]]:
-    """Pair equal nodes of two ranges in their common order, and return the ranges between them."""
+    """Pair nodes of two ranges that have equal keys in the same order; return the ranges between the pairs."""
     keys = [[key(node) for node in nodes] for nodes in (old, new)]
     pairs = [(i, j) for i, j in common_subsequence(*keys) if accept(old[i], new[j])]
     for i, j in pairs:
@@ -229,27 +229,30 @@ def _pair_by_key(
 
 
 def _find_moved(old: ComparedNode, new: ComparedNode) -> None:
-    """Pair the remaining nodes by content or name, starting with large nodes and common parents."""
+    """Pair the remaining nodes by content or name, first large nodes and nodes whose parents match."""
     left, right = (
         sorted(_without_pair(list(root.iterate())), key=lambda node: -node.size) for root in (old, new)
     )
     _pair_by_key(
-        left, right, lambda node: (node.mark, _home(node, other=True)), lambda node: (node.mark, _home(node))
+        left,
+        right,
+        lambda node: (node.mark, _parent_id(node, other=True)),
+        lambda node: (node.mark, _parent_id(node)),
     )
     _pair_by_key(left, right, _mark)
     _pair_by_key(left, right, lambda node: node.identity if node.name else None)
 
 
-def _home(node: ComparedNode, *, other: bool = False) -> int:
+def _parent_id(node: ComparedNode, *, other: bool = False) -> int:
     return id(node.parent.partner if other and node.parent else node.parent)
 
 
 def _find_renamed(old: ComparedNode) -> None:
-    """Pair nodes of different names or tags that have the same position in both files."""
+    """Pair nodes that have the same position in both files, but another name or tag."""
     for node in old.iterate():
         if node.partner is None or node.mark == node.partner.mark:
             continue
-        stayed = in_place(node, node.partner) if node.ordered else []
+        stayed = pairs_in_order(node, node.partner) if node.ordered else []
         numbers = [(one.number, other.number) for one, other in stayed]
         gaps = [
             (_without_pair(one), _without_pair(other))
@@ -277,7 +280,7 @@ def _are_similar(old: ComparedNode, new: ComparedNode) -> bool:
 
 
 _NEAR = 8
-"""The number of positions that are tried on either side of the expected one, for a repeated key."""
+"""The number of positions to try on either side of the expected position of a repeated key."""
 
 
 class _Link(NamedTuple):
@@ -288,14 +291,14 @@ class _Link(NamedTuple):
 def common_subsequence(
     old: Sequence[Hashable | None], new: Sequence[Hashable | None]
 ) -> list[tuple[int, int]]:
-    """Return the indices in both lists of a long common subsequence.
+    """Return a long common subsequence as pairs of indices in the two lists.
 
-    It is the longest one unless a key is repeated very often. The time is little more than linear
-    (the method of Hunt and Szymanski).
+    It is the longest common subsequence unless a key is repeated very often. The running time is little more than
+    linear (Hunt-Szymanski algorithm).
 
     Args:
-        old: The keys of one list; None matches nothing.
-        new: The keys of the other.
+        old: The keys of the first list; None matches no key.
+        new: The keys of the second list.
     """
     head = _common_head(old, new)
     tail = _common_head(old[head:][::-1], new[head:][::-1])
@@ -322,7 +325,7 @@ def _chain_pairs(old: Sequence[Hashable | None], new: Sequence[Hashable | None])
         if key is not None:
             places[key].append(j)
     met: Counter[Hashable] = Counter()
-    # By the length of a chain: the earliest position at which a chain of that length can end, and that chain.
+    # For each length of a chain, the earliest position in *new* at which such a chain ends, and the chain.
     ends: list[int] = []
     chains: list[_Link] = []
     for i, key in enumerate(old):
@@ -330,7 +333,7 @@ def _chain_pairs(old: Sequence[Hashable | None], new: Sequence[Hashable | None])
             continue
         nth = met[key]
         met[key] += 1
-        # From the last to the first, so that no chain uses two positions for one key.
+        # From the last position to the first, so that no chain uses two positions for the same key.
         for j in reversed(places[key][max(nth - _NEAR, 0) : nth + _NEAR + 1]):
             length = bisect.bisect_left(ends, j)
             link = _Link((i, j), chains[length - 1] if length else None)

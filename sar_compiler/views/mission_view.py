@@ -1,4 +1,4 @@
-"""A running mission on a terminal: one screen, or a line for each change."""
+"""Views of a running mission for a terminal: one screen, or a line for each change."""
 
 import bisect
 import itertools
@@ -28,13 +28,13 @@ from sar_compiler.runtime.clock import clock_text
 from sar_compiler.style import IN_TEXT
 from sar_compiler.tree.display_text import escape_to_one_line, shorten
 
-# The maximum numbers of events, and of landmarks of a kind, in a line.
-_MOST_TOLD = 10
-# The maximum number of names in a line for a chain of only children.
-_MOST_NAMES = 4
+# The maximum number of events, or of landmarks of the same kind, in a line.
+_MAX_LISTED = 10
+# The maximum number of names in the line of a chain, in which each node is the only child of the previous one.
+_MAX_NAMES = 4
 
-# Entries without a line for people.
-_PASSED_OVER = (
+# The kinds of journal entries that have no log line.
+_NOT_SHOWN = (
     RUN_BEGAN,
     RUN_ENDED,
     GOAL_SENT,
@@ -51,7 +51,7 @@ class Piece(NamedTuple):
 
     Attributes:
         text: The text.
-        style: Its style: a status, `title`, `quiet`, `alarm`, or empty.
+        style: The text's style: a status, `title`, `quiet`, `alarm`, or empty.
     """
 
     text: str
@@ -62,26 +62,26 @@ Line = list[Piece]
 
 
 def status_sign(status: str) -> str:
-    """Return the sign of a status, which differs for earlier activations."""
+    """Return the sign of a status; the sign is `[-]` for a status that is not of the current activation."""
     return IN_TEXT.get(status, IN_TEXT[""])
 
 
 def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
-    """Return the log line of a processed entry; empty if it is not shown.
+    """Return the log line of a processed journal entry; empty if the entry is not shown.
 
     Args:
-        state: The state, after the entry.
-        entry: The entry.
+        state: The state of the mission after the entry.
+        entry: The journal entry.
         before: The previous status of the entry's node.
     """
-    if entry.kind in _PASSED_OVER:
+    if entry.kind in _NOT_SHOWN:
         return ""
     if entry.kind == STATUS:
         node = state.nodes[entry.data["node"]]
         if node.status in (before, "IDLE"):
             return ""
         words = f"{node.name} {node.status_text}"
-    elif entry.kind == CHANGED:  # the sentence of an event follows it
+    elif entry.kind == CHANGED:  # the entry after an event, with a sentence about the event
         words = with_author(str(entry.data.get("said") or ""), CommandAuthor.from_data(entry.data))
     elif entry.kind == ORDERED:
         words = "" if entry.data.get("is_told") else state.facts[-1].text
@@ -91,7 +91,7 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
 
 
 def condition_change(state: MissionState, before: StatusLine) -> str:
-    """Return the log line of a mission's condition; empty if it is unchanged or if all is well."""
+    """Return the log line of a mission's new status line; empty if it is unchanged or not worth reporting."""
     now = condition(state)
     if (now.word, now.reason) == (before.word, before.reason) or {now.level, before.level} <= {GOOD, QUIET}:
         return ""
@@ -103,19 +103,19 @@ def _log_line(state: MissionState, words: str) -> str:
 
 
 def screen(state: MissionState, now: float, height: int) -> list[Line]:
-    """Return a mission as lines for a terminal: its status, then its tree.
+    """Return the lines of a terminal screen: the mission's status, then its tree.
 
     Args:
-        state: The mission.
-        now: Seconds of the mission's clock since the run's start.
-        height: The number of lines at most; 3 or more.
+        state: The state of the mission.
+        now: The time since the start of the run on the mission's clock, in seconds.
+        height: The maximum number of lines, at least 3.
     """
     head = [_headline(state, now), *_tasks(state), *_figures(state, now), *_detection_lines(state)]
     return [*head, *_tree(state, now, height - len(head))]
 
 
 def full_height(state: MissionState) -> int:
-    """Return the number of lines of a screen on which nothing is folded."""
+    """Return the number of lines of a screen that shows every node of the tree."""
     found = sum(kind.is_found for kind in state.situation.kinds.values())
     return 1 + len([*_tasks(state)]) + len([*_figures(state, 0.0)]) + max(1, found) + len(state.nodes)
 
@@ -134,7 +134,7 @@ def _drive_left(state: MissionState) -> str:
 
 
 def _tasks(state: MissionState) -> Iterator[Line]:
-    """Yield a line with the open tasks, except for alarms."""
+    """Yield a line with the open tasks, except for alarms, if there are any."""
     tasks = [task for task in find_open_tasks(state) if not task.is_alarm]
     if tasks:
         yield [Piece(escape_to_one_line(f"TO DO: {'; '.join(task.text for task in tasks)}"), "alarm")]
@@ -152,30 +152,30 @@ def _figures(state: MissionState, now: float) -> Iterator[Line]:
 
 
 def _detection_lines(state: MissionState) -> Iterator[Line]:
-    """Yield a line for each kind of detections, the latest first; without detections, the latest events."""
+    """Yield a line for each kind of landmark that can be detected; if there is no such kind, the latest events."""
     situation = state.situation
     kinds = [kind for kind in situation.kinds.values() if kind.is_found]
     for kind in kinds:
         finds = situation.of_kind(kind.name)
-        told = "; ".join(map(_find, finds[: -_MOST_TOLD - 1 : -1]))
-        text = f"{kind.plural}: {len(finds)}; {told}" if finds else f"{kind.plural}: none"
+        latest = "; ".join(map(_detection_text, finds[: -_MAX_LISTED - 1 : -1]))
+        text = f"{kind.plural}: {len(finds)}; {latest}" if finds else f"{kind.plural}: none"
         yield [Piece(escape_to_one_line(text), "" if finds else "quiet")]
     if state.facts and not kinds:
-        latest = "; ".join(fact.text for fact in state.facts[: -_MOST_TOLD - 1 : -1])
-        yield [Piece(escape_to_one_line(f"noted: {len(state.facts)}; {shorten(latest)}"))]
+        latest = "; ".join(fact.text for fact in state.facts[: -_MAX_LISTED - 1 : -1])
+        yield [Piece(escape_to_one_line(f"events: {len(state.facts)}; {shorten(latest)}"))]
 
 
-def _find(find: Landmark) -> str:
-    words = [find.state, *(each for each in find.details.values() if isinstance(each, str))]
-    return f"{find.name} ({find.x:.1f}, {find.y:.1f}) {', '.join(filter(None, words))}"
+def _detection_text(detection: Landmark) -> str:
+    words = [detection.state, *(each for each in detection.details.values() if isinstance(each, str))]
+    return f"{detection.name} ({detection.x:.1f}, {detection.y:.1f}) {', '.join(filter(None, words))}"
 
 
 class _TreeRow(NamedTuple):
     """A row of the tree.
 
     Attributes:
-        nodes: A node. If space is short, also its descendants that are only children.
-        depth: How far the row is indented.
+        nodes: A node, or a chain of nodes in which each is the only child of the previous one.
+        depth: The indentation level of the row.
     """
 
     nodes: list[NodeState]
@@ -187,9 +187,9 @@ class _TreeRow(NamedTuple):
 
 
 def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
-    """Yield the tree as far as it fits, with folded branches."""
+    """Yield the lines of the tree; branches are folded or omitted if there is not enough space."""
     rows = _rows(state, height)
-    shown = _nearest(rows, height) if len(rows) > height else list(range(len(rows)))
+    shown = _select_rows(rows, height) if len(rows) > height else list(range(len(rows)))
     at = 0
     for index in shown:
         if index > at:
@@ -201,9 +201,10 @@ def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
 
 
 def _rows(state: MissionState, height: int) -> list[_TreeRow]:
-    """Return the rows that fit: nodes, chains of only children, or running branches.
+    """Return the rows of the tree: a row for each node if they fit, else a row for each chain.
 
-    For a tree that has ended, the branches that had a part in the end.
+    If these do not fit either, only running branches are unfolded. If no node is running, the branches with nodes of
+    the current activation are unfolded.
     """
     if len(state.nodes) <= height:
         return [_TreeRow([node], node.depth) for node in state.nodes]
@@ -215,7 +216,7 @@ def _rows(state: MissionState, height: int) -> list[_TreeRow]:
 
 
 def _visible_rows(state: MissionState, open_nodes: Collection[int]) -> list[_TreeRow]:
-    """Return the rows of chains, and below them those of nodes that are open."""
+    """Return the rows of the chains that remain visible if only the branches of open nodes are unfolded."""
     rows: list[_TreeRow] = []
     waiting = [(0, 0)] if state.nodes else []
     while waiting:
@@ -228,14 +229,14 @@ def _visible_rows(state: MissionState, open_nodes: Collection[int]) -> list[_Tre
 
 
 def _chain(state: MissionState, number: int) -> Iterator[NodeState]:
-    """Yield a node, its only child, the only child of that, and so on."""
+    """Yield a node and its descendants down to the first node that does not have exactly one child."""
     yield (node := state.nodes[number])
     while len(node.children) == 1:
         yield (node := state.nodes[node.children[0]])
 
 
-def _nearest(rows: Sequence[_TreeRow], height: int) -> list[int]:
-    """Return the rows to show if not all fit: running ones, then their neighbours."""
+def _select_rows(rows: Sequence[_TreeRow], height: int) -> list[int]:
+    """Return the indices of the rows to show if not all of them fit: running rows, then the nearest other rows."""
     running = [index for index, row in enumerate(rows) if row.is_running] or [0]
     distance = [_distance(running, index) for index in range(len(rows))]
     order = sorted(
@@ -244,24 +245,24 @@ def _nearest(rows: Sequence[_TreeRow], height: int) -> list[int]:
     )
     for count in range(min(height, len(rows)), 0, -1):
         chosen = _fill_single_gaps(sorted(order[:count]), len(rows))
-        if len(chosen) + _gaps(chosen, len(rows)) <= height:
+        if len(chosen) + _count_gaps(chosen, len(rows)) <= height:
             return chosen
     return []
 
 
 def _fill_single_gaps(chosen: Sequence[int], count: int) -> list[int]:
-    """Add single omitted rows, because a line about one omission needs as much space."""
+    """Add omitted rows whose neighbours are both chosen, because an omission line would need as much space."""
     there = {-1, *chosen, count}
     return sorted({*chosen, *(index for index in range(count) if index - 1 in there and index + 1 in there)})
 
 
 def _distance(marked: Sequence[int], index: int) -> int:
-    """Return the distance of an index to the nearest marked one; marks are sorted."""
+    """Return the distance of an index to the nearest index of *marked*, which is sorted."""
     at = bisect.bisect(marked, index)
     return min(abs(index - each) for each in marked[max(at - 1, 0) : at + 1])
 
 
-def _gaps(chosen: Sequence[int], count: int) -> int:
+def _count_gaps(chosen: Sequence[int], count: int) -> int:
     edges = [-1, *chosen, count]
     return sum(after - before > 1 for before, after in itertools.pairwise(edges))
 
@@ -288,12 +289,12 @@ def _row(state: MissionState, row: _TreeRow, now: float, *, is_folded: bool) -> 
 
 
 def _names(chain: Sequence[NodeState]) -> Iterator[Piece]:
-    """Yield the names of a chain, each with its sign unless it equals its parent's; a long chain is shortened."""
+    """Yield the names in a chain, each with its status sign if the sign differs; a long chain is shortened."""
     # A subtree often has the name of its root.
     nodes = [
         next(same) for _, same in itertools.groupby(chain, lambda node: (node.name, status_sign(node.status)))
     ]
-    left_out = max(0, len(nodes) - _MOST_NAMES)
+    left_out = max(0, len(nodes) - _MAX_NAMES)
     shown = ""
     for number, node in enumerate([nodes[0], *nodes[1 + left_out :]]):
         if number:
@@ -306,7 +307,7 @@ def _names(chain: Sequence[NodeState]) -> Iterator[Piece]:
 
 
 def _count_descendants(state: MissionState, node: NodeState) -> int:
-    """Return the number of a node's descendants: in pre-order they follow it."""
+    """Return the number of a node's descendants, which follow the node in pre-order."""
     last = node
     while last.children:
         last = state.nodes[last.children[-1]]
@@ -318,5 +319,5 @@ def _omission_line(count: int, first: _TreeRow) -> Line:
 
 
 def _indent(depth: int) -> str:
-    """Return the indent of a node; very deep ones are not indented further."""
+    """Return the indentation of a row; rows deeper than 16 levels are not indented further."""
     return "  " * min(depth, 16)

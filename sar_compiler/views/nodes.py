@@ -1,4 +1,4 @@
-"""The nodes of the registry, as text and as JSON."""
+"""Descriptions of registered nodes as text and as JSON."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -11,12 +11,12 @@ from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.tree.model import synthetic_element
 from sar_compiler.tree.plain import as_json, to_json_value, value_as_script
 
-# The question to the user about a leaf without declared outcomes, for a file that predicts runs.
+# The fields of an outcome that are not written to JSON.
 _PROBABILITIES = ("p", "sec")
 
 
 def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
-    """Return a list of tags; for a single tag all its meanings, with their attributes."""
+    """Return one line for each node, or the full descriptions if all nodes have the same tag."""
     if len({spec.tag for spec in specs}) == 1:
         return "\n\nor\n\n".join(_full_description(spec) for spec in specs)
     width = max(len(spec.tag) for spec in specs)
@@ -24,7 +24,7 @@ def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
 
 
 def nodes_as_json(specs: Sequence[NodeSpec]) -> str:
-    """Return the registry's entries as a JSON array."""
+    """Return node specs as a JSON array."""
     return as_json([_as_dict(spec) for spec in specs])
 
 
@@ -47,7 +47,7 @@ def _full_description(spec: NodeSpec) -> str:
 
 
 def _outcome_texts(spec: NodeSpec) -> list[str]:
-    """Return the possible outcomes of a node."""
+    """Return the lines that list the possible outcomes of a node."""
     if not any(outcome.label or outcome.when or outcome.then for outcome in spec.outcomes):
         outcomes = [*sorted(spec.statuses), *_skip_conditions(spec)]
         return [f"outcomes: {', '.join(outcomes)}"] if outcomes else []
@@ -58,7 +58,7 @@ def _outcome_texts(spec: NodeSpec) -> list[str]:
 
 
 def _skip_conditions(spec: NodeSpec) -> Iterator[str]:
-    """Yield the conditions under which a control or a decorator is skipped."""
+    """Yield `SKIPPED` with its conditions, if a control or a decorator can be skipped."""
     skipping = spec.skipping
     if skipping.possible is SkipPossibility.NEVER:
         return
@@ -67,13 +67,13 @@ def _skip_conditions(spec: NodeSpec) -> Iterator[str]:
         name, value = skipping.only_if
         by_default = " as by default" if spec.parameters[name].default == value else ""
         when.append(f'with {name}="{value_text(value)}"{by_default}')
-    if skipping.possible is SkipPossibility.FROM_CHILD or (when and _passes_on(spec)):
-        when.append("if its child is" if spec.kind is Kind.DECORATOR else "if its children are")
+    if skipping.possible is SkipPossibility.FROM_CHILD or (when and _is_skipped_with_child(spec)):
+        when.append(f"if its {'child is' if spec.kind is Kind.DECORATOR else 'children are'} skipped")
     yield f"SKIPPED ({', or '.join(when)})" if when else "SKIPPED"
 
 
-def _passes_on(spec: NodeSpec) -> bool:
-    """Return whether a decorator is skipped with its child."""
+def _is_skipped_with_child(spec: NodeSpec) -> bool:
+    """Return whether a node is skipped if its child is skipped."""
     element = synthetic_element(spec.tag)
     possible = spec.semantics.possible
     return possible is not None and bool(possible(BoundNode(element, spec, spec.tag), [K], ALLOWED) & K)

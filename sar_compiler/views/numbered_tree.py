@@ -1,4 +1,4 @@
-"""Nodes of a compiled tree with the numbers of BehaviorTree.CPP's tools, their status changes, and XML."""
+"""A compiled tree with the node numbers of BehaviorTree.CPP's tools, its status changes, and its XML."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -21,46 +21,46 @@ from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, is_name, s
 from sar_compiler.tree.xml_writer import xml_with_tag_per_line
 
 MOST_NODES = 0xFFFF
-"""A number has 16 bits, and 0 is reserved."""
+"""The maximum number of nodes in a tree: node numbers have 16 bits, and 0 is reserved."""
 
 
 class TooManyNodesError(SarError):
-    """A tree has more nodes than there are numbers."""
+    """A tree has more than `MOST_NODES` nodes."""
 
 
 class NumberedNode(NamedTuple):
-    """A node of a tree.
+    """A node of a `NumberedTree`.
 
     Attributes:
-        uid: Its number: from 1, in pre-order.
-        name: Its name.
-        around: The number of its parent node; 0 at the root.
-        behaviour: Its behaviour, the outer one if conditions are wrapped around it.
-        inner: Its behaviour without its conditions.
-        made: The creation of the inner one.
+        uid: The node's number, from 1 in pre-order.
+        name: The node's name.
+        parent: The number of the parent node; 0 for the root.
+        behaviour: The node's behaviour; the outermost wrapper if conditions are wrapped around the node.
+        inner: The node's behaviour without the wrappers of its conditions.
+        made: The construction of `inner`.
     """
 
     uid: int
     name: str
-    around: int
+    parent: int
     behaviour: Behaviour
     inner: Behaviour
     made: Construction
 
 
 class NumberedTree:
-    """The nodes of a compiled tree, numbered as BehaviorTree.CPP does; a node and its conditions are one.
+    """A compiled tree whose nodes are numbered as in BehaviorTree.CPP; a node and its conditions share one number.
 
     Args:
-        tree: The tree.
+        tree: The compiled tree.
 
     Attributes:
-        name: Its ID.
-        scopes: The scopes of the tree and its subtrees, by their paths.
-        nodes: The nodes; that with the number 1 is the first.
+        name: The tree's ID.
+        scopes: The scopes of the tree and its subtrees, by scope path.
+        nodes: The nodes, in the order of their numbers.
 
     Raises:
-        TooManyNodesError: If it has more nodes than there are numbers.
+        TooManyNodesError: If the tree has more than `MOST_NODES` nodes.
     """
 
     def __init__(self, tree: CompiledTree) -> None:
@@ -69,13 +69,13 @@ class NumberedTree:
         self.nodes = list(_number(tree.root, tree.origins))
         if len(self.nodes) > MOST_NODES:
             raise TooManyNodesError(
-                f"the tree '{self.name}' has {len(self.nodes)} nodes; numbers of nodes have 16 bits in BehaviorTree.CPP's "
-                f"protocols, which is enough for {MOST_NODES}"
+                f"the tree '{self.name}' has {len(self.nodes)} nodes. BehaviorTree.CPP's protocols allow at most "
+                f"{MOST_NODES}, because their node numbers have 16 bits"
             )
         self._uids = {id(each.behaviour): each.uid for each in self.nodes}
 
     def uid(self, behaviour: Behaviour) -> int:
-        """Return the number of a behaviour; 0 if it has none."""
+        """Return the node number of a behaviour; 0 if the behaviour has no number."""
         return self._uids.get(id(behaviour), 0)
 
 
@@ -83,12 +83,12 @@ def _number(root: Behaviour, origins: Origins) -> Iterator[NumberedNode]:
     waiting = [(root, 0)]
     uid = 0
     while waiting:
-        behaviour, around = waiting.pop()
+        behaviour, parent = waiting.pop()
         inner = behaviour
         while getattr(inner, "is_its_child", False):
             (inner,) = inner.children
         uid += 1
-        yield NumberedNode(uid, inner.name, around, behaviour, inner, origins.construction(inner.id))
+        yield NumberedNode(uid, inner.name, parent, behaviour, inner, origins.construction(inner.id))
         waiting.extend((child, uid) for child in reversed(inner.children))
 
 
@@ -101,8 +101,8 @@ class StatusChange(NamedTuple):
 
     Attributes:
         uid: The node's number.
-        before: Its status before.
-        status: Its status.
+        before: The old status.
+        status: The new status.
     """
 
     uid: int
@@ -111,38 +111,38 @@ class StatusChange(NamedTuple):
 
 
 class StatusChanges(VisitorBase):
-    """Records every node that is ticked.
+    """Reports the status changes of a tree's nodes.
 
-    A node that has ended is IDLE as soon as its parent's work is over, and so is one that was stopped: as in
-    BehaviorTree.CPP, for any class of py_trees. A skipped node is unchanged.
+    As in BehaviorTree.CPP, a node becomes IDLE when it is halted, or when it has ended and its parent has ended too.
+    This also holds for nodes of py_trees. A skipped node keeps its status.
 
     Args:
-        tree: The tree.
-        note: Called with each change.
+        tree: The numbered tree.
+        report: Called with each status change.
 
     Attributes:
-        statuses: The status of each node, by its number; index 0 is unused.
+        statuses: The status of each node, by node number; index 0 is unused.
     """
 
-    def __init__(self, tree: NumberedTree, note: Callable[[StatusChange], object]) -> None:
+    def __init__(self, tree: NumberedTree, report: Callable[[StatusChange], object]) -> None:
         super().__init__(full=False)
         self.statuses = [IDLE] * (len(tree.nodes) + 1)
         self._tree = tree
-        self._note = note
+        self._report = report
         self._busy: set[int] = set()
 
     def run(self, behaviour: Behaviour) -> None:
-        """Record a node that was ticked."""
+        """Report the status of a ticked node if it has changed."""
         uid = self._tree.uid(behaviour)
         if uid and not was_skipped(behaviour):
             self._set(uid, number_of(behaviour.status))
 
     def finalise(self) -> None:
-        """Reset the nodes whose work has ended, outer nodes first."""
+        """Set the nodes that have ended or were halted to IDLE, parents first."""
         for uid in sorted(self._busy):
-            _, _, around, behaviour, *_ = self._tree.nodes[uid - 1]
+            _, _, parent, behaviour, *_ = self._tree.nodes[uid - 1]
             status = number_of(behaviour.status)
-            if status == INVALID or (status & ENDED and self.statuses[around] != RUNNING):
+            if status == INVALID or (status & ENDED and self.statuses[parent] != RUNNING):
                 self._set(uid, IDLE)
 
     def _set(self, uid: int, status: int) -> None:
@@ -150,20 +150,20 @@ class StatusChanges(VisitorBase):
         if before != status:
             self.statuses[uid] = status
             (self._busy.discard if status == IDLE else self._busy.add)(uid)
-            self._note(StatusChange(uid, before, status))
+            self._report(StatusChange(uid, before, status))
 
 
 def tree_xml(tree: NumberedTree) -> str:
-    """Return a tree in XML: one `BehaviorTree` for each use of a subtree, and models of user-defined nodes.
+    """Return a tree as XML with a `BehaviorTree` element for each use of a subtree, and models of user-defined nodes.
 
-    Nodes are BehaviorTree.CPP's if it has them, with the attributes that it knows, its names and its numbers.
+    Nodes have their numbers, and the names and attributes of their equivalents in BehaviorTree.CPP.
     """
-    inside: dict[int, list[NumberedNode]] = {}
+    children: dict[int, list[NumberedNode]] = {}
     for node in tree.nodes:
-        inside.setdefault(node.around, []).append(node)
-    writer = _NodeWriter(inside)
+        children.setdefault(node.parent, []).append(node)
+    writer = _NodeWriter(children)
     lines = ['<root BTCPP_format="4">']
-    (root,) = inside[0]
+    (root,) = children[0]
     waiting = [_UsedSubtree(tree.name, "", root)]
     while waiting:
         name, path, first = waiting.pop()
@@ -172,7 +172,7 @@ def tree_xml(tree: NumberedTree) -> str:
             *writer.node_lines(first),
             f"</{TREE_TAG}>",
         ]
-        # In pre-order: readers process the uses of a tree one by one.
+        # In pre-order, because readers process the uses of a tree in this order.
         waiting += reversed(writer.pop_subtrees())
     models = describe([spec for specs in writer.specs.values() for spec in specs])
     lines += [xml_with_tag_per_line(models) if models.children else f"<{MODEL_TAG}/>", "</root>"]
@@ -186,34 +186,34 @@ class _UsedSubtree(NamedTuple):
 
 
 class _NodeWriter:
-    """Writes nodes.
+    """Writes nodes as XML elements.
 
     Args:
-        inside: The nodes within each, by its number.
+        children: The children of each node, by the node's number.
 
     Attributes:
-        specs: The specs of all tags, by tag.
+        specs: The node specs of all written tags, by tag.
     """
 
-    def __init__(self, inside: Mapping[int, Sequence[NumberedNode]]) -> None:
+    def __init__(self, children: Mapping[int, Sequence[NumberedNode]]) -> None:
         self.specs: dict[str, Sequence[NodeSpec]] = {}
-        self._inside = inside
+        self._children = children
         self._subtrees: list[_UsedSubtree] = []
 
     def pop_subtrees(self) -> list[_UsedSubtree]:
-        """Return the subtrees that were named since the last call."""
+        """Return the uses of subtrees that were written since the last call."""
         found, self._subtrees = self._subtrees, []
         return found
 
     def node_lines(self, first: NumberedNode) -> Iterator[str]:
-        """Yield the lines of a node and its descendants, iteratively because trees may be deep."""
+        """Yield the XML lines of a node and its descendants; iterative, because trees may be deep."""
         waiting: list[NumberedNode | str] = [first]
         while waiting:
             node = waiting.pop()
             if isinstance(node, str):
                 yield node
                 continue
-            children = self._inside.get(node.uid, ())
+            children = self._children.get(node.uid, ())
             if node.made.wrapper is None and node.made.bound.subtree is not None:
                 yield self._subtree(node, children[0])
                 continue
@@ -226,9 +226,9 @@ class _NodeWriter:
 
     def _subtree(self, node: NumberedNode, root: NumberedNode) -> str:
         bound, scope = node.made.bound, node.made.instance.inner[node.made.bound].scope
-        assert bound.subtree is not None  # noqa: S101 - the caller has looked
+        assert bound.subtree is not None  # noqa: S101 - checked by the caller
         self._subtrees.append(_UsedSubtree(bound.subtree.name, scope.path, root))
-        # The rest are ports and conditions; `oneshot` is a separate node around this one.
+        # The remaining attributes are ports and conditions; `oneshot` has become a wrapper node.
         named = ("ID", "name", "oneshot")
         given = {name: text for name, text in bound.element.attributes.items() if name not in named}
         uid = str(node.uid)
@@ -236,13 +236,13 @@ class _NodeWriter:
         return _start(SUBTREE_TAG, attributes, is_empty=True)
 
     def _tag_and_attributes(self, node: NumberedNode) -> tuple[str, dict[str, str]]:
-        """Return the tag and the attributes of a node's equivalent in BehaviorTree.CPP, if any."""
+        """Return a node's tag and attributes, converted to the node's equivalent in BehaviorTree.CPP if one exists."""
         bound = node.made.bound
         if node.made.wrapper is None:
             tag, attributes = bound.spec.tag, dict(bound.element.attributes)
             specs: Sequence[NodeSpec] = [bound.spec]
         else:
-            # Created for an attribute: a class of py_trees, which is named as its tag.
+            # Created for an attribute: a py_trees class, whose name is also its tag.
             tag = type(node.inner).__name__
             attributes = {
                 name: getattr(value, "name", str(value)) for name, value in node.made.wrapper.items()
@@ -262,7 +262,7 @@ class _NodeWriter:
 
 
 def _attribute_names(specs: Iterable[NodeSpec]) -> Iterator[str]:
-    """Yield the attributes of a node that BehaviorTree.CPP knows; for a built-in node, its ports."""
+    """Yield the names of a node's attributes that BehaviorTree.CPP knows; for a built-in node, only its ports."""
     specs = list(specs)
     built_in = is_built_in(specs)
     for spec in specs:

@@ -1,4 +1,4 @@
-"""The tree of a run, as its journal describes it."""
+"""The description of a run's tree in the journal."""
 
 import math
 from typing import Any
@@ -14,9 +14,9 @@ from sar_compiler.views.drawing import drawn_nodes
 
 
 def describe_tree(tree: Drawable) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the description of a tree for a journal: of its mission, and of its run."""
+    """Return the data with which a journal describes a tree: the data of the mission, and the data of the run."""
     looks = [[each.shape.value, each.sign] for each in drawn_nodes(tree)]
-    of_run = {"tree_id": tree.name, "looks": looks, "constant": _constant(tree), "limits": _limits(tree)}
+    of_run = {"tree_id": tree.name, "looks": looks, "constant": _constants(tree), "limits": _limits(tree)}
     return {"tree": json_data(outline(tree))}, of_run
 
 
@@ -24,19 +24,19 @@ def _bound_node(tree: Drawable, behaviour: Behaviour) -> BoundNode:
     return tree.origins[behaviour.id].bound
 
 
-def _constant(tree: Drawable) -> list[int]:
-    """Return the numbers of leaves with a constant status, which cannot be the cause of a failure."""
+def _constants(tree: Drawable) -> list[int]:
+    """Return the numbers of the leaves that always return the same status, and so cannot be the cause of a failure."""
     nodes = ((number, each, _bound_node(tree, each).spec) for number, each in enumerate(pre_order(tree.root)))
     return [number for number, each, spec in nodes if not each.children and len(set(spec.statuses)) == 1]
 
 
 def _limits(tree: Drawable) -> dict[str, float]:
-    """Return the time limits of nodes in seconds, by their numbers, if they are known before the run."""
+    """Return the time limits that are known before the run, in seconds, by node number."""
     limits: dict[str, float] = {}
     for number, each in enumerate(pre_order(tree.root)):
         bound = _bound_node(tree, each)
         if any(_bound_node(tree, child) is bound for child in each.children):
-            continue  # a node created for a condition shares its spec
+            continue  # the wrapper of a node's condition has the node's spec
         limit_sec = bound.spec.semantics.limit_sec
         limit = limit_sec(bound) if limit_sec is not None and len(each.children) == 1 else None
         if limit is not None and math.isfinite(limit):

@@ -33,7 +33,7 @@ def test_a_name_that_is_unknown_in_several_files_is_told_once_with_the_other_pla
         write(f"ws/{name}.xml", tree_of("Grasp"))
     _, out, err = run(capsys, "ws")
     assert len(heads(out)) == 1
-    assert "there is no node 'Grasp'; and in 2 more places: ws/b.xml:3, ws/c.xml:3" in out
+    assert "there is no node 'Grasp' (also in 2 other places: ws/b.xml:3, ws/c.xml:3)" in out
     assert err == "1 error in 3 files; --all lists 3 locations\n"
 
 

@@ -210,12 +210,12 @@ def test_nodes_writes_defaults_as_a_tree_file_has_them(capsys):
 @pytest.mark.parametrize(
     ("tag", "skipped"),
     [
-        ("Precondition", ['SKIPPED (with else="SKIPPED", or if its child is)']),
-        ("RunOnce", ['SKIPPED (with then_skip="true" as by default, or if its child is)']),
+        ("Precondition", ['SKIPPED (with else="SKIPPED", or if its child is skipped)']),
+        ("RunOnce", ['SKIPPED (with then_skip="true" as by default, or if its child is skipped)']),
         ("LoopInt", ['SKIPPED (with if_empty="SKIPPED")']),
         ("SkipUnlessUpdated", ["SKIPPED"]),
-        ("Inverter", ["SKIPPED (if its child is)"]),
-        ("Fallback", ["SKIPPED (if its children are)"]),
+        ("Inverter", ["SKIPPED (if its child is skipped)"]),
+        ("Fallback", ["SKIPPED (if its children are skipped)"]),
         ("EternalGuard", []),
     ],
 )

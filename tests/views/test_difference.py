@@ -137,10 +137,10 @@ def test_added_and_removed_nodes_are_told_with_the_number_of_those_in_them():
     new = after(("<Look/>", "<Inverter><Retry><Listen/></Retry></Inverter>"))
     assert said(TREE, new) == [
         "removed Main/Mission/Patrol/Look <Look>",
-        "added Main/Mission/Patrol/Inverter <Inverter>, with 2 in it",
+        "added Main/Mission/Patrol/Inverter <Inverter>, with 2 nodes in it",
     ]
     assert said(new, TREE) == [
-        "removed Main/Mission/Patrol/Inverter <Inverter>, with 2 in it",
+        "removed Main/Mission/Patrol/Inverter <Inverter>, with 2 nodes in it",
         "added Main/Mission/Patrol/Look <Look>",
     ]
 
@@ -180,7 +180,7 @@ def test_of_two_that_changed_places_one_has_moved():
 def test_a_tree_that_is_gone_is_one_change():
     whole = document(TREE).replace("</root>", '<BehaviorTree ID="Spare"><Rest/></BehaviorTree></root>')
     text = difference_as_text(differences(whole, document(TREE)))
-    assert text == "removed  Spare <BehaviorTree>, with 1 in it  (a.xml:18)\n"
+    assert text == "removed  Spare <BehaviorTree>, with 1 node in it  (a.xml:18)\n"
 
 
 def test_another_main_tree_is_a_change_of_the_root():

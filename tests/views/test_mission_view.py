@@ -137,7 +137,7 @@ def test_a_mission_that_looks_for_nobody_shows_the_latest_that_it_has_noted():
     told = [("photo_taken", {"photo": f"photo_{each}"}) for each in range(20)]
     shown = lines(mission(node("Main"), more=[*told, ("point_left", {}), ("\x1b[2J", {"a\n": 1.5})]))
     assert len(shown) == 3
-    assert shown[1].startswith("noted: 22; \\x1b[2J: a\\n: 1.5; point left; photo taken: photo: photo_19; ")
+    assert shown[1].startswith("events: 22; \\x1b[2J: a\\n: 1.5; point left; photo taken: photo: photo_19; ")
     assert shown[1].endswith("photo: photo_12")
 
 
