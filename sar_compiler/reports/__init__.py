@@ -1,4 +1,4 @@
-"""Explanations, statistics and reports of a mission after its run."""
+"""Explanations, statistics and reports of recorded missions."""
 
 PUBLIC_MODULES = (
     "checked_journal",

@@ -1,4 +1,4 @@
-"""Check with its chain that a journal was not altered."""
+"""Check of a journal's hash chain, which shows whether the journal was altered."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,20 +11,18 @@ if TYPE_CHECKING:
     from sar_compiler.journal.chain import ChainEntry, JournalChain
     from sar_compiler.journal.database import JournalFile
 
-_NOT_KNOWN = (
-    "Without --head HEX, from the summary or a report, a recomputed or truncated chain cannot be detected"
-)
-_UNTOLD = ("what", "data", "link")
+_NOT_KNOWN = "Without --head HEX from the run's summary or a report, a recomputed or truncated chain cannot be detected"
+_OMITTED = ("what", "data", "link")
 
 
 class CheckedJournal(NamedTuple):
     """The result of checking a journal.
 
     Attributes:
-        file: Its path.
-        state: `whole`, `open` (whole, and without an end), `altered` or `other head`.
-        words: The state in words.
-        chain: The result for its chain; None if there is none.
+        file: The path of the journal.
+        state: `whole`, `open` (unaltered, but the last run has no end), `altered` or `other head`.
+        words: The state as a predicate of the journal, such as `is unaltered: …`.
+        chain: The result for the hash chain; None if it was not checked.
         notes: The limits of the check, in sentences.
     """
 
@@ -39,11 +37,11 @@ class CheckedJournal(NamedTuple):
         """Check a journal, and return the result.
 
         Args:
-            place: Where it is.
-            expected: The required head; None if unknown.
+            place: The path of the journal.
+            expected: The head that the chain must have; None if unknown.
 
         Raises:
-            JournalError: If it cannot be read.
+            JournalError: If the journal cannot be read.
         """
         from sar_compiler.journal.database import JournalFile
 
@@ -60,13 +58,13 @@ class CheckedJournal(NamedTuple):
         return self.state in ("whole", "open")
 
     def text(self) -> str:
-        """Return the result in words."""
+        """Return the result as lines of text."""
         shown = [f"head {self.chain.head}"] if self.chain is not None and self.chain.head else []
         lines = [f"{self.file} {self.words}", *(f"  {line}" for line in (*shown, *self.notes))]
         return "\n".join(map(escape_to_one_line, lines))
 
     def data(self) -> dict[str, Any]:
-        """Return the result as JSON values."""
+        """Return the result as a JSON object."""
         chain = self.chain
         return {
             "file": str(self.file),
@@ -84,9 +82,8 @@ def _uncovered_parts(file: "JournalFile") -> "list[str]":
     """Return notes on the parts of a journal that the chain does not cover."""
     notes = []
     if count := file.spilled_count():
-        notes.append(
-            f"{count_with_noun(count, 'fact')} beside it, in its reserve, will be chained by the next run"
-        )
+        events = count_with_noun(count, "event")
+        notes.append(f"{events} in the journal's reserve file will be added to the chain by the next run")
     return notes
 
 
@@ -94,25 +91,27 @@ def _chain_verdict(chain: "JournalChain", expected: str | None, *, is_written: b
     """Return the state of a chain, with its description."""
     has = f"{chain.entries:,} entries in {count_with_noun(chain.runs, 'run')}"
     if chain.wrong is not None:
-        why = "it was changed, or entries before it were removed, moved or inserted"
+        why = "It was changed, or entries before it were removed, moved or inserted"
         return (
             "altered",
-            f"was altered: {_wrong_text(chain.wrong)} does not match the entries before it: {why}",
+            f"was altered: {_wrong_text(chain.wrong)} does not match the entries before it. {why}",
         )
     if expected is not None and expected != chain.head:
         return "other head", f"has another head: {_other_head(chain, expected)}"
     if chain.is_closed:
-        with_head = ", with the head that was given" if expected else ""
+        with_head = ", with the given head" if expected else ""
         return "whole", f"is unaltered: {has}, closed by the run's end{with_head}"
-    last = "the run is still active" if is_written else "the run crashed" if chain.runs else "none has begun"
-    return "open", f"is unaltered so far: {has}, and not closed: {last}"
+    last = (
+        "the run is still active" if is_written else "the run crashed" if chain.runs else "no run has started"
+    )
+    return "open", f"is unaltered so far: {has}, not closed because {last}"
 
 
 def _other_head(chain: "JournalChain", expected: str) -> str:
     run = next((number for number, each in chain.heads.items() if each == expected), None)
     if run is None:
-        return "it is consistent, so it was truncated or recomputed, or the head belongs to another journal"
-    return f"the given head is that of run {run}, and does not cover later entries"
+        return "the chain is consistent, so it was truncated or recomputed, or the head is of another journal"
+    return f"the given head is the head of run {run}, and does not cover later entries"
 
 
 def _wrong_text(wrong: "ChainEntry") -> str:
@@ -121,7 +120,9 @@ def _wrong_text(wrong: "ChainEntry") -> str:
 
 
 def _wrong_data(wrong: "ChainEntry") -> dict[str, Any]:
-    told = wrong._asdict().items()
+    fields = wrong._asdict().items()
     return {
-        key: value.hex() if isinstance(value, bytes) else value for key, value in told if key not in _UNTOLD
+        key: value.hex() if isinstance(value, bytes) else value
+        for key, value in fields
+        if key not in _OMITTED
     }

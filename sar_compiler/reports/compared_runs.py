@@ -19,19 +19,19 @@ from sar_compiler.tree.display_text import escape_to_one_line
 from sar_compiler.tree.plain import as_json, count_with_noun
 
 _WRONG = (PropertyResult.BROKEN, PropertyResult.IN_DOUBT)
-# Words for the end of a run. The end of a journal that is still written is unknown.
-_GOING_ON = {"running": "running, compared so far"}
+# The text for the end of a run that is still active.
+_END_WORDS = {"running": "running, compared so far"}
 
 
 class ComparedRun(NamedTuple):
-    """The last run of a journal, and the result of its comparison.
+    """The last run of a journal, and the result of its comparison with the tree's possible runs.
 
     Attributes:
-        journal: The journal.
-        run: The number of the run, from 1; 0 if there is none.
-        end: Its end, in a word: `over`, `stopped`, `failed`, `crashed`, `running`.
-        found: The result; None if it could not be determined.
-        problem: The reason for that, in words.
+        journal: The path of the journal.
+        run: The number of the run, from 1; 0 if the journal has no run.
+        end: The end of the run in a word: `over`, `stopped`, `failed`, `crashed`, `running`.
+        found: The result of the comparison; None if the run could not be compared.
+        problem: The reason why the run could not be compared; empty if it was.
         changed: The changes of the tree since the run, in words; empty for none.
     """
 
@@ -44,17 +44,17 @@ class ComparedRun(NamedTuple):
 
     @property
     def is_fine(self) -> bool:
-        """Whether it was a possible run of its tree and violated no property."""
+        """Whether the recorded run is a possible run of its tree and violated no property."""
         return self.found is not None and self.found.is_fine
 
     @property
     def violated_properties(self) -> list[RecordedProperty]:
-        """The properties that are violated, or may be."""
+        """The properties that the run violated or may have violated."""
         return [each for each in self.found.properties if each.fate in _WRONG] if self.found else []
 
 
 def runs_as_text(runs: Sequence[ComparedRun]) -> str:
-    """Return one run with all details; several runs as a table, with their problems below."""
+    """Return the comparison of one run with all details, or several runs as a table and the details of failed ones."""
     if len(runs) == 1:
         return "\n".join(map(escape_to_one_line, _run_lines(runs[0])))
     lines = [table_text([*map(_row, runs)], 4)]
@@ -88,7 +88,7 @@ def _run_lines(compared: ComparedRun) -> Iterator[str]:
     if found is None:
         yield f"{compared.journal}: not compared: {compared.problem}"
         return
-    end = _GOING_ON.get(compared.end, compared.end)
+    end = _END_WORDS.get(compared.end, compared.end)
     yield f"{compared.journal}: run {compared.run}, {end}, {count_with_noun(found.ticks, 'tick')}"
     if compared.changed:
         yield f"the tree has changed since the run: {compared.changed}"
@@ -105,17 +105,17 @@ def _misfit_lines(misfit: ImpossibleEvent) -> Iterator[str]:
     if misfit.why:
         yield f"  {misfit.why}"
     if misfit.possible:
-        yield f"  possible there: {', '.join(misfit.possible)}"
+        yield f"  possible instead: {', '.join(misfit.possible)}"
     yield from _event_lines(misfit.run)
 
 
 def _property_lines(found: Conformance) -> Iterator[str]:
     if found.properties:
         counts = Counter(each.fate for each in found.properties)
-        told = ", ".join(f"{counts[fate]} {fate.value}" for fate in PropertyResult if counts[fate])
-        yield f"{'1 property' if len(found.properties) == 1 else f'{len(found.properties)} properties'}: {told}"
+        listed = ", ".join(f"{counts[fate]} {fate.value}" for fate in PropertyResult if counts[fate])
+        yield f"{'1 property' if len(found.properties) == 1 else f'{len(found.properties)} properties'}: {listed}"
     if found.misfit is not None and found.properties:
-        yield f"  from tick {found.misfit.tick} on they are compared by the events of the leaves alone"
+        yield f"  from tick {found.misfit.tick} on, properties are checked only with the events of leaves"
     width = max((len(each.name) for each in found.properties), default=0) + 1
     yield from (f"  {each.name + ':':{width}} {each.fate.value}" for each in found.properties)
     for each in found.left_out:
@@ -123,15 +123,15 @@ def _property_lines(found: Conformance) -> Iterator[str]:
     for broken in found.properties:
         if broken.fate in _WRONG:
             yield ""
-            yield from _broken_lines(broken)
+            yield from _violation_lines(broken)
 
 
-def _broken_lines(broken: RecordedProperty) -> Iterator[str]:
+def _violation_lines(broken: RecordedProperty) -> Iterator[str]:
     said = f"by {broken.event} in" if broken.event else "at the end of"
     place = f"  ({broken.place})" if broken.place else ""
     yield f"{broken.name}: {broken.fate.value} {said} tick {broken.tick}, {clock_text(broken.time_sec)}{place}"
     if broken.fate is PropertyResult.IN_DOUBT:
-        yield "  the record matches runs that violate it and runs that do not"
+        yield "  the record matches runs that violate the property and runs that do not"
     yield from _event_lines(broken.run)
 
 
@@ -143,7 +143,7 @@ def _event_lines(run: Sequence[Event]) -> Iterator[str]:
 
 
 def runs_as_json(runs: Sequence[ComparedRun]) -> str:
-    """Return recorded runs as a JSON object; see `runs_as_text`."""
+    """Return the comparisons of runs as a JSON object."""
     return as_json({"fine": all(each.is_fine for each in runs), "runs": [*map(_run_data, runs)]})
 
 
@@ -170,7 +170,7 @@ def _run_data(compared: ComparedRun) -> dict[str, object]:
 
 
 def _with_run(data: dict[str, object]) -> dict[str, object]:
-    """Return data with the events of a run as in journals: time, tick, node, action."""
+    """Replace the events in `run` by lists as in journals: time, tick, node, action."""
     run = data["run"]
     assert isinstance(run, tuple)  # noqa: S101 - of events
     return {**data, "run": [[each.time_sec, each.tick, each.number, each.action] for each in run]}

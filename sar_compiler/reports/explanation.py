@@ -28,15 +28,15 @@ R = TypeVar("R")
 
 
 class GoneTreeError(SarError):
-    """The tree of the run cannot be found."""
+    """The tree file of a run is unknown or missing."""
 
 
 class CounterfactualRun(NamedTuple):
     """The result of a search for changes that would have made a run succeed.
 
     Attributes:
-        found: The change with that effect; None if none was found.
-        reason: The reason why none was found, in words.
+        found: The changes that would have made the run succeed; None if no such changes were found.
+        reason: The reason why no changes were found; empty if changes were found.
     """
 
     found: "Counterfactual | None" = None
@@ -47,9 +47,9 @@ class Explanation(NamedTuple):
     """The explanation of the last run of a mission.
 
     Attributes:
-        reasons: The causes of its failure.
-        nodes: The nodes of its tree.
-        otherwise: The changes with which it would have succeeded, if requested.
+        reasons: The causes of the run's failure.
+        nodes: The nodes of the run's tree.
+        otherwise: The changes with which the run would have succeeded, if requested.
     """
 
     reasons: "CauseOfFailure"
@@ -69,10 +69,10 @@ class Explanation(NamedTuple):
         """Return the explanation of a journal's last run.
 
         Args:
-            file: The journal, in a snapshot.
-            projects: Loads the tree, if changes for a success are requested.
-            tree_file: Its file; by default the file of the run.
-            is_gone: Whether the process that wrote it no longer exists.
+            file: The journal, open as a snapshot.
+            projects: Loads the tree; None if no changes for a success are requested.
+            tree_file: The tree file; by default the tree file of the run.
+            is_gone: Whether the process that wrote the journal no longer exists.
             budget: The limits of the search for changes.
 
         Raises:
@@ -83,18 +83,18 @@ class Explanation(NamedTuple):
         from sar_compiler.reports.why import FailureAnalysis
 
         log = None if projects is None else TickLog([*tree_nodes(file.description().get("tree"))])
-        inquiry = FailureAnalysis.from_stream(file.last_run(without=OF_ROBOT, is_condensed=True, log=log))
-        inquiry.state.update_process(is_gone=is_gone)
-        reasons = inquiry.find_cause()
+        analysis = FailureAnalysis.from_stream(file.last_run(without=OF_ROBOT, is_condensed=True, log=log))
+        analysis.state.update_process(is_gone=is_gone)
+        reasons = analysis.find_cause()
         if not reasons.chain or projects is None or log is None:
-            return cls(reasons, inquiry.state.nodes)
-        log.last = inquiry.failed_tick
-        search = partial(find_counterfactual, inquiry.state, log, projects, tree_file)
+            return cls(reasons, analysis.state.nodes)
+        log.last = analysis.failed_tick
+        search = partial(find_counterfactual, analysis.state, log, projects, tree_file)
         try:
             change = (budget or Budget()).run(search)
         except BudgetSpentError as error:
             change = CounterfactualRun(reason=str(error))
-        return cls(reasons, inquiry.state.nodes, change)
+        return cls(reasons, analysis.state.nodes, change)
 
     def text(self) -> str:
         """Return the explanation in words."""
@@ -111,7 +111,7 @@ class Explanation(NamedTuple):
         return cause_text(self.reasons, unknown)
 
     def data(self) -> dict[str, Any]:
-        """Return the explanation as JSON values."""
+        """Return the explanation as a JSON object."""
         from sar_compiler.reports.why import cause_data, counterfactual_data
 
         change, reason = self.otherwise
@@ -136,10 +136,10 @@ def find_counterfactual(
     """Return the changes that would have made a mission's failed last run succeed.
 
     Args:
-        state: The state of the mission after that run.
-        record: Its ticks.
+        state: The state of the mission after the run.
+        record: The recorded ticks of the run.
         projects: Loads the tree.
-        tree_file: Its file; by default the file of the run.
+        tree_file: The tree file; by default the tree file of the run.
     """
     from sar_compiler.analysis.verify.counterfactual import counterfactual
     from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
@@ -156,10 +156,10 @@ def find_counterfactual(
         return CounterfactualRun(reason=f"{path} now contains another tree. Add --tree-file TREE")
     except TreeError as error:
         path = tree_file or state.runs[-1].about.get("tree_file")
-        missing = _options_left_out(state, projects)
+        missing = _missing_options(state, projects)
         if missing:
             return CounterfactualRun(
-                reason=f"{path} cannot be loaded without options of that run: {error.findings[0].message}. Add them: {shlex.join(missing)}"
+                reason=f"{path} cannot be loaded without options of the run: {error.findings[0].message}. Add {shlex.join(missing)}"
             )
         return CounterfactualRun(reason=f"{path} now has errors: {error.findings[0].message}")
     except SarError as error:
@@ -170,14 +170,14 @@ def find_counterfactual(
 
 
 def _options_of(about: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the valid options of a run that select the tree's nodes."""
-    said = about.get("options")
-    pairs = said if isinstance(said, list) else []
+    """Return the recorded options of a run that select nodes, such as --nodes; malformed entries are ignored."""
+    recorded = about.get("options")
+    pairs = recorded if isinstance(recorded, list) else []
     return [(str(pair[0]), str(pair[1])) for pair in pairs if isinstance(pair, list) and len(pair) > 1]
 
 
-def _options_left_out(state: "MissionState", projects: "Workspace") -> list[str]:
-    """Return the last run's options that this command lacks and must not read from the journal."""
+def _missing_options(state: "MissionState", projects: "Workspace") -> list[str]:
+    """Return the last run's node options that the user must repeat, because they are not applied from the journal."""
     added = projects.additions
     given = {*map(str, added.nodes), *(str(each.resolve()) for each in (*added.models, *added.include_path))}
     return [
@@ -189,14 +189,14 @@ def _options_left_out(state: "MissionState", projects: "Workspace") -> list[str]
 
 
 def palettes_of(about: Mapping[str, Any]) -> list[Path]:
-    """Return the installed palettes of a run, given its description."""
+    """Return the installed palettes that a run used, given the run's description."""
     return [
         Path(value) for option, value in _options_of(about) if option == "--model" and is_palette_name(value)
     ]
 
 
-def _with_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspace":
-    """Return a workspace with the last run's installed palettes."""
+def _add_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspace":
+    """Return a workspace to which the last run's installed palettes are added."""
     added = projects.additions
     models = tuple(dict.fromkeys((*added.models, *palettes_of(state.runs[-1].about))))
     return replace(projects, additions=added._replace(models=models))
@@ -205,11 +205,11 @@ def _with_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspac
 def candidate_trees(
     state: "MissionState", projects: "Workspace", tree_file: Path | None = None
 ) -> "Iterator[SimulatedTree]":
-    """Yield the last run's tree with stub leaves, with and without assumed limits.
+    """Yield the last run's tree with stub leaves, first with and then without assumed limits.
 
     Raises:
-        GoneTreeError: If its file is unknown or missing.
-        TreeError: If it has errors.
+        GoneTreeError: If the tree file is unknown or missing.
+        TreeError: If the tree has errors.
     """
     from sar_compiler.analysis.assumptions import StartValues
     from sar_compiler.analysis.tree_analysis import stage_of
@@ -218,12 +218,12 @@ def candidate_trees(
     about: Mapping[str, Any] = state.runs[-1].about
     file = tree_file or about.get("tree_file")
     if file is None:
-        raise GoneTreeError("the journal does not name the file of the tree")
+        raise GoneTreeError("the journal does not name the tree file")
     path = Path(str(file))
     if not is_file(path):
         raise GoneTreeError(f"{path} does not exist")
     values = StartValues(state.parameters, about.get("facts") or {})
-    loaded = _with_palettes_of(state, projects).load_file(path)
+    loaded = _add_palettes_of(state, projects).load_file(path)
     yield stage_of(loaded, about.get("tree_id"), values).play().simulated
     unlimited = stage_of(loaded, about.get("tree_id"), values).play().simulated
     if remove_limits(unlimited, values.facts):
@@ -234,7 +234,7 @@ def answer_for_matching_tree(trees: Iterable[T], ask: Callable[[T], R]) -> R:
     """Return the result for the first tree that reproduces the recorded run.
 
     Raises:
-        NotReplayedError: If none has.
+        NotReplayedError: If no tree reproduces the run.
     """
     from sar_compiler.analysis.verify.recorded_runs import NotReplayedError
 

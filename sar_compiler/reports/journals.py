@@ -1,4 +1,4 @@
-"""A mission's journal, as text and as plain data."""
+"""A mission's journal as text and as JSON."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -21,7 +21,7 @@ def journal_json(file: JournalFile, state: MissionState, *, with_watched: bool =
 
     Args:
         file: The journal.
-        state: The state of the mission.
+        state: The state of the mission after the journal's entries.
         with_watched: Whether to include observations.
     """
     with file.snapshot():
@@ -59,12 +59,12 @@ def journal_lines(
 
     Args:
         file: The journal.
-        state: The state of the mission.
-        why: The likeliest cause, if it is not complete.
+        state: The state of the mission after the journal's entries.
+        why: The likeliest cause of a failure, for a mission that is not complete.
         with_watched: Whether to include observations.
     """
     runs, about = file.runs(), file.description()
-    mission = about.get("mission") or "a tree of no mission"
+    mission = about.get("mission") or "a tree without a mission"
     nodes = [node.name for node in tree_nodes(about.get("tree"))] if with_watched else []
     yield escape_to_one_line(f"{mission}, {status_line_text(state)}")
     yield from (escape_to_one_line(f"to do: {task.text}") for task in find_open_tasks(state))
@@ -73,14 +73,14 @@ def journal_lines(
     for run in runs:
         width = file.widest_kind(run.number, with_watched=with_watched)
         entries = file.entries(run.number, with_watched=with_watched)
-        yield escape_to_one_line(_headline(run))
-        yield from map(escape_to_one_line, _table(run, entries, nodes, width))
+        yield escape_to_one_line(_run_headline(run))
+        yield from map(escape_to_one_line, _entry_lines(run, entries, nodes, width))
     if runs and runs[-1].head:
         yield f"head of the chain: {runs[-1].head}"
 
 
 def journal_state(state: MissionState) -> str:
-    """Return the state of the journal for scripts: `running`, `broken off`, `empty`, or its last run's end."""
+    """Return the state of the journal for scripts: `running`, `crashed`, `empty`, or the end of the last run."""
     if ending := state.runs[-1].ending if state.runs else "":
         return ending
     if not state.process.is_gone:
@@ -88,7 +88,7 @@ def journal_state(state: MissionState) -> str:
     return "crashed" if state.runs else "empty"
 
 
-def _headline(run: JournalRun) -> str:
+def _run_headline(run: JournalRun) -> str:
     death = run.about.get("after")
     began = day_and_time(run.began) + (
         f" by its supervisor (the previous process has died: {death})" if death else ""
@@ -99,7 +99,7 @@ def _headline(run: JournalRun) -> str:
     return f"run {run.number}, started {began}, {run.ending and run.ending.value} with status {run.status}{reason}:"
 
 
-def _table(
+def _entry_lines(
     run: JournalRun, entries: Iterable[JournalEntry], nodes: Sequence[str], width: int
 ) -> Iterator[str]:
     began = run.about.get("time")
@@ -110,7 +110,7 @@ def _table(
 
 
 def entry_text(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[str]:
-    """Yield the data of an entry as text; a node by its name, if the names of all are given."""
+    """Yield the fields of an entry as text; nodes are named if *nodes* contains the names of all nodes."""
     for key, value in data.items():
         if key in ("node", "leaf") and isinstance(value, int) and 0 <= value < len(nodes):
             yield f"{key} '{nodes[value]}'"
@@ -119,7 +119,7 @@ def entry_text(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[s
 
 
 _MOST_LISTED = 12
-"""The number of an entry's values that are listed. The rest are counted."""
+"""The maximum number of values in a list that are printed; longer lists are only counted."""
 
 
 def _value(value: object) -> str:

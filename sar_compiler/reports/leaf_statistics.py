@@ -1,6 +1,6 @@
-"""Counts and times of leaf results and other nodes' decisions in recorded runs.
+"""Counts and running times of leaf results, and of other nodes' own results, in recorded runs.
 
-They can also be written as assumptions about other runs.
+The statistics can also be written as assumptions for the analysis of other runs.
 """
 
 from array import array
@@ -19,20 +19,20 @@ from sar_compiler.tree.display_text import escape_to_one_line
 from sar_compiler.tree.plain import as_json, count_with_noun
 
 FEWEST = 10
-"""With fewer results of a leaf, nothing is assumed about it."""
+"""The minimum number of a leaf's results from which assumptions about the leaf are written."""
 
-# The possible results of a leaf without a declaration.
+# The assumed results of a leaf that does not declare its outcomes.
 _USUAL = "SUCCESS", "FAILURE"
 
 
 @dataclass
 class OutcomeTimes:
-    """A result that ended an activation of a leaf.
+    """The activations of a node that ended with the same result.
 
     Attributes:
-        status: Its status.
-        label: Its label; empty for none.
-        times: The running time of the leaf in each case, in seconds.
+        status: The status of the result.
+        label: The label of a leaf's outcome, or the message of another node; empty for none.
+        times: The running time of the node in each activation, in seconds.
     """
 
     status: str
@@ -41,21 +41,21 @@ class OutcomeTimes:
 
     @property
     def name(self) -> str:
-        """Its label, or its status."""
+        """The label, or the status if there is no label."""
         return self.label or self.status
 
 
 @dataclass
 class LeafStatistics:
-    """The results of a leaf in some runs; leaves with the same path are combined.
+    """The results of a leaf in recorded runs; leaves with the same path are combined.
 
     Attributes:
-        path: The names of the nodes around it, from the root down, and its own.
+        path: The names of the nodes from the root down to the leaf.
         outcomes: The results that ended an activation, by status and label.
-        retries: The number of results that followed a failure of the leaf in the same run.
-        halted: The number of times it was stopped while running.
-        has_run: Whether it was running at the end of a tick.
-        is_declared: Whether it has declared its possible outcomes.
+        retries: The number of results that directly followed a failure of the leaf in the same run.
+        halted: The number of times that the leaf was halted while running.
+        has_run: Whether the leaf was running at the end of a tick.
+        is_declared: Whether the leaf declares its possible outcomes.
     """
 
     path: tuple[str, ...]
@@ -67,27 +67,27 @@ class LeafStatistics:
 
     @property
     def key(self) -> str:
-        """Its name in a file."""
+        """The leaf's name in a properties or scenario file."""
         return self.path[-1] if any("/" in part for part in self.path) else "/".join(self.path)
 
     @property
     def result_count(self) -> int:
-        """The number of its results."""
+        """The number of results that ended an activation."""
         return sum(len(each.times) for each in self.outcomes.values())
 
     def interval(self, outcome: OutcomeTimes, confidence: float) -> Interval:
-        """Return Wilson's interval of the share of a result."""
+        """Return the Wilson score interval of an outcome's share of the leaf's results."""
         return wilson(len(outcome.times), self.result_count, confidence)
 
 
 @dataclass
 class RunStatistics:
-    """The results of a tree's leaves in some runs.
+    """The results of a tree's nodes in recorded runs.
 
     Attributes:
         runs: The number of runs.
-        leaves: The leaves that have returned a result, in order of their first one.
-        decisions: The decisions of other nodes, such as time limits, by the node's path, the status and its message.
+        leaves: The leaves with events, by path, in the order of their first events.
+        decisions: The own results of other nodes, such as time limits, by node path, status and message.
     """
 
     runs: int = 0
@@ -98,7 +98,7 @@ class RunStatistics:
         """Add the runs of a journal.
 
         Args:
-            stream: Its entries, as `JournalFile.stream` yields them.
+            stream: The entries of the journal, as `JournalFile.stream` yields them.
         """
         for _, entries in groupby(stream, key=attrgetter("run")):
             self.runs += 1
@@ -123,7 +123,7 @@ class RunStatistics:
 
 
 def _record_labels(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[JournalEntry]:
-    """Yield entries, and record the leaves whose outcomes have labels."""
+    """Yield entries, and add the numbers of the leaves whose outcomes have labels to *declared*."""
     for entry in entries:
         if entry.kind == STATUS and "label" in entry.data:
             declared.add(entry.data["node"])
@@ -131,14 +131,14 @@ def _record_labels(entries: Iterable[JournalEntry], declared: set[int]) -> Itera
 
 
 class _ActiveLeaves:
-    """The current activations of a run's leaves, by their numbers."""
+    """The current activations of a run's leaves."""
 
     def __init__(self) -> None:
         self._begun: dict[int, float] = {}
         self._failed: set[int] = set()
 
     def add_event(self, event: Event, leaf: LeafStatistics) -> None:
-        """Add an event of a leaf."""
+        """Add an event of a leaf to the leaf's statistics."""
         number, now = event.number, event.time_sec or 0.0
         if event.what == STARTED:
             self._begun[number] = now
@@ -164,23 +164,23 @@ def statistics_as_text(found: RunStatistics, confidence: float) -> str:
         for leaf in found.leaves.values()
         for place, outcome in enumerate(leaf.outcomes.values() or [None])
     ]
-    said = (
-        f"{count_with_noun(found.runs, 'run')}. Shares refer to results that ended an activation of a leaf, with "
-        "Wilson's intervals. A result repeated on consecutive ticks is counted once."
+    remarks = (
+        f"{count_with_noun(found.runs, 'run')}. Shares refer to results that ended an activation of a leaf. Intervals "
+        "are Wilson score intervals. A result repeated on consecutive ticks is counted once."
     )
     if not lines:
-        return f"{count_with_noun(found.runs, 'run')}; no leaf has returned a result."
+        return f"{count_with_noun(found.runs, 'run')}. No leaf has returned a result."
     decided = [
         {
             "node": path[-1],
-            "decided by itself": f"{status}{f', {message}' if message else ''}",
+            "own result": f"{status}{f', {message}' if message else ''}",
             "count": str(len(made.times)),
             "time (median)": f"{quantile(sorted(made.times), 0.5):.1f} s",
         }
         for (path, status, message), made in found.decisions.items()
     ]
     more = f"\n\n{table_text(decided, 2)}" if decided else ""
-    return f"{table_text(lines, 2)}{more}\n\n{said}"
+    return f"{table_text(lines, 2)}{more}\n\n{remarks}"
 
 
 def _line(
@@ -201,7 +201,7 @@ def _line(
 
 
 def statistics_as_json(found: RunStatistics, confidence: float) -> str:
-    """Return the statistics as a JSON object; times in seconds, shares from 0 to 1."""
+    """Return the statistics as a JSON object, with times in seconds and shares from 0 to 1."""
     leaves = [
         {
             "path": list(leaf.path),
@@ -243,16 +243,16 @@ def _times_data(outcome: OutcomeTimes) -> Mapping[str, float]:
 
 
 def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
-    """Return the section `outcomes:` for a properties file or a scenario, with `p` and `sec`.
+    """Return the section `outcomes:` of a properties or scenario file, with `p` and `sec`.
 
-    A leaf with few results, or none, is only named, in a comment.
+    A leaf with fewer than `FEWEST` results is only named in a comment.
     """
     known = [leaf for leaf in found.leaves.values() if leaf.result_count >= FEWEST]
     lines = [
         f"# Results of leaves in {count_with_noun(found.runs, 'run')}, by sar-journal stats.",
-        f"# p: {100 * confidence:g} % Wilson interval of a share. sec: 5th to 95th percentile of the times.",
+        f"# p: {100 * confidence:g} % Wilson interval of a share. sec: 5th to 95th percentile of the running times.",
         *(
-            f"# Fewer than {FEWEST} results, so nothing is assumed: {leaf.key} ({leaf.result_count})"
+            f"# Fewer than {FEWEST} results, so no assumption is written: {leaf.key} ({leaf.result_count})"
             for leaf in found.leaves.values()
             if leaf not in known
         ),
@@ -266,10 +266,10 @@ def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
 
 def _outcome_assumptions(leaf: LeafStatistics, confidence: float) -> Sequence[object]:
     """Return the outcomes of a leaf with their probabilities and times."""
-    said: list[object] = []
+    items: list[object] = []
     outcomes = [*leaf.outcomes.values()]
     if not leaf.is_declared:
-        # These are all its possible outcomes.
+        # The file must list all possible outcomes of such a leaf.
         seen = {outcome.status for outcome in outcomes}
         outcomes += [OutcomeTimes(status, "") for status in _USUAL if status not in seen]
     for outcome in outcomes:
@@ -279,5 +279,5 @@ def _outcome_assumptions(leaf: LeafStatistics, confidence: float) -> Sequence[ob
         times = sorted(outcome.times)
         if leaf.has_run and times and times[-1]:
             item["sec"] = [round(quantile(times, part), 3) for part in (0.05, 0.95)]
-        said.append(item)
-    return said if leaf.is_declared or not leaf.has_run else [*said, "RUNNING"]
+        items.append(item)
+    return items if leaf.is_declared or not leaf.has_run else [*items, "RUNNING"]

@@ -1,4 +1,4 @@
-"""The report of a mission as plain data, and its text in the format of a file's extension."""
+"""The report of a mission as JSON values, and as text in the format of a file name's extension."""
 
 import os
 import re
@@ -22,7 +22,7 @@ from sar_compiler.tree.plain import as_json
 
 
 class ReportError(SarError):
-    """A report cannot be written in this format."""
+    """A report cannot be written to a file, or not in the file's format."""
 
 
 def georeference(state: MissionState) -> Georeference | None:
@@ -31,12 +31,12 @@ def georeference(state: MissionState) -> Georeference | None:
 
 
 def detections_to_visit(state: MissionState) -> list[Landmark]:
-    """Return the detections to which a person must go: those that were not abandoned."""
+    """Return the detections to which a person must go, that is, all detections that were not abandoned."""
     return [each for each in state.situation.detections() if each.level != Level.GIVEN_UP]
 
 
 def unfinished_locations(state: MissionState) -> dict[str, list[str]]:
-    """Return the unfinished locations by state, with their reasons."""
+    """Return the names of unfinished locations by state, each with the reason for the state."""
     places: dict[str, list[str]] = {}
     for each in state.situation.landmarks.values():
         if each.state and each.level != Level.DONE and not state.situation.kind_of(each).is_found:
@@ -46,13 +46,13 @@ def unfinished_locations(state: MissionState) -> dict[str, list[str]]:
 
 
 def report_data(state: MissionState, why: CauseOfFailure | None = None) -> dict[str, Any]:
-    """Return the report of a mission, and the cause of a failure, as JSON values.
+    """Return the report of a mission, with the cause of a failure, as a JSON object.
 
-    Positions are metres in the frame `map`, with `lat` and `lon` in degrees if the map has a georeference. Times are
-    `utc`, and `time`, the seconds of the mission's clock since the start of the run.
+    Positions are `x` and `y` in the frame `map`, in metres, and also `lat` and `lon` in degrees if the map has a
+    georeference. Times are `utc`, and `time`: seconds on the mission's clock since the start of the run.
 
     Raises:
-        ImportError: If pyproj is not installed, and the map has a georeference.
+        ImportError: If the map has a georeference, but pyproj is not installed.
     """
     reference, situation, now = georeference(state), state.situation, condition(state)
     return {
@@ -117,7 +117,7 @@ def report_data(state: MissionState, why: CauseOfFailure | None = None) -> dict[
 
 
 def _position_fields(reference: Georeference | None, x: float, y: float) -> dict[str, float]:
-    """Return a position on the map, with coordinates on the earth if they are known."""
+    """Return a position in the frame `map`, also with latitude and longitude if the map has a georeference."""
     if reference is None:
         return {"x": x, "y": y}
     lat, lon = reference.to_coordinates(x, y)
@@ -172,57 +172,57 @@ def require_form(file: Path, place: Georeference | None) -> None:
     """Check that a report can be written, before the run.
 
     Args:
-        file: The path to write to.
-        place: The georeference of the map, if known.
+        file: The path of the report.
+        place: The georeference of the map; None if unknown.
 
     Raises:
-        ReportError: If it cannot be written.
+        ReportError: If the report cannot be written.
         ImportError: If a required library is not installed.
     """
     form = FORMS.get(file.suffix.lower())
     if form is None:
-        raise ReportError(f"the name of a report ends in {', '.join(FORMS)}, and {file} does not")
+        raise ReportError(f"unknown report format of {file} (known endings: {', '.join(FORMS)})")
     if form.is_of_the_world and place is None:
         raise ReportError(
             f"{file} contains world coordinates. Add {GEOREFERENCE}: {{lat: …, lon: …, heading: …}} to the parameter "
-            "file: the origin of the frame map, and the direction of its x axis clockwise from north, in degrees. "
+            "file, with the origin of the frame map and the direction of its x axis clockwise from north, in degrees. "
             "Or create the report after the run: sar-journal report --georeference LAT,LON,HEADING"
         )
     for library in (*(() if place is None else ("pyproj",)), *form.libraries):
         import_module(library)
-    obstacle = _obstacle(file.absolute())
+    obstacle = _write_obstacle(file.absolute())
     if obstacle:
         raise ReportError(f"{file} cannot be written: {obstacle}")
 
 
-def _obstacle(file: Path) -> str:
-    """Return why a file certainly cannot be written; otherwise an empty string."""
+def _write_obstacle(file: Path) -> str:
+    """Return the reason why a file cannot be written; an empty string if no reason is known."""
     if not file.parent.is_dir():
-        return f"there is no folder {file.parent}"
+        return f"the folder {file.parent} does not exist"
     if file.is_dir():
         return "it is a folder"
-    # A device is written to directly; an existing file is replaced.
+    # A device is opened for writing. A file is replaced, which requires write access to the folder.
     written = file if file.exists() and not file.is_file() else real_path(file).parent
-    return "" if os.access(written, os.W_OK) else f"{written} may not be written to"
+    return "" if os.access(written, os.W_OK) else f"no permission to write to {written}"
 
 
 def report_text(state: MissionState, file: Path | str, why: CauseOfFailure | None = None) -> str:
-    """Return the report of a mission in the format of a file."""
+    """Return the text of a mission's report in the format of a file name's extension."""
     form = FORMS[Path(file).suffix.lower()]
     write = load(form.function)
     text: str = write(state) if form.is_of_the_world else write(state, why)
     return text
 
 
-# Values without paths, and many others.
+# The kinds of entries that contain no paths; there are many of them.
 _WITHOUT_PATHS = {*OF_ROBOT} - {LOG}
 
 
 class PathShortener:
     """Shortens the paths in the entries of a journal.
 
-    A path becomes relative to the common folder of the tree's files, the journal's folder or the current one, whichever
-    is the nearest parent; else to the user's, `~`.
+    A path becomes relative to the common folder of the tree's files, the journal's folder or the current folder,
+    whichever is nearest to the path. Other paths in the user's home folder begin with `~`.
 
     Args:
         folder: The journal's folder.
@@ -230,17 +230,17 @@ class PathShortener:
 
     def __init__(self, folder: Path) -> None:
         self._folders = {str(folder.absolute()), str(Path.cwd())}
-        self._find = self._pattern()
+        self._path_pattern = self._pattern()
 
     def shorten_stream(self, stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
-        """Yield entries with short paths."""
+        """Yield entries with shortened paths."""
         return map(self.shorten, stream)
 
     def shorten(self, entry: JournalEntry) -> JournalEntry:
-        """Return an entry with short paths."""
+        """Return an entry with shortened paths."""
         if entry.kind == RUN_BEGAN:
             self._folders.add(_common_folder(entry.data.get("tree")))
-            self._find = self._pattern()
+            self._path_pattern = self._pattern()
         if entry.kind in _WITHOUT_PATHS or (entry.kind == STATUS and _is_short(entry.data)):
             return entry
         return entry._replace(data=self._shorten(entry.data))
@@ -251,7 +251,7 @@ class PathShortener:
 
     def _shorten(self, value: Any) -> Any:
         if isinstance(value, str):
-            return self._find.sub(self._short_form, value) if "/" in value else value
+            return self._path_pattern.sub(self._short_form, value) if "/" in value else value
         if isinstance(value, Mapping):
             return {key: self._shorten(each) for key, each in value.items()}
         return [*map(self._shorten, value)] if isinstance(value, list | tuple) else value
@@ -264,7 +264,7 @@ class PathShortener:
 
 
 def _is_short(data: Mapping[str, Any]) -> bool:
-    """Return whether the data of a status certainly contain no path."""
+    """Return whether the data of a status entry contains no path."""
     for each in data.values():  # noqa: SIM110 - `any` takes twice as long
         if type(each) is str and "/" in each:
             return False
@@ -272,6 +272,6 @@ def _is_short(data: Mapping[str, Any]) -> bool:
 
 
 def _common_folder(tree: object) -> str:
-    """Return the common folder of a tree's files; empty if there is none."""
+    """Return the common folder of a tree's files; empty if no node has an absolute path."""
     folders = {os.path.dirname(node.file) for node in tree_nodes(tree) if os.path.isabs(node.file)}  # noqa: PTH117, PTH120 - of another machine
     return os.path.commonpath(folders) if folders else ""

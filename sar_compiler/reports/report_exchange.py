@@ -1,6 +1,6 @@
 """Reports in world coordinates for map programs and emergency services.
 
-GeoJSON by RFC 7946, KML 2.2 by the OGC, Cursor on Target 2.0 as TAK reads it, the Common Alerting Protocol 1.2.
+The formats are GeoJSON (RFC 7946), KML 2.2 (OGC), Cursor on Target 2.0 (TAK) and Common Alerting Protocol 1.2 (CAP).
 """
 
 import html
@@ -22,19 +22,19 @@ from sar_compiler.style import TAK_CERTAIN, TAK_LIKELY, colour_of, rgb
 from sar_compiler.tree.display_text import escape_to_one_line
 from sar_compiler.tree.plain import as_json, speakable
 
-# The radius of the circle that is drawn around a detection, metres.
+# The radius of the circle around a detection, in metres.
 _RADIUS_M = 2.0
 _STALE = timedelta(days=1)
 # The value of an unknown number in Cursor on Target.
 _UNKNOWN = "9999999.0"
 # The type of a point on the map.
 _SPOT = "b-m-p-s-m"
-# The format of a time in an identifier, without colons.
+# The format of times in identifiers, which must not contain colons.
 _STAMP = "%Y%m%dT%H%M%SZ"
 
 
 def geojson_report(state: MissionState) -> str:
-    """Return a mission as a FeatureCollection: its landmarks, and the path; longitude precedes latitude.
+    """Return a mission as a GeoJSON FeatureCollection, with its landmarks and the robot's path in each run.
 
     Raises:
         ReportError: If the map has no georeference.
@@ -42,7 +42,7 @@ def geojson_report(state: MissionState) -> str:
     """
     import geojson
 
-    _reference(state)
+    _required_reference(state)
     data = report_data(state)
     simulated = {"simulated": data["simulated"]}
 
@@ -51,7 +51,7 @@ def geojson_report(state: MissionState) -> str:
 
     def area(corners: Any) -> Any:
         ring = [(each["lon"], each["lat"]) for each in (*corners, corners[0])]
-        # Walking along the line, its outside is on the right.
+        # The ring of a GeoJSON polygon is counterclockwise.
         return geojson.Polygon([ring if _is_counterclockwise(ring) else ring[::-1]], precision=8)
 
     features = [
@@ -68,9 +68,9 @@ def geojson_report(state: MissionState) -> str:
         for each in data["landmarks"][kind.plural]
     ]
     for run in state.runs:
-        way = [(each["lon"], each["lat"]) for each in data["path"] if each["run"] == run.number]
-        if len(way) > 1:
-            line = geojson.LineString(way, precision=8)
+        path = [(each["lon"], each["lat"]) for each in data["path"] if each["run"] == run.number]
+        if len(path) > 1:
+            line = geojson.LineString(path, precision=8)
             about = {"kind": "path", **simulated, "run": run.number}
             features.append(geojson.Feature(geometry=line, properties=about))
     about = {key: data[key] for key in ("mission", "simulated", "outcome", "reason")}
@@ -80,7 +80,7 @@ def geojson_report(state: MissionState) -> str:
 
 _KML = "http://www.opengis.net/kml/2.2"
 _E = ElementMaker(namespace=_KML, nsmap={None: _KML})
-# The icon of a confirmed person is this many times as large.
+# The scale of the icon of a confirmed detection.
 _CERTAIN_SCALE = "1.4"
 
 
@@ -91,7 +91,7 @@ def kml_report(state: MissionState) -> str:
         ReportError: If the map has no georeference.
         ImportError: If a library is not installed.
     """
-    reference, situation = _reference(state), state.situation
+    reference, situation = _required_reference(state), state.situation
     document = _E.Document(
         _E.name(_text(state.title)),
         _description(
@@ -110,7 +110,7 @@ def kml_report(state: MissionState) -> str:
 
 def _placemark(state: MissionState, landmark: Landmark, reference: Georeference) -> Any:
     kind = state.situation.kind_of(landmark)
-    told = _remarks(landmark) if kind.is_found else _state_of(landmark)
+    remarks = _remarks(landmark) if kind.is_found else _state_of(landmark)
     if landmark.corners:
         ring = _coordinates((*landmark.corners, landmark.corners[0]), reference)
         shape = _E.Polygon(_E.outerBoundaryIs(_E.LinearRing(ring)))
@@ -118,7 +118,7 @@ def _placemark(state: MissionState, landmark: Landmark, reference: Georeference)
         shape = _E.Point(_coordinates([(landmark.x, landmark.y)], reference))
     return _E.Placemark(
         _E.name(_text(_name(state, landmark.name))),
-        _description(state, f"{kind.name}: {told}" if told else kind.name),
+        _description(state, f"{kind.name}: {remarks}" if remarks else kind.name),
         _style(colour_of(landmark.level, is_found=kind.is_found), is_certain=landmark.is_certain),
         shape,
     )
@@ -126,15 +126,17 @@ def _placemark(state: MissionState, landmark: Landmark, reference: Georeference)
 
 def _path_placemarks(state: MissionState, reference: Georeference) -> Iterator[Any]:
     for run in state.runs:
-        way = [(pose.x, pose.y) for pose in state.trail if pose.at.run == run.number]
-        if len(way) > 1:
-            line = _E.LineString(_E.tessellate("1"), _coordinates(way, reference))
-            told = _description(state, "the driven path of the robot")
-            yield _E.Placemark(_E.name(_text(_name(state, f"run {run.number}"))), told, _style("trail"), line)
+        path = [(pose.x, pose.y) for pose in state.trail if pose.at.run == run.number]
+        if len(path) > 1:
+            line = _E.LineString(_E.tessellate("1"), _coordinates(path, reference))
+            about = _description(state, "the driven path of the robot")
+            yield _E.Placemark(
+                _E.name(_text(_name(state, f"run {run.number}"))), about, _style("trail"), line
+            )
 
 
 def _style(name: str, *, is_certain: bool = False) -> Any:
-    """Return the style of a placemark; aerial pictures are dark."""
+    """Return the style of a placemark, with the colours for a dark background because aerial pictures are dark."""
     colour = "".join(f"{round(part * 255):02x}" for part in reversed(rgb(name, dark=True)))
     return _E.Style(
         _E.IconStyle(_E.color(f"ff{colour}"), *([_E.scale(_CERTAIN_SCALE)] if is_certain else [])),
@@ -144,33 +146,33 @@ def _style(name: str, *, is_certain: bool = False) -> Any:
 
 
 def _description(state: MissionState, text: str) -> Any:
-    """Return a description that programs show as HTML, with all markup escaped."""
+    """Return the description of a KML element. Markup is escaped, because programs show descriptions as HTML."""
     simulated = "SIMULATED. " if state.about.get("simulated") else ""
     return _E.description(html.escape(_text(f"{simulated}{text}"), quote=False))
 
 
 def _coordinates(places: Iterable[tuple[float, float]], reference: Georeference) -> Any:
-    """Return positions in the frame `map` (metres) as longitude and latitude, on the ground."""
+    """Convert positions in the frame `map`, in metres, to a KML element with longitudes and latitudes."""
     located = (reference.to_coordinates(*place) for place in places)
     return _E.coordinates(" ".join(f"{lon:.8f},{lat:.8f}" for lat, lon in located))
 
 
 def cot_report(state: MissionState, now: datetime | None = None) -> str:
-    """Return a Cursor on Target event for each detection that needs a visit, one a line.
+    """Return a line with a Cursor on Target event for each detection that needs a visit.
 
     Args:
-        state: The mission.
-        now: The time of the events; now, by default.
+        state: The state of the mission.
+        now: The time of the events; by default the current time.
 
     Raises:
         ReportError: If the map has no georeference.
         ImportError: If a library is not installed.
     """
-    reference, listed = _reference(state), detections_to_visit(state)
+    reference, listed = _required_reference(state), detections_to_visit(state)
     made = now or datetime.now(timezone.utc)
-    # By its index among all of them: neither a review by the operator nor a name makes it another detection.
+    # The index among all detections identifies a detection even after a review or a new name.
     events = (
-        _event(state, each, number, reference, made)
+        _cot_event(state, each, number, reference, made)
         for number, each in enumerate(state.situation.detections(), 1)
         if each in listed
     )
@@ -189,21 +191,21 @@ def cap_report(state: MissionState) -> str:
     from xsdata.formats.dataclass.serializers.config import SerializerConfig
     from xsdata.models.datatype import XmlDateTime
 
-    reference, sent = _reference(state), _moment(state.now)
+    reference, sent = _required_reference(state), _moment(state.now)
     alert = Alert(
-        # A later state of the mission is another alert.
+        # A report of a later state of the mission is another alert.
         identifier=f"{_mission_id(state)}-{sent:{_STAMP}}",
         sender="sar_compiler",
         sent=XmlDateTime.from_datetime(sent),
         status=Status.EXERCISE if state.about.get("simulated") else Status.ACTUAL,
         msg_type=MsgType.ALERT,
         scope=Scope.RESTRICTED,
-        restriction="for those who coordinate the response",
+        restriction="for the coordinators of the response",
         note=_text(status_line_text(state)),
         infos=list(_infos(state, reference)),
     )
     written = XmlSerializer(config=SerializerConfig(indent="  ")).render(alert, ns_map={None: _CAP})
-    # The standard forbids the letter.
+    # CAP forbids the letter Z as a time zone.
     return str(written).replace("Z</sent>", "-00:00</sent>")
 
 
@@ -227,14 +229,16 @@ def _infos(state: MissionState, reference: Georeference) -> Iterator[Any]:
             description=_text(_remarks(find)),
             areas=[
                 Area(
-                    area_desc=_text(find.within or "the area that was searched"),
+                    area_desc=_text(find.within or "the searched area"),
                     circles=[f"{lat:.7f},{lon:.7f} {_RADIUS_M / 1000.0:g}"],
                 )
             ],
         )
 
 
-def _event(state: MissionState, find: Landmark, number: int, reference: Georeference, now: datetime) -> Any:
+def _cot_event(
+    state: MissionState, find: Landmark, number: int, reference: Georeference, now: datetime
+) -> Any:
     lat, lon = reference.to_coordinates(find.x, find.y)
     stamp = "%Y-%m-%dT%H:%M:%S.000Z"
     colour = str(TAK_CERTAIN if find.is_certain else TAK_LIKELY)
@@ -264,12 +268,12 @@ def _event(state: MissionState, find: Landmark, number: int, reference: Georefer
 
 
 def _name(state: MissionState, name: str) -> str:
-    """Return a landmark's unique name among several robots: `robot1/find_1`."""
+    """Return a name that is unique among several robots, such as `robot1/find_1`."""
     return f"{state.robot}/{name}" if state.robot else name
 
 
 def _state_of(landmark: Landmark) -> str:
-    """Return the state and the reason, and the known data of an outline."""
+    """Return the state of a landmark with its reason, and the details of an area."""
     state = ", ".join(filter(None, (landmark.state, landmark.reason)))
     return "; ".join(filter(None, (state, *(_details(landmark) if landmark.corners else ()))))
 
@@ -285,11 +289,11 @@ def _details(landmark: Landmark) -> list[str]:
 def _remarks(find: Landmark) -> str:
     reason = f", {find.reason}" if find.reason else ""
     place = f" in {find.within}" if find.within else ""
-    found = f"{find.state}{reason}; found{place} at ({find.x:.2f}, {find.y:.2f}) m of the robot's map"
+    found = f"{find.state}{reason}; found{place} at ({find.x:.2f}, {find.y:.2f}) m on the robot's map"
     return "; ".join((found, *_details(find)))
 
 
-def _reference(state: MissionState) -> Georeference:
+def _required_reference(state: MissionState) -> Georeference:
     reference = georeference(state)
     if reference is None:
         raise ReportError("the georeference of the map is unknown")
@@ -297,7 +301,7 @@ def _reference(state: MissionState) -> Georeference:
 
 
 def _mission_id(state: MissionState) -> str:
-    """Return the identity of the mission: the node, and the start of the first run."""
+    """Return the identifier of a mission, which consists of the node's name and the start of the first run."""
     node = str((state.runs[0].about.get("node") if state.runs else None) or "mission").strip("/")
     began = _moment(state.runs[0].began if state.runs else None)
     return f"{re.sub(r'[^a-zA-Z0-9_-]', '.', node)}.{began:{_STAMP}}"
@@ -310,12 +314,12 @@ def _moment(instant: EventTime | None) -> datetime:
 
 
 def _text(text: str) -> str:
-    """Return a text in one line, without characters that XML does not allow."""
+    """Convert a text to one line without characters that XML does not allow."""
     return speakable(escape_to_one_line(text))
 
 
 def _to_plain_properties(data: dict[str, Any]) -> dict[str, Any]:
-    """Return properties with plain values: times by the system's clock."""
+    """Return a landmark's data as GeoJSON properties, with times in UTC and without positions."""
     return {
         key: value["utc"] if isinstance(value, dict) else value
         for key, value in data.items()

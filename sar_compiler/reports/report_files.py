@@ -1,4 +1,4 @@
-"""Write the reports of a mission from its journal."""
+"""Writing of a mission's reports from its journal."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,12 +19,12 @@ from sar_compiler.writing import write_text
 
 
 def write_report(state: MissionState, file: Path, why: CauseOfFailure | None) -> str:
-    """Write a report; return the reason if that fails, otherwise an empty string."""
+    """Write a report; return the reason if the report cannot be written, otherwise an empty string."""
     try:
         write_text(file, report_text(state, file, why))
     except SarError as error:
         return str(error)
-    except Exception as error:  # noqa: BLE001 - nor does it change what the mission has come to
+    except Exception as error:  # noqa: BLE001 - it does not change the result of the mission
         return f"the report {file} could not be created: {error!r}"
     return ""
 
@@ -35,7 +35,7 @@ def report_journal(journal: Path, files: Sequence[Path], place: Georeference | N
     Args:
         journal: The journal.
         files: The paths of the reports.
-        place: The georeference of the map; by default the journal's.
+        place: The georeference of the map; by default the georeference in the journal.
 
     Returns:
         The exit status: 1 if a report could not be written.
@@ -46,18 +46,16 @@ def report_journal(journal: Path, files: Sequence[Path], place: Georeference | N
     state, why = _mission(journal)
     known, state.place = georeference(state), place
     if place and known and place != known:
-        told = (
-            f"--georeference {_georeference_text(place)} is used. The journal has {_georeference_text(known)}"
-        )
-        print_error(f"sar-journal: note: {told}")
-    obstacles = [_prohibition(state, file) or write_report(state, file, why) for file in files]
+        given, recorded = _georeference_text(place), _georeference_text(known)
+        print_error(f"sar-journal: note: --georeference {given} replaces the journal's {recorded}")
+    obstacles = [_report_obstacle(state, file) or write_report(state, file, why) for file in files]
     for obstacle in filter(None, obstacles):
         print_error(f"sar-journal: {obstacle}")
     return FINDINGS if any(obstacles) else OK
 
 
 def report_page(journal: Path) -> str:
-    """Return the report of the mission in a journal as an HTML page.
+    """Return the report of a journal's mission as an HTML page.
 
     Raises:
         SarError: If the journal cannot be read, or a library is not installed.
@@ -74,17 +72,17 @@ def _mission(journal: Path) -> tuple[MissionState, CauseOfFailure]:
 
     with JournalFile.open_snapshot(journal) as file:
         entries = PathShortener(journal.parent).shorten_stream(file.every_run(is_condensed=True))
-        inquiry, state = FailureAnalysis.with_state(entries)
+        analysis, state = FailureAnalysis.with_state(entries)
     state.update_process(is_gone=not file.is_written)
-    return state, inquiry.find_cause()
+    return state, analysis.find_cause()
 
 
 def _georeference_text(place: Georeference) -> str:
     return ",".join(map(str, place))
 
 
-def _prohibition(state: MissionState, file: Path) -> str:
-    """Return why a report cannot be requested, or an empty string."""
+def _report_obstacle(state: MissionState, file: Path) -> str:
+    """Return the reason why a report cannot be written in the file's format, or an empty string."""
     try:
         require_form(file, georeference(state))
     except SarError as error:

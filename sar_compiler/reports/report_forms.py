@@ -1,17 +1,17 @@
-"""The forms of reports by the endings of their files, without imports of their modules, for the help of commands."""
+"""The formats of reports by file name extension. For the help of commands, their modules are not imported."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 
 class ReportForm(NamedTuple):
-    """A form of a report.
+    """A format of a report.
 
     Attributes:
-        function: The import path of the function that returns the report, imported when one is written.
-        is_of_the_world: Whether it is in world coordinates.
-        libraries: Further required libraries.
-        use: The purpose that the help states.
+        function: The import path of the function that returns the report; imported when a report is written.
+        is_of_the_world: Whether the report is in world coordinates.
+        libraries: Further libraries that the format requires.
+        use: The purpose that the help of commands states; may be empty.
     """
 
     function: str
@@ -23,7 +23,7 @@ class ReportForm(NamedTuple):
 _EXCHANGE = "sar_compiler.reports.report_exchange"
 FORMS: Mapping[str, ReportForm] = {
     ".html": ReportForm(
-        "sar_compiler.reports.report_html:html_report", libraries=["jinja2"], use="to print and pass on"
+        "sar_compiler.reports.report_html:html_report", libraries=["jinja2"], use="to print and forward"
     ),
     ".json": ReportForm("sar_compiler.reports.mission_report:json_report"),
     ".geojson": ReportForm(f"{_EXCHANGE}:geojson_report", is_of_the_world=True, libraries=["geojson"]),
@@ -31,11 +31,11 @@ FORMS: Mapping[str, ReportForm] = {
     ".cot": ReportForm(f"{_EXCHANGE}:cot_report", is_of_the_world=True),
     ".cap": ReportForm(f"{_EXCHANGE}:cap_report", is_of_the_world=True, libraries=["cap_tools", "xsdata"]),
 }
-"""The forms of reports by the endings of their files."""
+"""The formats of reports, by file name extension."""
 
 
 def describe_forms() -> str:
-    """Return the description of the forms for the help of a command."""
+    """Return the description of the report formats for the help of a command."""
     here, world = (
         ", ".join(
             f"{ending} {form.use}".rstrip()
@@ -44,4 +44,4 @@ def describe_forms() -> str:
         )
         for is_of_the_world in (False, True)
     )
-    return f"in the format of the file's ending: {here}, or in world coordinates {world}"
+    return f"in the format of the file name extension: {here}, or {world} in world coordinates"

@@ -1,6 +1,6 @@
-"""The report of a mission as one self-contained page of HTML, to be read, printed and forwarded.
+"""The report of a mission as a self-contained HTML page, to be read, printed and forwarded.
 
-Its map, in SVG, shows the mission's landmarks and the path of the robot.
+The page contains a map in SVG with the mission's landmarks and the path of the robot.
 """
 
 import functools
@@ -24,19 +24,19 @@ from sar_compiler.style import FOUND, LEVELS, MARKS, sign_of, style
 from sar_compiler.tree.display_text import visible
 from sar_compiler.views.mission_view import status_sign
 
-# Of a plot: the width and the height of its field, and the space for the labels to the left and below.
+# The width and height of a plot's field, and the space for labels to its left and below it.
 _PLOT = (640, 140, 60, 30)
 _SHARES = (0, 50, 100)
 _CLOCK = "%H:%M:%S"
 _NONE = "-"
-# The number of events on the pages for coordinators.
+# The maximum number of events in the part for coordinators.
 _MOST_EVENTS = 12
 _POSITION = ("x, y in map (m)", "latitude, longitude")
 
 
 @functools.cache
 def _macros() -> Any:
-    """Return the macros of the template, by which all text is escaped.
+    """Return the macros of the page's template, which escape all text.
 
     Raises:
         ImportError: If Jinja2 is not installed.
@@ -54,16 +54,16 @@ def _macros() -> Any:
 
 
 def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
-    """Return the report of a mission, and the cause of a failure, as an HTML page; external text is escaped.
+    """Return the report of a mission, with the cause of a failure, as an HTML page; all text is escaped.
 
     Raises:
-        ImportError: If Jinja2 is not installed; or pyproj, and the map has a georeference.
+        ImportError: If Jinja2 is not installed, or if the map has a georeference and pyproj is not installed.
     """
     from markupsafe import Markup
 
     now, drawing = condition(state), _drawing(state)
     seeks = any(kind.is_found for kind in state.situation.kinds.values())
-    simulated = f"SIMULATED. Do not act on it{': no real people were involved' if seeks else ''}."
+    simulated = f"SIMULATED. Do not act on this report{': no real people were involved' if seeks else ''}."
     is_simulated = bool(state.about.get("simulated"))
     about = state.runs[-1].about if state.runs else {}
     software = f"sar_compiler {about.get('version') or ''}, node {about.get('node') or _NONE}"
@@ -76,7 +76,7 @@ def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
         "simulated": simulated if is_simulated else "",
         "is_good": now.level == GOOD,
         "outcome": now.to_line(state.now.time),
-        "facts": [*_head(state)],
+        "facts": [*_summary_lines(state)],
         "found": [*_landmarks(state, is_found=True)],
         "courses": [
             (f"{name[:1].upper()}{name[1:]}", _figure_plot(state, name, course))
@@ -97,13 +97,13 @@ def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
 
 
 def _first_and_last(facts: Sequence[KnownEvent], count: int) -> list[KnownEvent]:
-    """Return at most *count* events: the first third, and the last ones."""
+    """Return at most *count* events: a third of them from the beginning, the rest from the end."""
     first = count // 3
     return [*facts] if len(facts) <= count else [*facts[:first], *facts[first - count :]]
 
 
-def _head(state: MissionState) -> Iterator[tuple[str, str]]:
-    """Yield the heading lines: a word, and its description."""
+def _summary_lines(state: MissionState) -> Iterator[tuple[str, str]]:
+    """Yield the lines of the summary, each as a term and its description."""
     for run in state.runs:
         yield (f"run {run.number}" if len(state.runs) > 1 else "time", _duration(run.began, run.ended))
     if state.runs and not state.runs[-1].ending:
@@ -117,7 +117,7 @@ def _head(state: MissionState) -> Iterator[tuple[str, str]]:
     if (place := georeference(state)) is not None:
         yield (
             "place",
-            f"origin of the map at {place.lat:.7f}, {place.lon:.7f} (WGS 84), its x axis {place.heading:g}° from north",
+            f"origin of the map at {place.lat:.7f}, {place.lon:.7f} (WGS 84), x axis {place.heading:g}° clockwise from north",
         )
 
 
@@ -125,11 +125,11 @@ def _robot(state: MissionState) -> str:
     place = state.situation.phase.place
     if any(each.name == place and each.level == Level.DONE for each in state.situation.landmarks.values()):
         return f"at {place}"
-    return f"last seen at ({state.pose.x:.2f}, {state.pose.y:.2f})" if state.pose is not None else "not known"
+    return f"last seen at ({state.pose.x:.2f}, {state.pose.y:.2f})" if state.pose is not None else "unknown"
 
 
 def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[Mapping[str, object]]:
-    """Yield a table for each kind of landmarks that has more data than positions."""
+    """Yield a table for each kind of detections, or for each other kind of landmark that has states."""
     situation = state.situation
     for kind in situation.kinds.values():
         listed = situation.of_kind(kind.name)
@@ -139,7 +139,7 @@ def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[Mapping[str, 
         within = ["in"] if any(each.within for each in listed) else []
         heads = ("name", "state", *within, *_POSITION[: 1 + (georeference(state) is not None)], *names)
         rows = [(_level(state, each), _landmark(state, each, within, names)) for each in listed]
-        empty = "None is known." if situation.alarms else "None was found."
+        empty = f"No {kind.plural} {'are known' if situation.alarms else 'were found'}."
         yield {"title": kind.plural.capitalize(), "heads": heads, "rows": rows, "empty": empty}
 
 
@@ -168,7 +168,7 @@ def _detail(state: MissionState, value: Any) -> str:
 
 
 def next_steps(state: MissionState) -> Iterator[str]:
-    """Yield the tasks for the readers of the report: detections to visit, locations to search, data to request."""
+    """Yield the tasks of the report's readers: detections to visit, open tasks of the mission, and data to request."""
     finds = detections_to_visit(state)
     for find in finds:
         known = "confirmed" if find.is_certain else "not confirmed"
@@ -180,11 +180,11 @@ def next_steps(state: MissionState) -> Iterator[str]:
             "LAT,LON,HEADING"
         )
     if state.runs and not state.runs[-1].ending:
-        yield f"Ask for a later report: this one is from {_day(state.now)}"
+        yield f"Ask for a later report: the run had not ended at {_day(state.now)}"
 
 
 def limits(state: MissionState) -> Iterator[str]:
-    """Yield what the readers of the report cannot rely on."""
+    """Yield the limitations of the report that its readers must know."""
     found = [each for each in state.situation.detections() if each.level != Level.GIVEN_UP]
     if unsure := [each.name for each in found if not each.is_certain]:
         yield f"No person has confirmed {', '.join(unsure)}"
@@ -196,14 +196,16 @@ def limits(state: MissionState) -> Iterator[str]:
     if lost := sum(int(fact.data.get("count", 0)) for fact in state.facts if fact.kind == FACTS_LOST):
         yield f"{lost} events could not be recorded"
     if state.assumption_failed_at is not None:
-        yield "The run contradicts an assumption of its verification"
+        yield "The run contradicted an assumption of the tree's verification"
     if state.runs and not state.runs[-1].ending:
         yield "The end of the run is not recorded"
     if state.situation.landmarks:
         frame = (
-            "" if georeference(state) is not None else " Positions are in the robot's map, not on the earth."
+            ""
+            if georeference(state) is not None
+            else " They are coordinates of the robot's map, not of the earth."
         )
-        yield f"Positions are as exact as the robot's localisation was.{frame}".rstrip(".")
+        yield f"Positions are only as accurate as the robot's localisation.{frame}".rstrip(".")
 
 
 def _is_number(text: str) -> bool:
@@ -220,7 +222,7 @@ def _position(state: MissionState, x: float, y: float) -> list[str]:
 
 
 def _local_time(state: MissionState, instant: EventTime | None) -> str:
-    """Return the local time and the mission's clock, with the run if there are several and the day if it differs."""
+    """Return the local time and the mission's clock, with the run if there are several, and the day if it differs."""
     if instant is None:
         return _NONE
     run = f"run {instant.run}, " if len(state.runs) > 1 else ""
@@ -230,7 +232,7 @@ def _local_time(state: MissionState, instant: EventTime | None) -> str:
 
 
 def _day(instant: EventTime, form: str = "%Y-%m-%d %H:%M:%S %z") -> str:
-    """Return the local time, and its offset from UTC; the mission's clock if there is no such day."""
+    """Return the local time with its offset from UTC; the mission's clock if the local time is out of range."""
     try:
         return datetime.fromtimestamp(instant.wall).astimezone().strftime(form)
     except (OSError, OverflowError, ValueError):
@@ -240,7 +242,7 @@ def _day(instant: EventTime, form: str = "%Y-%m-%d %H:%M:%S %z") -> str:
 def _duration(began: EventTime, ended: EventTime | None) -> str:
     if ended is None:
         return f"{_day(began)}, end unknown"
-    return f"{_day(began)} to {_day(ended)}, {clock_text(ended.time)} of the mission's clock"
+    return f"{_day(began)} to {_day(ended)}, {clock_text(ended.time)} on the mission's clock"
 
 
 def _value(value: Any) -> str:
@@ -249,33 +251,33 @@ def _value(value: Any) -> str:
     return ", ".join(map(_value, value)) if isinstance(value, list) else str(value)
 
 
-# Omit a picture that does not have the form of a journal's.
+# Any other text is not a picture and is omitted.
 _BASE64 = re.compile(r"[A-Za-z0-9+/]+=*", re.ASCII)
-# Symbols are this part of the longer edge.
+# The size of a symbol and the margin of the map, as fractions of the map's longer edge.
 _SYMBOL = 1 / 90
 _MARGIN = 1 / 20
-# Scale of marks, which are about 24 wide, as a part of a symbol for each unit.
+# The scale of marks, which are about 24 units wide, in symbols for each unit.
 _MARK = 0.12
-# The size of a label's letters in symbols, a state's as a part of that, and a letter's width as a part of its height.
-_LETTER, _SAID, _WIDE = 2.2, 0.7, 0.62
+# The size of a label's letters in symbols, the relative size of a state's letters, and the ratio of width to height.
+_LETTER, _STATE, _WIDE = 2.2, 0.7, 0.62
 # The distance of a label from the middle of its mark, in symbols.
 _BESIDE = 1.9
-# A label that is cut off counts this many times as much as one that covers something.
+# The cost of a label's area outside the map, relative to an area that covers other objects.
 _OUTSIDE = 4
-# A gap of this many metres in the path is not a movement of the robot: it was carried, or the localisation has jumped.
+# A longer gap in the path is not a movement: the robot was carried, or its localisation has jumped.
 _JUMP_M = 5.0
-# A map with a smaller rotation is drawn without rotation.
+# A map image with a larger rotation is not drawn; a smaller rotation is ignored.
 _TURNED_RAD = 1e-3
 
 
 class _Symbol(NamedTuple):
-    """The mark of a landmark, or for an area a part of its line.
+    """The symbol of a landmark: a mark, or the outline of an area.
 
     Attributes:
-        is_area: Whether it is that of an area.
-        level: Its classes.
-        path: Its outline as SVG, around the origin.
-        sign: The sign inside it.
+        is_area: Whether the landmark is an area.
+        level: The CSS classes of the symbol.
+        path: The SVG path of a mark, around the origin.
+        sign: The sign inside a mark.
     """
 
     is_area: bool
@@ -285,7 +287,7 @@ class _Symbol(NamedTuple):
 
 
 def _legend(state: MissionState) -> Sequence[tuple[_Symbol | None, str]]:
-    """Return each kind of symbol on the map once, with its words; None is the path of the robot."""
+    """Return each different symbol on the map with its description; the symbol None is the path of the robot."""
     drawn = {
         (_symbol(state, each), _landmark_text(state, each)): None
         for each in state.situation.landmarks.values()
@@ -297,8 +299,8 @@ def _symbol(state: MissionState, landmark: Landmark) -> _Symbol:
     kind, level = state.situation.kind_of(landmark), _level(state, landmark)
     if landmark.corners:
         return _Symbol(is_area=True, level=level)
-    told = sign_of(landmark.level, is_found=kind.is_found)
-    return _Symbol(False, level, MARKS.get(kind.shape, MARKS["circle"]), told or "")  # noqa: FBT003
+    sign = sign_of(landmark.level, is_found=kind.is_found)
+    return _Symbol(False, level, MARKS.get(kind.shape, MARKS["circle"]), sign or "")  # noqa: FBT003
 
 
 def _landmark_text(state: MissionState, landmark: Landmark) -> str:
@@ -307,7 +309,7 @@ def _landmark_text(state: MissionState, landmark: Landmark) -> str:
 
 
 class MapBox(NamedTuple):
-    """A part of the map, metres."""
+    """A rectangle in the frame `map`, in metres."""
 
     left: float
     low: float
@@ -318,7 +320,7 @@ class MapBox(NamedTuple):
 def _figure_plot(
     state: MissionState, name: str, course: Sequence[tuple[EventTime, float]]
 ) -> Mapping[str, object]:
-    """Return the plot of a figure in percent over the local time, from 0 to 100 %."""
+    """Return the plot of a percentage over time, with an axis from 0 to 100 %."""
     began, (width, height, left, low) = course[0][0].wall, _PLOT
     whole = max(state.now.wall - began, 1e-9)
 
@@ -349,7 +351,7 @@ def _figure_plot(
         "began": _day(course[0][0], _CLOCK),
         "ended": _day(state.now, _CLOCK),
         "points": " ".join(steps),
-        "label": f"{name}: {course[0][1]:g} % at first, {course[-1][1]:g} % at last",
+        "label": f"{name}: {course[0][1]:g} % at the start, {course[-1][1]:g} % at the end",
     }
 
 
@@ -380,7 +382,7 @@ def _drawing(state: MissionState) -> Mapping[str, object] | None:
         "north": _north(state, extent, size),
         "scale": {"x": f"{left + size:.3f}", "y": f"{-low - size:.3f}", "step": f"{step:g}"},
         "areas": [(_level(state, each), _points(each.corners)) for each in landmarks if each.corners],
-        "ways": [_points((pose.x, pose.y) for pose in way) for way in _split_trail(state.trail)],
+        "ways": [_points((pose.x, pose.y) for pose in path) for path in _split_trail(state.trail)],
         "marks": [(f"{each.x:.3f}", f"{-each.y:.3f}", _symbol(state, each)) for each in places],
         "mark_scale": f"{size * _MARK:.5f}",
         "labels": [*_labels(state, places, extent, size)],
@@ -388,7 +390,7 @@ def _drawing(state: MissionState) -> Mapping[str, object] | None:
 
 
 def _north(state: MissionState, extent: MapBox, size: float) -> Mapping[str, object]:
-    """Return the sign of the map's directions, in its upper right corner: north, or the axes if it is unknown."""
+    """Return the direction sign in the map's upper right corner: north, or the axes if north is unknown."""
     place = georeference(state)
     return {
         "x": f"{extent.right - 4 * size:.3f}",
@@ -411,7 +413,7 @@ def _extent(state: MissionState) -> MapBox | None:
     (left, low), (right, high) = (tuple(map(function, zip(*places, strict=True))) for function in (min, max))
     margin = max(right - left, high - low, 1.0) * _MARGIN
     extent = MapBox(left - margin, low - margin, right + margin, high + margin)
-    # Positions so far away that their numbers have no metres are left out.
+    # If positions are so large that floating-point numbers cannot resolve metres, there is no map.
     return extent if all(0.0 < extent[axis + 2] - extent[axis] < math.inf for axis in (0, 1)) else None
 
 
@@ -437,14 +439,14 @@ def _image(state: MissionState) -> Mapping[str, str] | None:
 
 
 def _grid_step(extent: MapBox) -> float:
-    """Return a round number of metres between the lines of the grid."""
+    """Return the distance between the lines of the grid, as a round number of metres."""
     longer = max(extent.right - extent.left, extent.high - extent.low)
     step: float = 10.0 ** math.floor(math.log10(longer))
-    return step / 5.0 if longer / step < 3 else step  # noqa: PLR2004 - so that there are some
+    return step / 5.0 if longer / step < 3 else step  # noqa: PLR2004 - at least three lines
 
 
 def _grid(extent: MapBox, step: float) -> Iterator[tuple[str, str, str, str]]:
-    """Yield the ends of each line."""
+    """Yield the two end points of each grid line."""
     left, low, right, high = extent
     for x in _multiples(left, right, step):
         yield f"{x:g}", f"{-high:.3f}", f"{x:g}", f"{-low:.3f}"
@@ -457,57 +459,57 @@ def _multiples(first: float, last: float, step: float) -> Iterable[float]:
 
 
 def _split_trail(trail: list[RobotPose]) -> Iterator[list[RobotPose]]:
-    """Yield the parts of a trail between jumps and runs."""
-    way: list[RobotPose] = []
+    """Yield the parts of a trail, which is split at jumps and at the starts of runs."""
+    path: list[RobotPose] = []
     for pose in trail:
-        last = way[-1] if way else pose
+        last = path[-1] if path else pose
         if last.at.run != pose.at.run or math.hypot(pose.x - last.x, pose.y - last.y) > _JUMP_M:
-            yield way
-            way = []
-        way.append(pose)
-    yield way
+            yield path
+            path = []
+        path.append(pose)
+    yield path
 
 
 def _labels(
     state: MissionState, places: Sequence[Landmark], extent: MapBox, size: float
 ) -> Iterator[tuple[str, str, str, str, str]]:
-    """Yield the lines of the labels: text, class, anchor, and position."""
+    """Yield the text lines of the landmarks' labels, each with its class, anchor and position."""
     taken = [_box_around(each.x, each.y, 1.5 * size, 1.5 * size) for each in places]
     for each in places:
         found = state.situation.kind_of(each).is_found
-        said = each.state if not found and each.level != Level.DONE else ""
-        label = _label(each, said, size, taken, extent)
+        shown_state = each.state if not found and each.level != Level.DONE else ""
+        label = _label(each, shown_state, size, taken, extent)
         taken.append(label.box)
         yield label.line(each.name, "name" if found else "", 0.8 * _LETTER * size)
-        if said:
-            yield label.line(said, "said", 1.6 * _LETTER * size)
+        if shown_state:
+            yield label.line(shown_state, "said", 1.6 * _LETTER * size)
 
 
 class _Label(NamedTuple):
-    """The position of a label: its box, and the x position (metres) and anchor of its lines."""
+    """The position of a label: its box, and the x position (in metres) and the anchor of its lines."""
 
     box: MapBox
     x: float
     anchor: str
 
     def line(self, text: str, kind: str, down: float) -> tuple[str, str, str, str, str]:
-        """Return row `y` of the box as an SVG text; y in metres from its upper edge."""
+        """Return the data of an SVG text line whose baseline is *down* metres below the upper edge of the box."""
         return text, kind, self.anchor, f"{self.x:.3f}", f"{down - self.box.high:.3f}"
 
 
-def _label(landmark: Landmark, said: str, size: float, taken: Sequence[MapBox], extent: MapBox) -> _Label:
-    """Return the label position of a landmark that hides least: to its right, left, below or above.
+def _label(landmark: Landmark, text: str, size: float, taken: Sequence[MapBox], extent: MapBox) -> _Label:
+    """Return the position at which a landmark's label covers least: to the right, to the left, below or above.
 
     Args:
         landmark: The landmark.
-        said: The text below its name.
-        size: A symbol, metres.
-        taken: The boxes that must not be hidden.
-        extent: The visible part.
+        text: The text below the landmark's name.
+        size: The size of a symbol, in metres.
+        taken: The boxes that should not be covered.
+        extent: The visible part of the map.
     """
     x, y, away = landmark.x, landmark.y, _BESIDE * size
-    wide = max(len(landmark.name), len(said) * _SAID) * _WIDE * _LETTER * size / 2
-    high = (1.0 + (_SAID if said else 0.0)) * _LETTER * size / 2
+    wide = max(len(landmark.name), len(text) * _STATE) * _WIDE * _LETTER * size / 2
+    high = (1.0 + (_STATE if text else 0.0)) * _LETTER * size / 2
     sides = (
         _Label(_box_around(x + away + wide, y, wide, high), x + away, "start"),
         _Label(_box_around(x - away - wide, y, wide, high), x - away, "end"),
@@ -527,7 +529,7 @@ def _box_around(x: float, y: float, wide: float, high: float) -> MapBox:
 
 
 def _overlap(one: MapBox, other: MapBox) -> float:
-    """Return the common area of two boxes, square metres."""
+    """Return the common area of two boxes, in square metres."""
     width = min(one.right, other.right) - max(one.left, other.left)
     height = min(one.high, other.high) - max(one.low, other.low)
     return max(0.0, width) * max(0.0, height)

@@ -1,4 +1,4 @@
-"""Reports as an extension of a run: the reports written at its end, and the cause of a failure."""
+"""Run extensions that write reports at the end of a run, and find the cause of a failure."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -18,12 +18,12 @@ class RunReport(RunExtension):
 
     Args:
         files: The paths of the reports.
-        place: The georeference of the map, if known.
+        place: The georeference of the map; None if unknown.
         earlier: The entries of earlier runs of the mission.
         folder: The journal's folder.
 
     Raises:
-        ReportError: If one of them cannot be written.
+        ReportError: If one of the reports cannot be written.
         ImportError: If a required library is not installed.
     """
 
@@ -33,26 +33,26 @@ class RunReport(RunExtension):
         for file in files:
             require_form(file, place)
         self._files, self._paths = files, PathShortener(folder)
-        self._state, self._inquiry = (
+        self._state, self._analysis = (
             MissionState.from_stream(self._paths.shorten_stream(earlier)),
             FailureAnalysis(),
         )
 
     def on_entry(self, entry: JournalEntry) -> None:
         """Process an entry of the run's journal."""
-        told = self._paths.shorten(entry)
-        self._state.apply(told)
-        self._inquiry.add_entry(told)
+        shortened = self._paths.shorten(entry)
+        self._state.apply(shortened)
+        self._analysis.add_entry(shortened)
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Write the reports if the run has started; nothing continues the run afterwards."""
+        """Write the reports if the run has started."""
         if has_begun:
             self._state.process = RunProcess(is_gone=True)
             self._write()
 
     def _write(self) -> None:
-        """Write the reports; print which ones cannot be written, because the mission is over."""
-        why = self._inquiry.find_cause()
+        """Write the reports, and print an error for each report that cannot be written."""
+        why = self._analysis.find_cause()
         for file in self._files:
             obstacle = write_report(self._state, file, why)
             if obstacle:
@@ -63,12 +63,12 @@ class FailureCause(RunExtension):
     """Finds the likeliest cause of a run's failure during the run."""
 
     def __init__(self) -> None:
-        self._inquiry = FailureAnalysis()
+        self._analysis = FailureAnalysis()
 
     def on_entry(self, entry: JournalEntry) -> None:
         """Process an entry of the run's journal."""
-        self._inquiry.add_entry(entry)
+        self._analysis.add_entry(entry)
 
     def cause_of_failure(self) -> str:
-        """Return the likeliest cause of a failure in a line; empty if unknown."""
-        return likeliest_cause(self._inquiry.find_cause())
+        """Return a line with the likeliest cause of the failure; empty if there is no cause to report."""
+        return likeliest_cause(self._analysis.find_cause())

@@ -1,4 +1,4 @@
-"""The cause of a mission's failure: the chain from the root's FAILURE to the leaf results, and the run's end."""
+"""The cause of a mission's failure: the chain of nodes from the root's FAILURE to leaf results, or the run's end."""
 
 import itertools
 import signal
@@ -35,11 +35,11 @@ from sar_compiler.views.drawing import Shape
 if TYPE_CHECKING:
     from sar_compiler.analysis.verify.counterfactual import Counterfactual
 
-# If a time limit ended the run, the leaf that ran for this share of it at the end is to blame.
-_MOST_OF_IT = 0.5
+# A leaf is stalled if it was running at the end of the run, and had been running for at least this share of the run.
+_STALLED_SHARE = 0.5
 _SIGNAL_STATUS = 128
-# The number of earlier failures that are listed.
-_MOST = 12
+# The maximum number of earlier failures, and of changed outcomes, that are listed.
+_MAX_LISTED = 12
 _START = EventTime(1, 0.0, 0.0)
 
 
@@ -47,14 +47,14 @@ class NodeStatus(NamedTuple):
     """The status of a node, or the end of the run itself.
 
     Attributes:
-        node: Its number; None for the run.
-        name: Its name.
+        node: The node's number; None for the run.
+        name: The node's name.
         place: `file:line`; empty if unknown.
-        depth: Its depth below the first node of its chain.
+        depth: The depth below the first node of the chain.
         status: The status.
-        label: The label of a leaf's outcome; empty if several are possible, None if it declares none.
-        message: Its message.
-        since: The start of that status.
+        label: The label of a leaf's outcome; empty if several labels are possible, None if the leaf declares no labels.
+        message: The message of the node.
+        since: The time from which the node had the status.
     """
 
     node: int | None
@@ -68,22 +68,22 @@ class NodeStatus(NamedTuple):
 
 
 class FormerFailure(NamedTuple):
-    """The failures of a leaf, or of another node that decides itself, that did not determine the result.
+    """The failures of a node that decides its own status, such as a leaf, that did not determine the mission's result.
 
     Attributes:
-        first: The first of them.
-        in_hand: The location where the mission worked when the last of them occurred, or earlier; empty for none yet.
-        has_recovered: Whether the node has succeeded since.
-        is_of_second_way: Whether it was only ticked as an alternative after another branch had failed, each time.
-        has_led_elsewhere: Whether a control continued with another child because of it.
-        times: Their number, including repeated ones left out of the list.
-        last: The time of the last one.
+        first: The first failure.
+        in_hand: The last location at which the mission had worked when the last failure occurred; empty for none.
+        has_recovered: Whether the node has succeeded since the last failure.
+        is_alternative: Whether the node only failed when it was ticked because another branch had failed.
+        has_led_elsewhere: Whether the parent had other children with which it could continue after a failure.
+        times: The number of failures.
+        last: The time of the last failure.
     """
 
     first: NodeStatus
     in_hand: str
     has_recovered: bool
-    is_of_second_way: bool
+    is_alternative: bool
     has_led_elsewhere: bool
     times: int
     last: EventTime
@@ -93,14 +93,14 @@ class CauseOfFailure(NamedTuple):
     """The causes of a mission's failure.
 
     Attributes:
-        chain: The nodes from the root down to the results, parents first; empty if the root has not failed.
-        causes: The results that caused it, the likeliest cause first.
+        chain: The nodes from the root down to the causes, parents first; empty if the root has not failed.
+        causes: The node results that caused the failure, the likeliest cause first.
         before: The earlier failures, by time.
-        outcome: The result of the mission, in a word: the word of its condition.
-        reason: The reason of that.
-        said: Both in a line.
-        ended: The time of the root's failure.
-        went_on: Whether the root has returned another status since.
+        outcome: The result of the mission in a word, as in its status line.
+        reason: The reason for the result.
+        said: The status line, with the result and the reason.
+        ended: The time of the root's failure; None if the root has not failed.
+        went_on: Whether the root has returned another status since its failure.
     """
 
     chain: tuple[NodeStatus, ...]
@@ -124,16 +124,16 @@ class CauseOfFailure(NamedTuple):
 
 
 class FailureAnalysis:
-    """Finds the cause of a mission's failure in its last run, from entries one by one, without storing them.
+    """Finds the cause of the failure of a mission's last run while journal entries are processed one by one.
 
-    A node's status is caused by those of its children that have the same status; below an inverting node, by the
-    opposite one. If no child explains a status, it is a result of the node itself: of a leaf, a time limit, a script, a
-    loop over nothing. A condition only reports a state. If nothing else is to blame, earlier failures come first,
-    unless a response to the condition was meant to fail.
+    A node's status is explained by the children that returned the same status, or the opposite status below an
+    inverting node. A status that no child explains is the node's own result: of a leaf, a time limit, a script or a
+    loop without items. A condition only reports a state. If all causes are conditions, earlier failures precede them,
+    unless the tree was meant to fail in response to a condition.
 
     Attributes:
-        state: The state of the mission after the last run's entries, without the robot's topics.
-        failed_tick: The number of the last tick in which the root failed, after `find_cause` was called; 0 if it has never failed.
+        state: The state of the mission after the last run's entries, without observations of the robot.
+        failed_tick: The last tick in which the root failed, after `find_cause` was called; 0 if it has never failed.
     """
 
     def __init__(self) -> None:
@@ -149,31 +149,31 @@ class FailureAnalysis:
 
     @classmethod
     def from_stream(cls, stream: Iterable[JournalEntry]) -> "FailureAnalysis":
-        """Return an inquiry that has taken these entries."""
-        inquiry = cls()
+        """Return an analysis that has processed all entries of a stream."""
+        analysis = cls()
         for entry in stream:
-            inquiry.add_entry(entry)
-        return inquiry
+            analysis.add_entry(entry)
+        return analysis
 
     @classmethod
     def with_state(cls, stream: Iterable[JournalEntry]) -> "tuple[FailureAnalysis, MissionState]":
-        """Return an inquiry that has taken the entries of all runs, and the state of the mission after them."""
-        inquiry, state = cls(), MissionState()
+        """Return an analysis that has processed the entries of all runs, and the state of the mission after them."""
+        analysis, state = cls(), MissionState()
         for entry in stream:
-            if _is_status(entry, len(inquiry.state.nodes)):
-                inquiry.take_status(entry)
+            if _is_status(entry, len(analysis.state.nodes)):
+                analysis.add_status(entry)
             else:
-                inquiry.add_entry(entry)
+                analysis.add_entry(entry)
                 state.apply(entry)
-        state.adopt_statuses(inquiry.state)
-        return inquiry, state
+        state.adopt_statuses(analysis.state)
+        return analysis, state
 
     def add_entry(self, entry: JournalEntry) -> None:
-        """Process an entry; each new run restarts the inquiry."""
+        """Process a journal entry; the start of a run restarts the analysis."""
         kind = entry.kind
         if kind == STATUS:
             if _is_status(entry, len(self.state.nodes)):
-                self.take_status(entry)
+                self.add_status(entry)
         elif kind == RUN_BEGAN:
             self._begin()
             self.state.apply(entry)
@@ -187,13 +187,13 @@ class FailureAnalysis:
             elif kind == CHANGED:
                 self._history.add_change(self.state)
 
-    def take_status(self, entry: JournalEntry) -> None:
-        """Process a status that is known to be valid."""
+    def add_status(self, entry: JournalEntry) -> None:
+        """Process a status entry that is known to be valid."""
         if entry.data["tick"] != self._explained.tick:
             self._end_tick()
         node = self.state.take_status(entry)
         self._explained.add_status(entry, node)
-        self._history.take_status(node)
+        self._history.add_status(node)
 
     def _raised_status(self, entry: JournalEntry) -> NodeStatus | None:
         number, text = entry.data.get("node"), str(entry.data.get("text", ""))
@@ -209,22 +209,22 @@ class FailureAnalysis:
             self.failed_tick, self._history_then = self._explained.tick, self._history.copy()
 
     def find_cause(self) -> CauseOfFailure:
-        """Return the causes of the run's failure after all its entries."""
+        """Return the causes of the run's failure, after all entries of the run."""
         self._end_tick()
         explained = self._explained
         chain = explained.chain
         history = self._history_then if chain else self._history
-        causes = sorted(explained.causes, key=lambda cause: self._add_cause(cause, history))
+        causes = sorted(explained.causes, key=lambda cause: self._rank_cause(cause, history))
         blamed = {cause.node for cause in causes}
         before = [each for each in history.earlier_failures() if each.first.node not in blamed]
         now = condition(self.state)
         is_meant_so = bool(causes) and causes[0].node in explained.triggers
         if now.word != COMPLETE and not is_meant_so and all(map(self._only_reports, causes)):
-            former = [each for each in before if self._may_be_cause(each, only_cost=bool(chain))]
-            former.sort(key=self._order)
+            former = [each for each in before if self._may_be_cause(each, only_missing=bool(chain))]
+            former.sort(key=self._rank_failure)
             causes = [*(each.first for each in former), *causes]
         if now.word != COMPLETE:
-            causes = self._with_end(causes, has_failed=bool(chain) and not explained.went_on)
+            causes = self._add_run_end(causes, has_failed=bool(chain) and not explained.went_on)
         since = chain[0].since if chain else None
         said = now.to_line(self.state.now.time)
         return CauseOfFailure(
@@ -232,13 +232,13 @@ class FailureAnalysis:
         )
 
     def _only_reports(self, cause: NodeStatus) -> bool:
-        """Return whether a result only reports a state: a condition's, or a fixed one after another branch failed."""
+        """Return whether a result only reports a state: of a condition, or a constant status as an alternative."""
         return cause.node in self._kinds.conditions or (
-            cause.node in self._kinds.constant and cause.node in self._explained.second_ways
+            cause.node in self._kinds.constant and cause.node in self._explained.alternatives
         )
 
-    def _add_cause(self, cause: NodeStatus, history: "_History") -> tuple[object, ...]:
-        # Of several alternatives the earlier ones were passed over, and the last one remained.
+    def _rank_cause(self, cause: NodeStatus, history: "_History") -> tuple[object, ...]:
+        # Alternatives are tried in order, so the latest cause is the likeliest.
         since = cause.since.time if cause.since else 0.0
         is_meant_so = cause.node in self._explained.responses
         tolerated, worked = cause.node in history.tolerated, cause.node in history.worked
@@ -246,37 +246,36 @@ class FailureAnalysis:
         is_turned = cause.status != FAILURE and bool(self._explained.triggers)
         return is_meant_so, is_turned, self._only_reports(cause), tolerated, not worked, -since, -number
 
-    def _may_be_cause(self, failure: FormerFailure, *, only_cost: bool) -> bool:
-        """Return whether a handled failure may still be the reason for a missing item of the mission.
+    def _may_be_cause(self, failure: FormerFailure, *, only_missing: bool) -> bool:
+        """Return whether a handled failure may still be the cause of the mission's result.
 
-        A condition may, if another branch was taken because of it and the present location was abandoned.
+        A condition may be the cause if another branch was ticked instead and the location was abandoned.
         """
         if failure.first.node in self._kinds.conditions:
-            return failure.has_led_elsewhere and _has_given_up(self.state, failure)
-        if failure.first.node in self._kinds.constant and failure.is_of_second_way:
+            return failure.has_led_elsewhere and _is_abandoned(self.state, failure)
+        if failure.first.node in self._kinds.constant and failure.is_alternative:
             return False
-        return not only_cost or _cost(self.state, failure)
+        return not only_missing or _has_missing_item(self.state, failure)
 
-    def _order(self, failure: FormerFailure) -> tuple[object, ...]:
+    def _rank_failure(self, failure: FormerFailure) -> tuple[object, ...]:
         is_condition = failure.first.node in self._kinds.conditions
-        cost_nothing = not _cost(self.state, failure)
         return (
-            cost_nothing,
-            failure.is_of_second_way,
+            not _has_missing_item(self.state, failure),
+            failure.is_alternative,
             is_condition,
             failure.has_recovered,
             -failure.times,
         )
 
-    def _with_end(self, causes: Sequence[NodeStatus], *, has_failed: bool) -> list[NodeStatus]:
-        """Return the causes, with the end of the run itself if it did not end by its root."""
+    def _add_run_end(self, causes: Sequence[NodeStatus], *, has_failed: bool) -> list[NodeStatus]:
+        """Return the causes, with the end of the run as a further cause if the root's result did not end the run."""
         run = self.state.runs[-1] if self.state.runs else None
         if self._raised is not None:
             return [self._raised, *causes]
         if run is None or has_failed or not (run.ending or self.state.process.is_gone):
             return list(causes)
         if not run.ending:
-            killed = "the process of the run ended without a record: it was killed, or has crashed"
+            killed = "the process of the run ended without recording an end: it was killed or crashed"
             return [_run_status("KILLED", killed, self.state.now), *causes]
         if run.ending == Ending.STOPPED.value:
             return [_run_status("STOPPED", f"by {_signal_name(run.status)}", run.ended), *causes]
@@ -286,22 +285,22 @@ class FailureAnalysis:
         return [*self._stalled_leaf(), ended]
 
     def _stalled_leaf(self) -> list[NodeStatus]:
-        """Return the leaf that ran at the end, if it did for most of the run, after the results that led to it."""
+        """Return the leaves that ran at the end and for most of the run, after the results that led to their ticks."""
         run, now, ends = self.state.runs[-1], self.state.now.wall, self._explained.ends
-        # In a journal the end of a run has no time of the mission's clock.
-        enough = _MOST_OF_IT * (now - run.began.wall)
+        # A journal does not record the end of a run on the mission's clock.
+        enough = _STALLED_SHARE * (now - run.began.wall)
         running = [node for node in self.state.nodes if not node.children and ends.is_running(node.number)]
         long = [node for node in running if node.status_time and now - node.status_time.wall > enough]
-        held = [
+        earlier = [
             self._explained.last_end(number)
             for node in long
             for number in self._explained.results_leading_to(node.number)
         ]
-        return [*held, *(_status_of(node) for node in long)]
+        return [*earlier, *(_status_of(node) for node in long)]
 
 
 def _tree_entries(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
-    """Yield the valid entries of a run about its tree and its mission."""
+    """Yield a run's entries without observations of the robot and without invalid statuses."""
     count = 0
     for entry in stream:
         if entry.kind == RUN_BEGAN:
@@ -311,18 +310,18 @@ def _tree_entries(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
 
 
 def _is_status(entry: JournalEntry, count: int) -> bool:
-    """Return whether an entry is a complete status of a node of the tree, which has this many nodes."""
+    """Return whether an entry is a complete status entry for a tree with *count* nodes."""
     return is_status(entry, count) and "message" in entry.data
 
 
 class _NodeKinds(NamedTuple):
-    """The properties of a tree's nodes in the start of a run, each by its number.
+    """The properties of a tree's nodes that a journal records at the start of a run.
 
     Attributes:
-        conditions: The leaves that only report a state.
-        constant: The leaves that always return the same status.
-        parallel: The controls that tick their children together.
-        limits: The time limits of nodes, in seconds.
+        conditions: The numbers of the leaves that only report a state.
+        constant: The numbers of the leaves that always return the same status.
+        parallel: The numbers of the controls that tick their children together.
+        limits: The time limits of nodes in seconds, by node number.
     """
 
     conditions: frozenset[int] = frozenset()
@@ -332,7 +331,7 @@ class _NodeKinds(NamedTuple):
 
     @classmethod
     def from_run_start(cls, began: JournalEntry) -> "_NodeKinds":
-        """Return the properties in the start of a run; invalid data is ignored."""
+        """Return the properties that the entry of a run's start contains; invalid data is ignored."""
         about = began.data.get("run")
 
         def value(name: str, kind: type) -> Any:
@@ -359,36 +358,36 @@ class _ExplainedFailure:
     """The last FAILURE of a root, with its explanation.
 
     Args:
-        state: The state of the mission, which has processed each entry before.
+        state: The state of the mission, which must process each entry before this object.
         kinds: The properties of the nodes.
 
     Attributes:
-        ends: The explanation of each end.
-        chain: The nodes from the root down; empty if it has never failed.
-        causes: The results among them that no child explains.
-        second_ways: The numbers of the results that were only returned because another branch had failed.
-        responses: The results among them that always fail: the failure is intended.
-        triggers: The results to which such a response belongs.
+        ends: The explanations of all nodes that have ended.
+        chain: The nodes that explain the failure, from the root down; empty if the root has never failed.
+        causes: The results in `chain` that no child explains.
+        alternatives: The numbers of the causes whose nodes were only ticked because another branch had failed.
+        responses: The alternatives with a constant status, which are meant to fail.
+        triggers: The numbers of the results to which `responses` respond.
     """
 
     def __init__(self, state: MissionState, kinds: _NodeKinds) -> None:
         self.ends = NodeEnds(state.nodes)
         self.chain: tuple[NodeStatus, ...] = ()
         self.causes: tuple[NodeStatus, ...] = ()
-        self.second_ways = self.responses = self.triggers = frozenset[int]()
+        self.alternatives = self.responses = self.triggers = frozenset[int]()
         self._state, self._kinds = state, kinds
-        # For each node that has ended: the status, label, message, and its first entry; and the nodes that have decided that by themselves.
+        # For each node that has ended: its status, label and message, and the first entry with them.
         self._last: dict[int, tuple[str, str | None, str, JournalEntry]] = {}
-        self._own: set[int] = set()
+        self._own: set[int] = set()  # the nodes that have decided their last end themselves
 
     @property
     def tick(self) -> int:
-        """The number of the tick whose entries are processed."""
+        """The number of the tick whose entries are being processed."""
         return self.ends.tick
 
     @property
     def went_on(self) -> bool:
-        """Whether the root has had another status since."""
+        """Whether the root has had another status since its last failure."""
         return bool(self.chain) and self.ends.status.get(0) != FAILURE
 
     def add_status(self, entry: JournalEntry, node: NodeState) -> None:
@@ -399,7 +398,7 @@ class _ExplainedFailure:
             self._own.discard(node.number)
 
     def end_tick(self) -> bool:
-        """End a tick; return whether the root failed in it, or failed earlier and was not reset."""
+        """End a tick; return whether the root failed in the tick, or failed earlier and was not reset."""
         self.ended = self.ends.end_tick()
         for number in self.ended:
             if not self.ends.causes[number] and not self._has_expired(number):
@@ -409,7 +408,7 @@ class _ExplainedFailure:
         return self.ends.has_failed
 
     def last_end(self, number: int) -> NodeStatus:
-        """Return the last end of a node; with the reason in words if no child explains it, and the node has no message."""
+        """Return the last end of a node; if no child explains it, the message includes the node's own reason."""
         node = self._state.nodes[number]
         status, label, message, changed = self._last[number]
         if number in self._own:
@@ -417,7 +416,7 @@ class _ExplainedFailure:
         return NodeStatus(number, node.name, node.location, 0, status, label, message, node.time_of(changed))
 
     def _has_expired(self, number: int) -> bool:
-        """Return whether a node has failed by its time limit, whose message then names the leaves that ran."""
+        """Return whether a node has failed because its time limit expired; if so, set its message to say so."""
         limit = self._kinds.limits.get(number)
         if limit is None or not self._state.nodes[number].children:
             return False
@@ -431,7 +430,7 @@ class _ExplainedFailure:
         return True
 
     def _reason(self, node: NodeState, status: str, message: str) -> str:
-        """Return the message of a node that has decided by itself, with the attribute or the code in it."""
+        """Return a node's message with the value of the attribute that it names, or the code of a false condition."""
         for name, value in node.attributes.items():
             if message.endswith(f" {name}"):
                 return f"{message}: {value}"
@@ -440,7 +439,7 @@ class _ExplainedFailure:
         return message
 
     def _is_below(self, number: int, ancestor: int) -> bool:
-        """Return whether a leaf is below a node."""
+        """Return whether a node is a leaf below *ancestor*."""
         if self._state.nodes[number].children:
             return False
         above = self._state.nodes[number].parent
@@ -449,7 +448,7 @@ class _ExplainedFailure:
         return above == ancestor
 
     def explained_ancestors(self, number: int) -> Iterator[int]:
-        """Yield a node that has ended, and its ancestors explained by it, up to one with another explanation."""
+        """Yield a node that has ended, and the ancestors whose FAILURE it explains, from the parent up."""
         above: int | None = number
         while above is not None:
             yield above
@@ -458,7 +457,7 @@ class _ExplainedFailure:
             above = parent if is_cause and self.ends.status.get(parent or 0) == FAILURE else None
 
     def earlier_failed_nodes(self, number: int) -> list[int]:
-        """Return the nodes whose earlier failure led to the tick of the one that has ended."""
+        """Return the nodes whose earlier failures led to the tick of a node that has ended."""
         return [
             each
             for node in self.explained_ancestors(number)
@@ -467,7 +466,7 @@ class _ExplainedFailure:
         ]
 
     def results_leading_to(self, number: int) -> list[int]:
-        """Return the results that led to the tick of a running node instead of another one."""
+        """Return the results because of which a running node is ticked instead of earlier siblings."""
         found: list[int] = []
         above: int | None = number
         while above is not None:
@@ -502,10 +501,10 @@ class _ExplainedFailure:
         before = {
             cause.node: self.earlier_failed_nodes(cause.node) for cause in found if cause.node is not None
         }
-        self.second_ways = frozenset(number for number, ways in before.items() if ways)
-        self.responses = self.second_ways & self._kinds.constant
+        self.alternatives = frozenset(number for number, failed in before.items() if failed)
+        self.responses = self.alternatives & self._kinds.constant
         self.triggers = frozenset(
-            cause for number in self.responses for way in before[number] for cause in self.causes_below(way)
+            cause for number in self.responses for each in before[number] for cause in self.causes_below(each)
         )
 
 
@@ -516,12 +515,12 @@ def _status_of(node: NodeState) -> NodeStatus:
 
 
 def _run_status(status: str, message: str, since: EventTime | None) -> NodeStatus:
-    """Return the end of a run as an outcome."""
+    """Return the end of a run in the form of a node's status."""
     return NodeStatus(None, "run", "", 0, status, None, message, since)
 
 
 def _signal_name(status: int | None) -> str:
-    """Return the signal in the exit status of a run, in words."""
+    """Return the name of the signal in a run's exit status."""
     try:
         name = signal.Signals((status or 0) - _SIGNAL_STATUS).name
     except ValueError:
@@ -536,8 +535,8 @@ class _History:
         kinds: The properties of the nodes.
 
     Attributes:
-        worked: The leaves that have succeeded at least once.
-        tolerated: The nodes that had failed when their parent did not.
+        worked: The numbers of the nodes that have succeeded at least once.
+        tolerated: The numbers of the nodes whose parents have succeeded or continued after their failure.
     """
 
     def __init__(self, kinds: _NodeKinds) -> None:
@@ -550,19 +549,19 @@ class _History:
         self._in_hand = self._in_hand_then = ""
 
     def copy(self) -> "_History":
-        """Return a copy that is independent of later entries."""
+        """Return a copy that later entries do not change."""
         copied = _History(self._kinds)
         vars(copied).update({name: copy(each) for name, each in vars(self).items()})
         return copied
 
     def add_change(self, state: MissionState) -> None:
-        """Process a change of the mission, after which it has a state."""
-        # The result of a tick is written after its events, which may already have left the location.
+        """Process a change of the mission, given the mission's state after the change."""
+        # A tick's statuses are written after its events, after which the mission may have left the location.
         landmarks, place = state.situation.landmarks.values(), state.situation.phase.place
         if any(each.name == place and each.level == Level.IN_HAND for each in landmarks):
             self._in_hand = place
 
-    def take_status(self, node: NodeState) -> None:
+    def add_status(self, node: NodeState) -> None:
         """Process the new status of a node."""
         self._in_hand_then = self._in_hand
         number = node.number
@@ -578,7 +577,7 @@ class _History:
                 self.worked.add(number)
 
     def end_tick(self, explained: _ExplainedFailure, state: MissionState) -> None:
-        """Record the explanation of each failure of a tick that did not make its parent fail."""
+        """Record the explanations of the tick's failures that did not make the failed node's parent fail."""
         ends = explained.ends
         for top in explained.ended:
             if ends.status[top] != FAILURE:
@@ -599,40 +598,40 @@ class _History:
         if cause.status != FAILURE:
             return
         # A condition before an action is not an alternative: it only checks whether the action is needed.
-        is_of_second_way = not self._kinds.conditions.issuperset(explained.earlier_failed_nodes(number))
+        is_alternative = not self._kinds.conditions.issuperset(explained.earlier_failed_nodes(number))
         known = self._failures.get(number) or FormerFailure(
             cause,
             in_hand="",
             has_recovered=False,
-            is_of_second_way=True,
+            is_alternative=True,
             has_led_elsewhere=False,
             times=0,
             last=_START,
         )
         self._failures[number] = known._replace(
             in_hand=self._in_hand_then,
-            is_of_second_way=known.is_of_second_way and is_of_second_way,
+            is_alternative=known.is_alternative and is_alternative,
             has_led_elsewhere=known.has_led_elsewhere or has_led_elsewhere,
             times=known.times + 1,
             last=cause.since or _START,
         )
 
     def earlier_failures(self) -> list[FormerFailure]:
-        """Return the failures that did not determine their node's last result, by the time of the first."""
+        """Return the failures that did not make a parent fail, by the time of each node's first failure."""
         former = [
             each._replace(has_recovered=node in self._recovered) for node, each in self._failures.items()
         ]
         return sorted(former, key=lambda each: each.first.since or each.last)
 
 
-def _has_given_up(state: MissionState, failure: FormerFailure) -> bool:
+def _is_abandoned(state: MissionState, failure: FormerFailure) -> bool:
     """Return whether the location of a failure was abandoned."""
     landmarks = state.situation.landmarks.values()
     return any(each.name == failure.in_hand and each.level == Level.GIVEN_UP for each in landmarks)
 
 
-def _cost(state: MissionState, failure: FormerFailure) -> bool:
-    """Return whether a missing item of the mission relates to a failure: its location, a detection, or a next step."""
+def _has_missing_item(state: MissionState, failure: FormerFailure) -> bool:
+    """Return whether an unfinished item of the mission may be a consequence of a failure."""
     landmarks = state.situation.landmarks.values()
     place = [each for each in landmarks if each.name == failure.in_hand]
     if not place:
@@ -649,12 +648,12 @@ def _cost(state: MissionState, failure: FormerFailure) -> bool:
 
 
 class RunDifference(NamedTuple):
-    """The first difference of two runs.
+    """The first difference between two runs.
 
     Attributes:
-        step: The number of changes of status that they have in common.
-        here: The next result of this run; None if it had ended.
-        there: The next result of the other run.
+        step: The number of status changes before the difference.
+        here: The next status change of the first run; None if the run had ended.
+        there: The next status change of the second run; None if the run had ended.
     """
 
     step: int
@@ -663,9 +662,9 @@ class RunDifference(NamedTuple):
 
 
 def first_difference(stream: Iterable[JournalEntry], other: Iterable[JournalEntry]) -> RunDifference | None:
-    """Return the first difference of two runs; None if there is none.
+    """Return the first difference between two runs; None if the runs are equal.
 
-    Results of nodes and their labels are compared change by change, regardless of times and messages.
+    The status changes of nodes and their labels are compared one by one. Times and messages are ignored.
     """
     for step, (here, there) in enumerate(itertools.zip_longest(_changes(stream), _changes(other))):
         if (
@@ -689,17 +688,17 @@ def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
 
 
 def counterfactual_text(change: "Counterfactual", nodes: Sequence[NodeState]) -> str:
-    """Return the change with which a mission with these nodes would have succeeded, in words."""
+    """Describe the change with which a mission whose tree has these nodes would have succeeded."""
     leaf = nodes[change.instead.number]
-    said = f"{change.instead.status}{_label_text(change.instead)} instead of {change.was.status}{_label_text(change.was)}"
+    words = f"{change.instead.status}{_label_text(change.instead)} instead of {change.was.status}{_label_text(change.was)}"
     place = f"  ({leaf.location})" if leaf.location else ""
-    lines = ["It would have succeeded with another outcome:"]
-    lines.append(escape_to_one_line(f"  {clock_text(change.time_sec)}  {leaf.name} {said}{place}"))
+    lines = ["The mission would have succeeded with another outcome:"]
+    lines.append(escape_to_one_line(f"  {clock_text(change.time_sec)}  {leaf.name} {words}{place}"))
     if change.then:
-        usual = "as usual" if not change.unusual else f"{change.unusual} of them unusual"
-        told = [f"{nodes[each.number].name} {each.outcome}" for each in change.then[:_MOST]]
-        more = f", and {len(change.then) - _MOST} more" if len(change.then) > _MOST else ""
-        lines.append(escape_to_one_line(f"  and after it, {usual}: {', '.join(told)}{more}"))
+        unusual = f", {change.unusual} of them unusual" if change.unusual else ""
+        then = [f"{nodes[each.number].name} {each.outcome}" for each in change.then[:_MAX_LISTED]]
+        more = f", and {len(change.then) - _MAX_LISTED} more" if len(change.then) > _MAX_LISTED else ""
+        lines.append(escape_to_one_line(f"  followed by these outcomes{unusual}: {', '.join(then)}{more}"))
     return "\n".join(lines)
 
 
@@ -708,11 +707,11 @@ def _label_text(cause: Event) -> str:
 
 
 def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) -> dict[str, Any]:
-    """Return the change with which a mission with these nodes would have succeeded as JSON values."""
+    """Return the change with which a mission would have succeeded as a JSON object; see `counterfactual_text`."""
 
     def data(cause: Event) -> dict[str, object]:
-        said = {"node": cause.number, "status": cause.status, "label": cause.label}
-        return {**said, "name": nodes[cause.number].name}
+        outcome = {"node": cause.number, "status": cause.status, "label": cause.label}
+        return {**outcome, "name": nodes[cause.number].name}
 
     return {
         "tick": change.tick,
@@ -726,7 +725,7 @@ def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) ->
 
 
 def cause_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
-    """Return the causes of a mission's failure in words, with changes for a success."""
+    """Describe the causes of a mission's failure, followed by the given description of changes for a success."""
     lines = [escape_to_one_line(reasons.said)]
     if reasons.likeliest is not None and reasons.has_cause:
         lines += ["", "Likeliest cause:", f"  {_status_line(reasons.likeliest)}"]
@@ -739,44 +738,44 @@ def cause_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
         lines += ["", otherwise]
     if reasons.before:
         lines += ["", "Earlier failures that did not determine the result:"]
-        lines += [f"  {_status_line(each.first)}{_repetition(each)}" for each in reasons.before[:_MOST]]
-        if len(reasons.before) > _MOST:
-            lines.append(f"  … {len(reasons.before) - _MOST} more nodes")
+        lines += [f"  {_status_line(each.first)}{_repetition(each)}" for each in reasons.before[:_MAX_LISTED]]
+        if len(reasons.before) > _MAX_LISTED:
+            lines.append(f"  … {len(reasons.before) - _MAX_LISTED} more nodes")
     return "\n".join(lines)
 
 
 def likeliest_cause(reasons: CauseOfFailure) -> str:
-    """Return the likeliest cause of a failure in a line; empty if there is none."""
+    """Return a line with the likeliest cause of a failure; empty if no node is the cause."""
     if reasons.likeliest is None or reasons.likeliest.node is None or not reasons.has_cause:
         return ""
     return f"likeliest cause: {_status_line(reasons.likeliest)}"
 
 
 def _repetition(failure: FormerFailure) -> str:
-    return f"; {failure.times} times, until {clock_text(failure.last.time)}" if failure.times > 1 else ""
+    return f", {failure.times} times until {clock_text(failure.last.time)}" if failure.times > 1 else ""
 
 
 def _status_line(cause: NodeStatus) -> str:
     at = f"{clock_text(cause.since.time)}  " if cause.since is not None else ""
-    said = f", {shorten(cause.message)}" if cause.message else ""
+    message = f", {shorten(cause.message)}" if cause.message else ""
     place = f"  ({cause.place})" if cause.place else ""
-    return escape_to_one_line(f"{at}{cause.name} {outcome_words(cause.status, cause.label)}{said}{place}")
+    return escape_to_one_line(f"{at}{cause.name} {outcome_words(cause.status, cause.label)}{message}{place}")
 
 
 def difference_text(difference: RunDifference | None, names: tuple[str, str]) -> str:
-    """Return the first difference of two runs in words; the names are those of their journals."""
+    """Describe the first difference between two runs, which are named by their journals."""
     if difference is None:
         return "In both runs all nodes had the same statuses, in the same order."
-    lines = [f"The runs are equal in {difference.step} changes of status. Then:"]
+    lines = [f"The runs differ after {difference.step} equal status changes:"]
     for name, cause in zip(names, (difference.here, difference.there), strict=True):
         lines.append(
-            f"  {escape_to_one_line(name)}: {_status_line(cause) if cause is not None else 'nothing more, because the run had ended'}"
+            f"  {escape_to_one_line(name)}: {_status_line(cause) if cause is not None else 'no further change, because the run had ended'}"
         )
     return "\n".join(lines)
 
 
 def cause_data(reasons: CauseOfFailure) -> dict[str, Any]:
-    """Return the causes of a mission's failure as JSON values."""
+    """Return the causes of a mission's failure as a JSON object."""
     return {
         "outcome": reasons.outcome,
         "reason": reasons.reason,
@@ -792,7 +791,7 @@ def cause_data(reasons: CauseOfFailure) -> dict[str, Any]:
 
 
 def difference_data(difference: RunDifference | None) -> dict[str, Any] | None:
-    """Return the first difference of two runs as JSON values."""
+    """Return the first difference between two runs as a JSON object."""
     if difference is None:
         return None
     sides = ("here", difference.here), ("there", difference.there)
@@ -800,7 +799,7 @@ def difference_data(difference: RunDifference | None) -> dict[str, Any] | None:
 
 
 def status_data(cause: NodeStatus) -> dict[str, Any]:
-    """Return the outcome of a node as JSON values."""
+    """Return the status of a node as a JSON object."""
     return {**cause._asdict(), "since": cause.since and _instant(cause.since)}
 
 

@@ -44,7 +44,7 @@ def why(tree, tmp_path, capsys):
 
 def test_it_tells_people_what_would_have_succeeded(why):
     assert (
-        "\nIt would have succeeded with another outcome:\n  0:00  Look SUCCESS instead of FAILURE  (" in why()
+        "\nThe mission would have succeeded with another outcome:\n  0:00  Look SUCCESS instead of FAILURE  (" in why()
     )
 
 
@@ -57,12 +57,12 @@ def test_it_tells_people_what_would_have_succeeded(why):
 )
 def test_where_the_budget_does_not_suffice_the_reasons_are_told_without_it(why, options, reason):
     told = why(*options)
-    assert told.startswith(why().partition("\nIt would have succeeded")[0])
+    assert told.startswith(why().partition("\nThe mission would have succeeded")[0])
     assert f"would have led to success: nothing is known yet: {reason}" in told
 
 
 def test_ctrl_c_ends_the_search_and_the_reasons_are_shown(why, monkeypatch):
-    reasons = why().partition("\nIt would have succeeded")[0]
+    reasons = why().partition("\nThe mission would have succeeded")[0]
     monkeypatch.setattr(Budget, "is_spent", press_ctrl_c)
     told = why(status=130)
     assert told.startswith(reasons)
@@ -105,7 +105,7 @@ def test_a_tree_with_mistakes_says_the_first_of_them(why, tree):
 
 def test_the_options_of_the_run_that_are_missing_are_named(why):
     said = why(nodes=(), options=[["--nodes", NODES[1]], ["--model", "ros:jazzy"]])
-    assert "cannot be loaded without options of that run: there is no node 'A'" in said
+    assert "cannot be loaded without options of the run: there is no node 'A'" in said
     assert f"Add them: --nodes {NODES[1]}\n" in said
     assert "instead of FAILURE" in why()
 

@@ -89,10 +89,10 @@ def test_a_mission_that_is_resumed_is_reported_from_its_beginning(start, tmp_pat
     [
         (
             ["--report", "r.pdf"],
-            "the name of a report ends in .html, .json, .geojson, .kml, .cot, .cap, and r.pdf does not",
+            "unknown report format of r.pdf (known endings: .html, .json, .geojson, .kml, .cot, .cap)",
         ),
         (["--report", "r.cot"], "r.cot contains world coordinates. Add georeference"),
-        (["--report", "not/there/r.html"], "there is no folder"),
+        (["--report", "not/there/r.html"], "not/there does not exist"),
         (["--check", "--report", "r.html"], "--check starts no run"),
         (
             ["--report", "r.cap", "--ros-args", "-p", "georeference.lat:=91.0"],

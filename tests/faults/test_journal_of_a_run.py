@@ -185,4 +185,4 @@ def test_a_leaf_may_ask_for_the_journal_of_its_run(start, tmp_path):
     assert show.end() == 0
     assert "written  by me" in " ".join(show.output.split()).replace("written by", "written  by")
     assert "node 'me', tick 1, status SUCCESS" in show.output
-    assert show.output.startswith("a tree of no mission, complete: ")
+    assert show.output.startswith("a tree without a mission, complete: ")

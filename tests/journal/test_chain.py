@@ -229,7 +229,7 @@ def test_a_chain_that_was_computed_anew_is_found_with_the_head_and_only_with_it(
     anew(place)
     assert main(["check", str(place)]) == 0
     assert (
-        "Without --head HEX, from the summary or a report, a recomputed or truncated chain cannot be detected"
+        "Without --head HEX from the run's summary or a report, a recomputed or truncated chain cannot be detected"
         in capsys.readouterr().out
     )
     assert main(["check", str(place), "--head", flown[3]]) == 1
@@ -248,7 +248,7 @@ def test_an_end_that_was_cut_off_is_found_with_the_head_and_only_with_it(flown, 
 
 def test_the_head_of_an_earlier_run_does_not_vouch_for_the_next_one(flown, capsys):
     assert main(["check", str(flown[0]), "--head", flown[1].upper()]) == 1
-    assert "is that of run 1, and does not cover later entries" in capsys.readouterr().out
+    assert "is the head of run 1, and does not cover later entries" in capsys.readouterr().out
 
 
 def test_the_head_that_the_run_has_told_is_that_of_its_file(flown, capsys):
@@ -357,7 +357,7 @@ def test_what_waits_in_the_reserve_is_said_and_chained_by_the_next_run(tmp_path,
         journal.close()
         other.execute("ROLLBACK")
     assert main(["check", str(place)]) == 0
-    assert "1 fact beside it, in its reserve, will be chained by the next run" in capsys.readouterr().out
+    assert "1 event in the journal's reserve file will be added to the chain by the next run" in capsys.readouterr().out
     found = verdict(place, fly(place))
     assert (found.state, found.chain.entries, len(found.chain.heads)) == ("whole", 17, 2)
 

@@ -83,7 +83,7 @@ def test_a_mission_that_runs_is_told_as_running(tmp_path, capsys):
     journal.begin({"mission": None}, {})
     journal.record_event("base_reached")
     out = shown(capsys, tmp_path / "mission.journal")
-    assert out.startswith("a tree of no mission, working\n")
+    assert out.startswith("a tree without a mission, working\n")
     assert "base_reached" in out
     journal.close()
 

@@ -118,7 +118,7 @@ def test_a_leaf_that_is_stopped_or_skipped_has_given_no_answer(place, capsys):
 
 def test_a_journal_in_which_no_leaf_has_answered_is_said(place, capsys):
     fly(place)
-    assert told(capsys, place) == "1 run; no leaf has returned a result.\n"
+    assert told(capsys, place) == "1 run. No leaf has returned a result.\n"
     assert parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data == {"outcomes": {}}
 
 
@@ -154,7 +154,7 @@ def test_as_assumptions_a_declared_answer_has_its_chance_and_its_time(place, cap
             ]
         }
     }
-    assert "# Fewer than 10 results, so nothing is assumed: Main/Look (1)" in text
+    assert "# Fewer than 10 results, so no assumption is written: Main/Look (1)" in text
     assert '"Main/Drive":  # 10 outcomes' in text
 
 

@@ -331,7 +331,7 @@ class TestKml:
     def test_each_says_what_it_is(self):
         said = {name: each.findtext(f"{OGC}description") for name, each in self.placemarks().items()}
         assert said["robot1/survivor_1"].startswith(
-            "survivor: candidate; found in zone_a at (100.00, 0.00) m of the robot's map"
+            "survivor: candidate; found in zone_a at (100.00, 0.00) m on the robot's map"
         )
         assert said["robot1/zone_b"] == "zone: abandoned, after attempt 2"
         assert said["robot1/base station"] == "base"
@@ -500,7 +500,7 @@ class TestCourses:
         heights = [float(point.partition(",")[2]) for point in points.split()]
         assert heights == [131.0, 131.0, 5.0, 5.0]
         assert "<h2>Share seen</h2>" in page
-        assert 'aria-label="share seen: 10 % at first, 150 % at last"' in page
+        assert 'aria-label="share seen: 10 % at the start, 150 % at the end"' in page
 
     @pytest.mark.parametrize(
         "told", [[percent(10)], [percent(10), percent(10)], [percent(math.nan), percent(10)]]
@@ -574,7 +574,7 @@ class TestThePage:
         assert not any("--georeference" in step for step in self.steps(REJECTED, parameters={}))
 
     def test_of_a_mission_that_is_not_over_a_later_report_is_asked_for(self):
-        assert self.steps(ended=False)[-1].startswith("Ask for a later report: this one is from 2023-11-1")
+        assert self.steps(ended=False)[-1].startswith("Ask for a later report: the run had not ended at 2023-11-1")
 
     def test_the_properties_of_a_watched_run_are_for_engineers(self):
         page = html_report(mission(*WATCHED))
@@ -604,7 +604,7 @@ class TestThePage:
         assert "The end of the run is not recorded." in limits(ended=False)
 
     def test_a_mission_that_has_left_nothing_says_so(self):
-        assert "The mission has left nothing to do." in html_report(MissionState())
+        assert "There are no open tasks." in html_report(MissionState())
 
     def test_what_engineers_read_comes_last_and_is_not_printed(self):
         page = html_report(mission(alarm("low"), *PATROL))
@@ -621,7 +621,7 @@ class TestThePage:
                 "Alarms",
                 "Limits of this report",
             ],
-            ["What has happened", "Faults met", "Parameters", "Tree"],
+            ["All events", "Warnings and errors", "Parameters", "Tree"],
         ]
         assert ".annex { display: none }" in page.partition("@media print")[2]
 
@@ -714,8 +714,8 @@ class TestThePage:
             assert words in read
 
     def test_what_has_happened_is_told_in_words(self):
-        (table,) = re.findall("<h2>What has happened</h2>(.*?)<h2>", html_report(mission(*PATROL)))
-        cells = re.findall('data-head="what">([^<]*)</td>', table)
+        (table,) = re.findall("<h2>All events</h2>(.*?)<h2>", html_report(mission(*PATROL)))
+        cells = re.findall('data-head="event">([^<]*)</td>', table)
         assert [html.unescape(cell) for cell in cells[-2:]] == [
             'photo taken: photo: photo_1, points: ["yard", 2]',
             "point left",
@@ -723,7 +723,7 @@ class TestThePage:
 
     def test_of_very_much_the_page_says_how_much_more_there_is(self):
         page = html_report(mission(*[("reading", {"at": each}) for each in range(996)]))
-        assert page.count('<td class="text" data-head="what">') == 1000 + 12
+        assert page.count('<td class="text" data-head="event">') == 1000 + 12
         assert "3 more are in the journal." in page
 
     def test_the_way_of_the_robot_is_drawn_over_the_map(self):
@@ -764,12 +764,12 @@ class TestThePage:
 
     def test_a_simulation_says_not_to_act_on_it_and_has_no_next_steps(self):
         page = texts(html_report(mission(simulated=True)))
-        assert "\nSIMULATED. Do not act on it: no real people were involved.\n" in page
+        assert "\nSIMULATED. Do not act on this report: no real people were involved.\n" in page
         assert "Go to survivor_1" not in page
         patrol = MissionState.from_stream(
             [JournalEntry(1, 1, 0.0, 0.0, "run_began", {"simulated": True, "run": {}})]
         )
-        assert "\nSIMULATED. Do not act on it.\n" in texts(html_report(patrol))
+        assert "\nSIMULATED. Do not act on this report.\n" in texts(html_report(patrol))
 
     @pytest.mark.parametrize(
         "told",
@@ -817,7 +817,7 @@ class TestWhatIsRefusedBeforehand:
             require_form(tmp_path / "report.pdf", None)
 
     def test_there_must_be_the_folder(self, tmp_path):
-        with pytest.raises(ReportError, match="there is no folder"):
+        with pytest.raises(ReportError, match="does not exist"):
             require_form(tmp_path / "not" / "report.html", None)
 
     def test_a_folder_is_no_file(self, tmp_path):
@@ -828,7 +828,7 @@ class TestWhatIsRefusedBeforehand:
     def test_the_folder_must_take_files(self, tmp_path, monkeypatch):
         # Root may write to each of them, and tests may be run by root.
         monkeypatch.setattr(os, "access", lambda path, mode: (path, mode) != (tmp_path, os.W_OK))
-        with pytest.raises(ReportError, match=f"{tmp_path} may not be written to"):
+        with pytest.raises(ReportError, match=f"no permission to write to {tmp_path}"):
             require_form(tmp_path / "r.html", None)
 
     def test_a_device_is_written_to_wherever_it_is(self, tmp_path, monkeypatch):

@@ -131,7 +131,7 @@ def test_where_the_map_lies_is_as_it_was_said_last_and_that_is_told(journal_of, 
     assert main(["report", journal_of(**PLACE), "-o", str(out), *OPTION]) == 0
     assert place_in(out) == [-33.9, 18.4, 0.0]
     assert capsys.readouterr().err == (
-        "sar-journal: note: --georeference -33.9,18.4,0.0 is used. The journal has 48.2,16.37,90.0\n"
+        "sar-journal: note: --georeference -33.9,18.4,0.0 replaces the journal's 48.2,16.37,90.0\n"
     )
 
 

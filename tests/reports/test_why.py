@@ -351,7 +351,7 @@ class TestTheFirstDifference:
         difference = first_difference(short, long)
         assert difference is not None and difference.there  # noqa: PT018
         assert (difference.here, difference.there.status) == (None, "SUCCESS")
-        assert "nothing more, because the run had ended" in difference_text(difference, ("a", "b"))
+        assert "no further change, because the run had ended" in difference_text(difference, ("a", "b"))
 
 
 class TestTheCommand:
@@ -381,7 +381,7 @@ class TestTheCommand:
 
     def test_it_compares_two_runs(self, places, capsys):
         assert main(["why", places[0], "--against", places[1]]) == 0
-        assert "The runs are equal in 0 changes of status. Then:" in capsys.readouterr().out
+        assert "The runs differ after 0 equal status changes:" in capsys.readouterr().out
 
     @pytest.mark.parametrize("has_begun", [False, True])
     def test_a_journal_in_which_nothing_has_happened_is_no_failure(self, has_begun, tmp_path, capsys):
@@ -390,7 +390,7 @@ class TestTheCommand:
             file.begin_run({}, {}, 0.0)
         file.close()
         assert main(["why", str(tmp_path / "m.journal")]) == 0
-        first = "Likeliest cause:\n  0:00  run KILLED, the process of the run ended without a record: it was killed, or has crashed\n\n"
+        first = "Likeliest cause:\n  0:00  run KILLED, the process of the run ended without recording an end: it was killed or crashed\n\n"
         said = (
             f"CRASHED: at 0:00: the robot was not driving\n\n{first}"
             if has_begun

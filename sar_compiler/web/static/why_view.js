@@ -38,12 +38,12 @@ export class WhyView {
     if (!change) return [];
     const { was, instead, then, time, place } = change;
     const words = `${instead.name} ${meant(instead)} instead of ${meant(was)}`;
-    const usual = change.unusual ? `${change.unusual} of them unusual` : "as usual";
+    const unusual = change.unusual ? `, ${change.unusual} of them unusual` : "";
     const more = then.length > SHOWN ? `, and ${then.length - SHOWN} more` : "";
     const after = then.slice(0, SHOWN).map((each) => `${each.name} ${each.label || each.status}`).join(", ");
     return [
-      html("h2", {}, "It would have succeeded with another outcome"),
-      html("ol", {}, this.line({ ...instead, depth: 0 }, words, time, place), ...(after ? [html("li", {}, `and after it, ${usual}: ${after}${more}`)] : [])),
+      html("h2", {}, "The mission would have succeeded with another outcome"),
+      html("ol", {}, this.line({ ...instead, depth: 0 }, words, time, place), ...(after ? [html("li", {}, `followed by these outcomes${unusual}: ${after}${more}`)] : [])),
     ];
   }
 
