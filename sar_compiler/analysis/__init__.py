@@ -1,4 +1,4 @@
-"""Analyses of a tree's runs: simulation, verification, prediction, sweeps, conformance and monitoring."""
+"""Analyses of a tree's runs: simulation, verification, prediction, Monte Carlo runs, conformance and monitoring."""
 
 PUBLIC_MODULES = (
     "approval",

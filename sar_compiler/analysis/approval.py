@@ -1,8 +1,8 @@
 """A person's approval of an exact version of a tree and its parts.
 
-The parts are its files, the ID of the tree to run, the mission's parameters with the files that they name, and the file of
-properties. Records are in the user's state folder, a readable file for each tree. Stored beside the tree, they could be
-written by an author of trees.
+The parts are the tree files, the ID of the tree to run, the mission's parameters, the files that the parameters name, and
+the properties file. The approvals are stored in the user's state folder, in a readable file for each tree. If they were
+stored next to the tree, an author of trees could write them.
 """
 
 import hashlib
@@ -31,12 +31,12 @@ from sar_compiler.resources import state_folder
 from sar_compiler.tree.content import encode_text, real_path
 from sar_compiler.tree.diagnostic import Source
 
-# The parameters of every ROS node, which do not concern the mission.
-_OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
+# The parameters that every ROS node has. They do not concern the mission.
+_ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides")
 _TRUSTED_OWNERS = (0,)
-"""Users whose files count as the user's own: root."""
-_SHOWN = 3
-"""How many changed parameters a message names."""
+"""The IDs of users whose files are trusted like the user's own files: root."""
+_MAX_LISTED = 3
+"""The maximum number of changed parameters that a message names."""
 
 
 class ApprovalError(SarError):
@@ -47,13 +47,13 @@ class Fingerprint(NamedTuple):
     """The files and parameters that determine a run of a tree.
 
     Attributes:
-        file: The tree file, with links followed.
-        tree: The ID of the tree that is run; empty if it has none.
-        files: The SHA-256 of the tree file, of each file that it includes, and of the source files of its set's trees with
-            their includes; by their paths from its folder.
-        parameters: The parameters of the mission, by their flat names, without those of every ROS node.
-        named: The SHA-256 of each file that a parameter names, by the parameter.
-        properties: The SHA-256 of the file of properties; empty without one.
+        file: The path of the tree file, with symbolic links resolved.
+        tree: The ID of the tree to run; empty if the tree has no ID.
+        files: The SHA-256 of the tree file, the files that it includes, and the other source files of its set of trees,
+            by path relative to the folder of the tree file.
+        parameters: The parameters of the mission by flat name, without the parameters that every ROS node has.
+        named: The SHA-256 of each file that a parameter names, by parameter.
+        properties: The SHA-256 of the properties file; empty if there is none.
     """
 
     file: Path
@@ -67,19 +67,19 @@ class Fingerprint(NamedTuple):
     def from_tree(
         cls, tree: ProjectTree, tree_id: str | None, params: Path | None, properties: Path | None
     ) -> "Fingerprint":
-        """Return the fingerprint of a tree as it was read, even if its files have changed since.
+        """Return the fingerprint of a loaded tree, even if its files have changed since they were read.
 
         Args:
             tree: The tree file.
-            tree_id: The tree in it; by default the one that the file executes.
-            params: The parameter file; by default that of the mission.
-            properties: The file of properties, if one is named.
+            tree_id: The ID of the tree to run; by default the tree that the file executes.
+            params: The parameter file; by default the mission's parameter file.
+            properties: The properties file; None for none.
 
         Raises:
-            TreeError: If it is malformed, has errors, or no such tree.
-            ApprovalError: If a file that was read twice, also as a part of its set, has changed in between.
+            TreeError: If the file is malformed, has errors, or does not contain the tree.
+            ApprovalError: If a file that was read twice changed in between.
             ParameterFileError, ParameterError: If the mission cannot start with the parameters.
-            UnreadableFileError: If the file of properties cannot be read.
+            UnreadableFileError: If the properties file cannot be read.
         """
         reader = read_parameters(tree, params, tree_id)
         return cls(
@@ -93,7 +93,7 @@ class Fingerprint(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """The SHA-256 of all parts, which does not depend on their absolute paths."""
+        """The SHA-256 of all parts, which does not depend on the absolute path of the tree file."""
         return _digest(json.dumps(self[1:], sort_keys=True).encode())
 
 
@@ -101,11 +101,11 @@ class Approval(NamedTuple):
     """The approval of a tree by a person.
 
     Attributes:
-        file: The tree file.
-        by: The person.
-        when: The time, UTC, in ISO 8601.
-        digest: The `Fingerprint.digest` at that time.
-        tree, files, parameters, named, properties: As `Fingerprint` had them then.
+        file: The path of the tree file.
+        by: The name of the person.
+        when: The time of the approval, in UTC (ISO 8601).
+        digest: The `Fingerprint.digest` of the approved version.
+        tree, files, parameters, named, properties: The attributes of the approved version's `Fingerprint`.
     """
 
     file: str
@@ -124,18 +124,18 @@ class Approval(NamedTuple):
 
 
 def approve(fingerprint: Fingerprint, by: str) -> Approval:
-    """Store the approval of a tree, and replace an earlier one.
+    """Store the approval of a tree, which replaces an earlier approval.
 
     Args:
-        fingerprint: The parts of the tree.
-        by: The person.
+        fingerprint: The approved version.
+        by: The name of the person.
 
     Raises:
-        ApprovalError: If it cannot be stored, or other users can write there as well.
+        ApprovalError: If the approval cannot be stored, or other users can write to the folder of approvals.
     """
     when = datetime.now(timezone.utc).isoformat(timespec="seconds")
     approval = Approval(str(fingerprint.file), by, when, fingerprint.digest, *fingerprint[1:])
-    record = _record(fingerprint.file, fingerprint.tree)
+    record = _record_path(fingerprint.file, fingerprint.tree)
     try:
         record.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         _require_own_folder()
@@ -147,26 +147,26 @@ def approve(fingerprint: Fingerprint, by: str) -> Approval:
 
 
 def approvals() -> Iterator[Approval]:
-    """Yield the approvals, sorted by the names of their records.
+    """Yield the user's approvals, sorted by the names of their files.
 
     Raises:
-        ApprovalError: If a record is unreadable, or other users could have written it.
+        ApprovalError: If an approval is unreadable, or other users could have written it.
     """
-    for record in _records(""):
-        yield _read(record)
+    for record in _record_paths(""):
+        yield _read_record(record)
 
 
 def revoke(file: Path) -> list[Approval]:
-    """Delete and return the approvals of a file's trees.
+    """Delete the approvals of a file's trees, and return them.
 
     Raises:
-        ApprovalError: If none is approved, or a record cannot be deleted.
+        ApprovalError: If no tree of the file is approved, or an approval cannot be deleted.
     """
-    records = _records(_name_of(real_path(file)))
+    records = _record_paths(_record_prefix(real_path(file)))
     if not records:
         raise ApprovalError(f"{file} is not approved")
     try:
-        revoked = [_read(record) for record in records]
+        revoked = [_read_record(record) for record in records]
         for record in records:
             record.unlink()
     except OSError as error:
@@ -178,14 +178,15 @@ class ApprovalCheck:
     """Checks that a run's tree, parameters and monitored properties are approved.
 
     Args:
-        tree: The tree, as it was read.
-        tree_id: The tree in the file; by default the one that the file executes.
+        tree: The loaded tree.
+        tree_id: The ID of the tree to run; by default the tree that the file executes.
         params: The parameter file in the command line, for the messages.
-        properties: The file of properties in the command line, for the messages.
+        properties: The properties file in the command line, for the messages.
 
     Raises:
-        ApprovalError: If the tree is not approved as it is; the message says what has changed, and how to approve it.
-        TreeError: If it is malformed.
+        ApprovalError: If this version of the tree is not approved. The message contains the changes and the command that
+            approves the version.
+        TreeError: If the tree file is malformed.
     """
 
     def __init__(
@@ -196,38 +197,42 @@ class ApprovalCheck:
         properties: Path | None = None,
     ) -> None:
         self._path = tree.path
-        self._how = f"Review it, then run: {approve_command(tree, tree_id, params, properties)}"
+        self._remedy = f"Review it, then run: {approve_command(tree, tree_id, params, properties)}"
         wanted = _id_of(tree, tree_id)
-        record = _record(real_path(tree.path), wanted)
+        record = _record_path(real_path(tree.path), wanted)
         if not record.is_file():
-            others = [each.tree for each in map(_read, _records(_name_of(real_path(tree.path))))]
+            others = [
+                each.tree for each in map(_read_record, _record_paths(_record_prefix(real_path(tree.path))))
+            ]
             what = f"the tree '{wanted}' of {tree.path}" if others and wanted else str(tree.path)
-            instead = f" ({', '.join(others)} is)" if any(others) else ""
-            raise ApprovalError(f"{what} is not approved{instead}, which --approved requires. {self._how}")
-        self._approval = _read(record)
-        self._refuse(_changed_files(_files_of(tree), self._approval.files))
+            instead = f" (approved: {', '.join(others)})" if any(others) else ""
+            raise ApprovalError(
+                f"{what} is not approved{instead}, but --approved requires it. {self._remedy}"
+            )
+        self._approval = _read_record(record)
+        self._reject_changes(_changed_files(_files_of(tree), self._approval.files))
 
     def require_properties(self, source: Source) -> None:
-        """Require that the approved properties are monitored in a run.
+        """Require that a run monitors the approved properties.
 
         Args:
-            source: The file of properties, as it was read.
+            source: The properties file, as it was read.
 
         Raises:
-            ApprovalError: If it is another file.
+            ApprovalError: If the content differs from the approved properties file.
         """
         if _digest(encode_text(source, source.text)) != self._approval.properties:
-            self._refuse([f"{source.path} is not the file of properties that was approved"])
+            self._reject_changes([f"{source.path} is not the approved properties file"])
 
     def require_parameters(self, parameters: Mapping[str, object], files: Mapping[str, FileContent]) -> None:
-        """Require that a run has the parameters that were approved.
+        """Require that a run has the approved parameters.
 
         Args:
-            parameters: The parameters of its node by their flat names, from any source.
-            files: The files that they name, as read, by the parameter.
+            parameters: The parameters of the run's node by flat name, from any source.
+            files: The content of the files that the parameters name, by parameter.
 
         Raises:
-            ApprovalError: If it has others, or a file has changed.
+            ApprovalError: If a parameter differs, or a file has changed.
         """
         now, then = _mission_parameters(parameters), self._approval.parameters
         changed = [
@@ -235,28 +240,28 @@ class ApprovalCheck:
             for name in sorted(now.keys() | then.keys())
             if _value_text(now, name) != _value_text(then, name)
         ]
-        if len(changed) > _SHOWN:
-            changed = [*changed[:_SHOWN], f"and {len(changed) - _SHOWN} more parameters"]
+        if len(changed) > _MAX_LISTED:
+            changed = [*changed[:_MAX_LISTED], f"and {len(changed) - _MAX_LISTED} more parameters"]
         digests = _digests(files)
         changed += [
             f"{files[name].path} has changed"
             for name in digests
             if digests[name] != self._approval.named.get(name)
         ]
-        self._refuse(changed)
+        self._reject_changes(changed)
 
-    def _refuse(self, changes: Sequence[str]) -> None:
+    def _reject_changes(self, changes: Sequence[str]) -> None:
         if changes:
             approval = self._approval
             raise ApprovalError(
-                f"{self._path} differs from the version that {approval.by} approved on {approval.when}: {', '.join(changes)}. {self._how}"
+                f"{self._path} differs from the version that {approval.by} approved on {approval.when}: {', '.join(changes)}. {self._remedy}"
             )
 
 
 def approve_command(
     tree: ProjectTree, tree_id: str | None, params: Path | None, properties: Path | None
 ) -> str:
-    """Return the command line that approves a run."""
+    """Return the command line that approves a tree with its parameters and properties."""
     options = {"tree": tree_id, "params": params, "properties": properties}
     words = [f"--{name}={value}" for name, value in options.items() if value is not None]
     return shlex.join(["sar-compile", "approve", str(tree.path), *words])
@@ -286,11 +291,11 @@ def _changed_files(now: Mapping[str, str], then: Mapping[str, str]) -> list[str]
 
 
 def _mission_parameters(parameters: Mapping[str, object]) -> dict[str, object]:
-    """Return parameters as JSON values, with lists instead of ROS's arrays."""
+    """Return the parameters of the mission as JSON values, with lists instead of ROS's arrays."""
     return {
         name: value if isinstance(value, str) or not isinstance(value, Iterable) else [*value]
         for name, value in parameters.items()
-        if name.partition(".")[0] not in _OF_ROS
+        if name.partition(".")[0] not in _ROS_PARAMETERS
     }
 
 
@@ -307,59 +312,59 @@ def _digest(data: bytes) -> str:
 
 
 def approval_folder() -> Path:
-    """Return the folder of the user's approvals: a file for each tree."""
+    """Return the folder of the user's approvals, which contains a file for each approved tree."""
     return state_folder() / "approved"
 
 
-def _name_of(file: Path) -> str:
+def _record_prefix(file: Path) -> str:
     return _digest(os.fsencode(file))
 
 
-def _record(file: Path, tree: str) -> Path:
-    return approval_folder() / f"{_name_of(file)}-{_digest(tree.encode())[:16]}.json"
+def _record_path(file: Path, tree: str) -> Path:
+    return approval_folder() / f"{_record_prefix(file)}-{_digest(tree.encode())[:16]}.json"
 
 
-def _records(beginning: str) -> list[Path]:
-    """Return the records whose names have a prefix."""
+def _record_paths(prefix: str) -> list[Path]:
+    """Return the paths of the approvals whose file names begin with a prefix."""
     folder = approval_folder()
     if not folder.exists():
         return []
     _require_own_folder()
     return [
-        each for each in folder_entries(folder) if each.suffix == ".json" and each.name.startswith(beginning)
+        each for each in folder_entries(folder) if each.suffix == ".json" and each.name.startswith(prefix)
     ]
 
 
 def _require_own_folder() -> None:
-    """Require that only the user, and the system, can write approvals.
+    """Require that only the user and root can write to the folder of approvals.
 
     Raises:
-        ApprovalError: If other users can.
+        ApprovalError: If other users can write to the folder or replace it.
     """
     folder = real_path(approval_folder())
     about = folder.stat()
     _require_own(folder, about.st_uid, about.st_mode)
-    for above in folder.parents:
-        mode = above.stat().st_mode
+    for parent in folder.parents:
+        mode = parent.stat().st_mode
         # In a sticky folder such as /tmp only the owner can replace an entry.
         if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
-            _refuse_place(above, "all users can write there", f"chmod o-w {shlex.quote(str(above))}")
+            _reject_location(parent, "all users can write to it", f"chmod o-w {shlex.quote(str(parent))}")
 
 
 def _require_own(place: Path, owner: int, mode: int) -> None:
     if sys.platform == "win32":
         return
     if owner not in (os.geteuid(), *_TRUSTED_OWNERS):
-        _refuse_place(place, "it belongs to another user", f"rm -r {shlex.quote(str(place))}")
+        _reject_location(place, "it belongs to another user", f"rm -r {shlex.quote(str(place))}")
     if mode & (stat.S_IWGRP | stat.S_IWOTH):
-        _refuse_place(place, "other users can write there", f"chmod go-w {shlex.quote(str(place))}")
+        _reject_location(place, "other users can write to it", f"chmod go-w {shlex.quote(str(place))}")
 
 
-def _refuse_place(place: Path, why: str, how: str) -> None:
+def _reject_location(place: Path, why: str, how: str) -> None:
     raise ApprovalError(f"approvals in {place} are ignored: {why}. Review the approvals, then run: {how}")
 
 
-def _read(record: Path) -> Approval:
+def _read_record(record: Path) -> Approval:
     _require_own_folder()
     try:
         content = read_file(record, APPROVAL)
@@ -369,7 +374,7 @@ def _read(record: Path) -> Approval:
     except (ValueError, RecursionError):
         data = None
     identity = content.identity
-    assert identity is not None  # noqa: S101 - only standard input has none
+    assert identity is not None  # noqa: S101 - only standard input has no identity
     _require_own(record, identity.owner, identity.mode)
     kinds = {"files": dict, "parameters": dict, "named": dict}
     if isinstance(data, dict) and data.keys() == set(Approval._fields):

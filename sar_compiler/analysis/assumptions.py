@@ -1,6 +1,6 @@
-"""Read the assumptions in a scenario or properties file: `facts:`, `outcomes:` and `controls:`.
+"""Reading of the assumptions in a scenario or properties file: `facts:`, `outcomes:` and `controls:`.
 
-`controls:` names replacements for nodes whose behaviour is unknown.
+The section `controls:` names replacements for controls and decorators whose behaviour is unknown.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -33,17 +33,22 @@ from sar_compiler.tree.model import TreeFile
 
 # Tolerance for the sum of rounded probabilities.
 _ROUNDING = 1e-3
-_KINDS: Mapping[type, str] = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
+_TYPE_NAMES: Mapping[type, str] = {
+    bool: "true or false",
+    int: "an integer",
+    float: "a number",
+    str: "a string",
+}
 
 
 @dataclass(frozen=True)
 class StartValues:
-    """Start values of runs from a mission's parameters; a scenario or a property file overrides them.
+    """Start values of runs from a mission's parameters. A scenario or properties file overrides them.
 
     Attributes:
-        parameters: The keys of the root blackboard.
-        facts: The facts that they determine. Facts unknown to a tree are ignored.
-        period_sec: The time between two ticks, seconds; None if it is not set.
+        parameters: The values of the root blackboard's keys.
+        facts: The facts that the parameters determine. Facts unknown to a tree are ignored.
+        period_sec: The time between two ticks, in seconds; None if it is not set.
     """
 
     parameters: Mapping[str, object] = field(default_factory=dict)
@@ -59,14 +64,14 @@ def raise_disputes(simulated: SimulatedTree) -> None:
     """Raise an error if leaves of a tree declare different initial values for a fact.
 
     Raises:
-        DisputedFactError: If there is such a fact.
+        DisputedFactError: If leaves declare different initial values.
     """
     if simulated.disputes:
-        raise DisputedFactError("; ".join(simulated.disputes.values()))
+        raise DisputedFactError(". ".join(simulated.disputes.values()))
 
 
 def start_assumptions(start: StartValues, simulated: SimulatedTree) -> Assumptions:
-    """Return the initial facts from a mission's parameters, for a simulation without the mission."""
+    """Return the initial facts from a mission's parameters, without facts that the tree does not have."""
     known = simulated.fact_values()
     return Assumptions({name: fact for name, fact in start.facts.items() if name in known})
 
@@ -78,14 +83,14 @@ def read_assumptions(
 
     Args:
         document: The file.
-        facts: The value of its `facts:`, if it has any.
-        outcomes: The value of its `outcomes:`, if it has any.
+        facts: The value of the file's `facts:`; None if missing.
+        outcomes: The value of the file's `outcomes:`; None if missing.
         simulated: The tree, simulated without these assumptions.
     """
-    said = {} if outcomes is None else _read_outcomes(outcomes, LeafVocabulary(document, simulated))
-    used = {use for options in said.values() for outcome in options for use in _names_in(outcome)}
+    assumed = {} if outcomes is None else _read_outcomes(outcomes, LeafVocabulary(document, simulated))
+    used = {use for options in assumed.values() for outcome in options for use in _names_in(outcome)}
     values = {} if facts is None else _read_facts(document, facts, simulated.fact_values(), used)
-    return Assumptions(values, said)
+    return Assumptions(values, assumed)
 
 
 def _read_facts(
@@ -105,23 +110,23 @@ def _read_facts(
             if type(fact) is kind or (kind is float and type(fact) is int):
                 facts[name] = kind(fact)
             else:
-                message = f"the fact '{name}' must be {_KINDS[kind]}, but is {inner.kind}"
+                message = f"the fact '{name}' must be {_TYPE_NAMES[kind]}, but is {inner.kind}"
                 document.report("wrong-value", message, inner)
     return facts
 
 
 def _read_outcomes(value: Value, words: LeafVocabulary) -> dict[str, tuple[Outcome, ...]]:
-    said: dict[str, tuple[Outcome, ...]] = {}
+    assumed: dict[str, tuple[Outcome, ...]] = {}
     for key, inner in value.entries or ():
         leaves = words.find(key)
         specs = list({id(spec): spec for spec in map(words.spec, leaves)}.values())
-        kept = [item for item in inner.as_list if "outcome" in item.mapping]
-        options = [_parse_outcome(words.document, item, specs) for item in inner.as_list if item not in kept]
-        declared = _declared_outcomes(words, key, kept, leaves, specs) if kept else ()
+        named = [item for item in inner.as_list if "outcome" in item.mapping]
+        options = [_parse_outcome(words.document, item, specs) for item in inner.as_list if item not in named]
+        declared = _declared_outcomes(words, key, named, leaves, specs) if named else ()
         found = tuple(dict.fromkeys((*declared, *(option for option in options if option is not None))))
         _check_probabilities(words.document, inner, found)
-        said[key.text or ""] = found
-    return said
+        assumed[key.text or ""] = found
+    return assumed
 
 
 def _declared_outcomes(
@@ -131,25 +136,29 @@ def _declared_outcomes(
     leaves: Sequence[StubLeaf],
     specs: Sequence[NodeSpec],
 ) -> tuple[Outcome, ...]:
-    """Return the declared outcomes of leaves, with a file's probabilities and times."""
+    """Return the declared outcomes of leaves, with the probabilities and times that a file gives."""
     if len(specs) != 1:
         message = f"'{key.text}' names leaves that declare different outcomes"
         if specs:
-            words.document.report("wrong-value", message, key, hint="list each of them by its path or tag")
+            words.document.report(
+                "wrong-value", message, key, hint="list the leaves separately, by path or tag"
+            )
         return ()
     outcomes = list(specs[0].outcomes)
-    said: set[int] = set()
+    listed: set[int] = set()
     for item in items:
         for part in item.mapping.keys() & {"status", "label", "when", "then"}:
-            message = f"'outcome' refers to a declared outcome, which has its own '{part}'"
+            message = (
+                f"'outcome' refers to a declared outcome, which already has its '{part}'. Remove '{part}'"
+            )
             words.document.report("conflicting-keys", message, item.mapping[part])
         name = words.parse_outcome(item.mapping["outcome"], leaves)
         for place, outcome in enumerate(outcomes):
             if name is not None and name in (outcome.label, outcome.status):
-                if place in said:
-                    message = f"the outcome '{name}' is listed twice here"
+                if place in listed:
+                    message = f"the outcome '{name}' of this leaf is listed twice"
                     words.document.report("wrong-value", message, item.mapping["outcome"])
-                said.add(place)
+                listed.add(place)
                 p, sec = _probability(words.document, item.mapping)
                 outcomes[place] = replace(outcome, p=p, sec=sec)
                 break
@@ -159,7 +168,7 @@ def _declared_outcomes(
 def _probability(
     document: Document, parts: Mapping[str, Value]
 ) -> tuple[tuple[float, float] | None, tuple[float, float]]:
-    """Return the probability and the duration of an outcome in a file."""
+    """Return the bounds of an outcome's probability and duration in a file."""
     return _interval(document, parts.get("p")), _interval(document, parts.get("sec")) or (0.0, 0.0)
 
 
@@ -168,12 +177,12 @@ def _interval(document: Document, value: Value | None) -> tuple[float, float] | 
         return None
     numbers = [float(each.data) for each in value.as_list]
     if numbers[-1] < numbers[0]:
-        document.report("wrong-value", "an interval goes from the lower to the higher number", value)
+        document.report("wrong-value", "the lower number of an interval must come first", value)
     return numbers[0], numbers[-1]
 
 
 def _check_probabilities(document: Document, value: Value, outcomes: Sequence[Outcome]) -> None:
-    """Report impossible sums of probabilities, and times of a leaf that never runs."""
+    """Report impossible sums of probabilities, and times of a leaf that never returns RUNNING."""
     ending = [outcome for outcome in outcomes if outcome.status != "RUNNING"]
     known = [outcome.p for outcome in ending if outcome.p is not None]
     least, most = sum(p[0] for p in known), sum(p[1] for p in known)
@@ -182,12 +191,10 @@ def _check_probabilities(document: Document, value: Value, outcomes: Sequence[Ou
             "wrong-value", f"the probabilities p of these outcomes add up to {least:g}, not to 1", value
         )
     elif known and len(known) == len(ending) and most < 1.0 - _ROUNDING:
-        message = (
-            f"the probabilities p of these outcomes add up to {most:g} at most, but one of them must occur"
-        )
+        message = f"the probabilities p of these outcomes add up to at most {most:g}, but one of the outcomes must occur"
         document.report("wrong-value", message, value)
     if any(outcome.sec[1] for outcome in ending) and len(ending) == len(outcomes):
-        hint = "omit sec, or add an outcome that is RUNNING"
+        hint = "omit sec, or add the outcome RUNNING"
         document.report(
             "wrong-value", "none of these outcomes is RUNNING, so they take no time", value, hint=hint
         )
@@ -197,8 +204,8 @@ def check_outcomes(value: Value | None, words: LeafVocabulary) -> None:
     """Report unknown names in the assumed outcomes of leaves.
 
     Args:
-        value: The value of the file's `outcomes:`, if it has any.
-        words: The vocabulary of the tree, simulated with all its assumptions.
+        value: The value of the file's `outcomes:`; None if missing.
+        words: The vocabulary of the tree, simulated with all assumptions of the file.
     """
     items = [item for _, inner in (value.entries if value else None) or () for item in inner.as_list]
     for item in items:
@@ -207,7 +214,7 @@ def check_outcomes(value: Value | None, words: LeafVocabulary) -> None:
         ]:
             text = part.text or ""
             if placeholders(text):
-                continue  # filled for each leaf
+                continue  # they are replaced for each leaf
             with suppress(ScriptError):  # reported already
                 for typo in unknown_names(parse(text), words.names):
                     if text[slice(*typo.place)] != UNKNOWN:
@@ -229,7 +236,7 @@ def _parse_outcome(document: Document, value: Value, specs: Sequence[NodeSpec]) 
 
 
 def _can_return(spec: NodeSpec, status: str) -> bool:
-    """Return whether a leaf can return `status`; a leaf without declared outcomes can return any default."""
+    """Return whether a leaf can return a status; a leaf without declared outcomes can return any except SKIPPED."""
     return status in (spec.statuses or ("SUCCESS", "FAILURE", "RUNNING"))
 
 
@@ -245,7 +252,7 @@ def _scripts_fit(document: Document, parts: Mapping[str, Value], outcome: Outcom
 
 
 def _names_in(outcome: Outcome) -> set[str]:
-    """Return the names in an outcome's scripts, except for those with placeholders."""
+    """Return the names that an outcome's scripts use; scripts with placeholders are ignored."""
     scripts = [parse(text) for text in (outcome.when, outcome.then) if text and not placeholders(text)]
     return {use.name for script in scripts for use in name_uses(script)}
 
@@ -253,11 +260,11 @@ def _names_in(outcome: Outcome) -> set[str]:
 def apply_controls(
     document: Document, controls: Value, binding: Binding, registry: Registry, files: Iterable[TreeFile]
 ) -> None:
-    """Apply a file's replacements for nodes of unknown behaviour; its errors become findings.
+    """Apply a file's replacements for nodes of unknown behaviour; errors become findings of the document.
 
     Args:
         document: The file.
-        controls: The value of its `controls:`.
+        controls: The value of the file's `controls:`.
         binding: The tree, which is changed.
         registry: The registered nodes.
         files: The tree files and palettes whose models describe nodes.
@@ -265,31 +272,31 @@ def apply_controls(
     own = self_ticking_parents(binding)
     known = [spec.tag for spec in described_specs(files, registry) if not spec.kind.is_leaf]
     known += dict.fromkeys(node.spec.tag for node in own)
-    stand_ins: dict[str, NodeSpec] = {}
+    replacements: dict[str, NodeSpec] = {}
     for key, value in controls.entries or ():
         tag = key.text or ""
         if tag not in known:
             listed = ", ".join(known) or "none"
-            message = f"no control or decorator of unknown behaviour is called '{tag}' (known: {listed})"
+            message = f"'{tag}' is not a control or decorator that needs a replacement here. Those that need one: {listed}"
             document.report("unknown-node", message, key, suggestion=nearest(tag, known))
             continue
         nodes = [node for node in (*described_parents(binding), *own) if node.spec.tag == tag]
         spec = _find_replacement(document, value, tag, nodes, registry)
-        # After a finding any replacement is accepted, to find further ones.
+        # After a finding, any suitable node is the replacement, so that further findings are reported.
         fits = (each for each in registry if not _replacement_fault(each, nodes))
-        stand_ins[tag] = spec or next(fits)
-    replace_nodes(binding, stand_ins)
+        replacements[tag] = spec or next(fits)
+    replace_nodes(binding, replacements)
 
 
 def _find_replacement(
     document: Document, value: Value, wanted: str, nodes: Sequence[BoundNode], registry: Registry
 ) -> NodeSpec | None:
-    """Return the replacement for some nodes; report an unsuitable one."""
+    """Return the replacement for nodes with the tag *wanted*; report an unsuitable replacement."""
     tag = value.text or ""
     variants = registry.variants(tag)
     if not variants:
         parents = [spec.tag for spec in registry if not spec.kind.is_leaf]
-        message = f"no control or decorator is called '{tag}'"
+        message = f"unknown control or decorator '{tag}'"
         hint = "list them with: sar-compile nodes"
         document.report("unknown-node", message, value, suggestion=nearest(tag, parents), hint=hint)
         return None
@@ -304,12 +311,14 @@ def _find_replacement(
 
 
 def _replacement_fault(spec: NodeSpec, nodes: Sequence[BoundNode]) -> str:
-    """Return why a node cannot replace some others; empty if it can."""
+    """Return the reason why a node cannot replace other nodes; an empty string if it can."""
     if spec.kind.is_leaf:
         return "it is a leaf"
     needed = [each.name for each in (*spec.required_attributes, *spec.references) if each.required]
     if needed:
-        return f"it needs {', '.join(dict.fromkeys(needed))}, but gets only defaults here"
+        return (
+            f"it requires {', '.join(dict.fromkeys(needed))}, but a replacement has only default attributes"
+        )
     least, most = spec.child_count
     for node in nodes:
         count = len(node.children)

@@ -1,4 +1,4 @@
-"""Search the runs of a tree, within a budget, for ticks that raise errors, the shortest runs first."""
+"""Search of a tree's runs, within a budget, for ticks that raise errors. Shorter runs are searched first."""
 
 import time
 import traceback
@@ -23,30 +23,30 @@ from sar_compiler.runtime.scripting import NodeScriptError
 from sar_compiler.runtime.variables import UnknownVariableError, unknown_value_of
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Span
 
-_MOST_TOLD = 4
-"""The maximum number of a run's ticks that are listed."""
+_MAX_LISTED = 4
+"""The maximum number of ticks that are listed for a run."""
 
-_MOST_FOUND = 8
-"""The maximum number of a tree's raising locations that are reported."""
+_MAX_FOUND = 8
+"""The maximum number of locations at which a tree's ticks raise errors that are reported."""
 
-_A_TICK, _PREPARING = 200, 4000
+_TICK_COST, _NODE_COST = 200, 4000
 """The cost of a tick without its nodes, and the cost of preparing a node."""
 
 
 class SearchBudget:
-    """A search budget: an amount of work or a time.
+    """A search budget: an amount of work and a processor time.
 
-    Work is counted in nodes: a tick costs those of its tree, and preparing a tree costs as much as many ticks.
+    The unit of work is a node of a tick. A tick also has a fixed cost, and preparing a tree costs as much as many ticks.
 
     Args:
-        work: The work; None for any amount.
-        seconds: The processor time; None for any.
-        is_spent: Whether the search must stop for another reason.
+        work: The maximum amount of work; None for no limit.
+        seconds: The maximum processor time, in seconds; None for no limit.
+        is_spent: Returns whether the search must stop for another reason.
 
     Attributes:
-        spent: The work so far.
-        is_cut: Whether it was ended by `is_spent`.
-        is_limited: Whether the work or the time was not enough for all.
+        spent: The amount of work so far.
+        is_cut: Whether `is_spent` has stopped the search.
+        is_limited: Whether the work or the time was not enough for the whole search.
     """
 
     def __init__(
@@ -60,7 +60,11 @@ class SearchBudget:
         self._end_of_share = self._end
 
     def allot(self, trees: int) -> None:
-        """Allot the next tree its share of the remaining budget, given the number of remaining trees."""
+        """Allot a share of the remaining budget to the next tree.
+
+        Args:
+            trees: The number of remaining trees, including the next one.
+        """
         if self._work is not None:
             self._share = self.spent + (self._work - self.spent) // trees
         if self._end is not None:
@@ -68,7 +72,7 @@ class SearchBudget:
             self._end_of_share = now + (self._end - now) / trees
 
     def charge(self, work: int) -> bool:
-        """Charge `work` to the budget; return False if the budget is exhausted."""
+        """Charge an amount of work to the budget; return False if the budget is exhausted."""
         if self._share is not None and self.spent + work > self._share:
             self.is_limited = True
             return False
@@ -81,14 +85,14 @@ class SearchBudget:
 
 
 class LocatedName(str):
-    """A node name that carries its node, so that errors can be located in the file."""
+    """A node name with a reference to its node, so that errors can be located in the tree file."""
 
     __slots__ = ("bound",)
     bound: BoundNode
 
 
 def mark(binding: Binding) -> None:
-    """Replace the names in a bound tree with names that carry their nodes."""
+    """Replace the node names of a bound tree by names with references to their nodes."""
     for bound in binding.all_nodes():
         name = LocatedName(bound.name)
         name.bound = bound
@@ -96,16 +100,16 @@ def mark(binding: Binding) -> None:
 
 
 class _Raised(NamedTuple):
-    """A raising tick with the ticks before it, each as its previous state and its choices."""
+    """A tick that raises an error, with the ticks before it: for each the previous state and a test of its choices."""
 
     error: Exception
     ticks: list[tuple[bytes, Callable[[TickSteps], bool]]]
 
 
 def can_prepare(binding: Binding, budget: SearchBudget) -> bool:
-    """Charge the preparation of a tree to the budget; return whether it was enough."""
+    """Charge the preparation of a tree to the budget; return whether the budget was enough."""
     nodes = check_size_limits(binding.main, FindingCollector())
-    return nodes is not None and budget.charge(nodes * _PREPARING)
+    return nodes is not None and budget.charge(nodes * _NODE_COST)
 
 
 def findings_of_runs(
@@ -115,20 +119,20 @@ def findings_of_runs(
     how_to_see: str,
     known: Iterable[Diagnostic],
 ) -> list[Diagnostic]:
-    """Return a finding for each location of a raising tick, with its shortest run, within the budget.
+    """Return a finding for each location at which a tick raises an error, with the shortest run to the error.
 
     Args:
-        simulated: The tree with stub leaves; it is used up.
-        binding: The same tree, whose nodes are marked.
+        simulated: The tree with stub leaves; not usable afterwards.
+        binding: The same tree as a bound tree, processed by `mark`.
         budget: The search budget.
-        how_to_see: The command that shows such a run.
-        known: The findings of the rules: errors with the same cause are not reported again.
+        how_to_see: The command that shows the run of a finding.
+        known: The findings of the rules; errors with the same cause are not reported again.
 
     Raises:
         UndecidableError: If the ticks of the tree cannot be enumerated.
     """
     stepper = TreeStepper(PreparedTree.prepare(simulated), without_properties().rules)
-    cost = _A_TICK + len(stepper.flat.nodes)
+    cost = _TICK_COST + len(stepper.flat.nodes)
     doubts, mistaken = _SimulationDoubts(binding), FaultyAttributes(binding, known)
 
     def place_of(error: Exception) -> tuple[str, Span] | None:
@@ -137,7 +141,7 @@ def findings_of_runs(
         place = _faulty_node(error, binding)
         if mistaken.explains(place, getattr(error, "attribute", "") or getattr(error, "port", "")):
             return None
-        return place.element.source.path, _span(error, place)
+        return place.element.source.path, _error_span(error, place)
 
     described = {bound.name for bound in binding.all_nodes() if bound.spec.is_only_described}
     found = []
@@ -150,35 +154,37 @@ def findings_of_runs(
             event.leaf in described for events in ticks for event in events
         )
         place = _faulty_node(raised.error, binding)
-        told = f"{simulated.explain(raised.error)} ({_run_text(ticks)})"
+        message = f"{simulated.explain(raised.error)} ({_run_text(ticks)})"
         severity = Severity.ERROR if is_sure else Severity.WARNING
-        source, span = place.element.source, _span(raised.error, place)
+        source, span = place.element.source, _error_span(raised.error, place)
         hint = f"{how_to_see} shows the run tick by tick"
-        found.append(Diagnostic("failing-tick", told, source, span, hint=hint, severity=severity))
+        found.append(Diagnostic("failing-tick", message, source, span, hint=hint, severity=severity))
     return found
 
 
 def _search(
-    steps: TickSteps, take: Callable[[], bool], place_of: Callable[[Exception], object]
+    steps: TickSteps, charge_tick: Callable[[], bool], place_of: Callable[[Exception], object]
 ) -> list[_Raised]:
-    """Return the first raising tick of each location, by breadth-first search; stops at terminal states.
+    """Search breadth first, and return the first tick that raises an error for each location.
+
+    States in which the run is over are not expanded.
 
     Args:
-        steps: The ticks.
-        take: Returns whether one more may be tried.
-        place_of: Returns the location of an error; None for one to ignore.
+        steps: The possible ticks of the tree.
+        charge_tick: Charges a tick to the budget, and returns whether the search may continue.
+        place_of: Returns the location of an error; None if the error is ignored.
     """
     start = steps.start()
     origins: dict[bytes, bytes | None] = {start: None}
     waiting = deque([start])
     found: dict[object, _Raised] = {}
-    while waiting and len(found) < _MOST_FOUND:
+    while waiting and len(found) < _MAX_FOUND:
         state = waiting.popleft()
         if steps.judge(state, None).ends:
             continue
         steps.enter(state, alone=True)
         while steps.step():
-            if not take():
+            if not charge_tick():
                 return [*found.values()]
             if steps.error is not None:
                 place = place_of(steps.error)
@@ -194,12 +200,12 @@ def _search(
 def _path_to_state(
     origins: dict[bytes, bytes | None], state: bytes
 ) -> list[tuple[bytes, Callable[[TickSteps], bool]]]:
-    way: list[tuple[bytes, Callable[[TickSteps], bool]]] = []
+    path: list[tuple[bytes, Callable[[TickSteps], bool]]] = []
     before = origins[state]
     while before is not None:
-        way.append((before, _leads_to(state)))
+        path.append((before, _leads_to(state)))
         state, before = before, origins[before]
-    return way[::-1]
+    return path[::-1]
 
 
 def _leads_to(end: bytes) -> Callable[[TickSteps], bool]:
@@ -214,18 +220,18 @@ def _run_text(ticks: list[list[Event]]) -> str:
     """Describe a run by the outcomes of its last ticks."""
     if not any(ticks):
         return f"in tick {len(ticks)}"
-    last = list(enumerate(ticks, 1))[-_MOST_TOLD:]
+    last = list(enumerate(ticks, 1))[-_MAX_LISTED:]
     outcomes = {
         number: ", ".join(f"'{each.leaf}' {each.status}" for each in events) for number, events in last
     }
     if len(ticks) == 1:
         return f"in tick 1: {outcomes[1]}"
-    said = (f"tick {number}: {words}" for number, words in outcomes.items() if words)
-    return f"in tick {len(ticks)}: {', '.join(said)}"
+    listed = (f"tick {number}: {words}" for number, words in outcomes.items() if words)
+    return f"in tick {len(ticks)}: {', '.join(listed)}"
 
 
 class _SimulationDoubts:
-    """Detects errors that may not occur in real runs, because the simulation lacks real values."""
+    """Detects errors that may not occur in real runs, because values are missing only in the simulation."""
 
     def __init__(self, binding: Binding) -> None:
         accesses = [access for tree in binding.used_trees() for access in key_accesses_of(tree).accesses]
@@ -262,12 +268,12 @@ def _faulty_node(error: Exception, binding: Binding) -> BoundNode:
 
 
 def _names_of_raising(error: Exception) -> list[object]:
-    """Return the names of the objects in an error's traceback, the innermost first."""
+    """Return the `name` of each object whose method is in an error's traceback, the innermost first."""
     calls = [frame.f_locals for frame, _ in traceback.walk_tb(error.__traceback__)]
     return [getattr(call.get("self"), "name", None) for call in reversed(calls)]
 
 
-def _span(error: Exception, place: BoundNode) -> Span:
+def _error_span(error: Exception, place: BoundNode) -> Span:
     element = place.element
     if isinstance(error, NodeScriptError) and error.attribute in element.attributes:
         if error.start is None or error.end is None:
@@ -282,28 +288,28 @@ _WRITING = (AccessKind.WRITE, AccessKind.CHANGE)
 
 
 class FaultyAttributes:
-    """The attributes of a bound tree with findings, and the keys that receive their values.
+    """The attributes of a bound tree that have findings, and the keys that receive their values.
 
     Args:
-        binding: The tree.
+        binding: The bound tree.
         findings: The findings of the rules.
     """
 
     def __init__(self, binding: Binding, findings: Iterable[Diagnostic]) -> None:
         self._trees = {bound: tree for tree in binding.used_trees() for bound in tree.nodes}
-        told = [each for each in findings if each.code in _CODES]
+        relevant = [each for each in findings if each.code in _CODES]
         self._attributes = {
-            (bound, attribute) for bound in self._trees for attribute in _attributes_of(bound, told)
+            (bound, attribute) for bound in self._trees for attribute in _attributes_of(bound, relevant)
         }
         self._keys = {key for place in self._attributes for key in self._written_attributes(*place)}
         links = [*self._links()]
         before = -1
-        while before != len(self._keys):  # a subtree of a subtree receives it from there
+        while before != len(self._keys):  # keys are passed on to subtrees of subtrees
             before = len(self._keys)
             self._keys |= {inner for outer, inner in links if outer in self._keys}
 
     def explains(self, bound: BoundNode, attribute: str) -> bool:
-        """Return whether one of them explains an error in a node's attribute, or in any of its attributes."""
+        """Return whether an attribute with a finding explains an error in a node's attribute (empty: any attribute)."""
         return (bound, attribute) in self._attributes or any(
             (tree, key) in self._keys for tree, key, _ in self._accesses(bound, attribute)
         )
@@ -320,7 +326,7 @@ class FaultyAttributes:
                 yield tree, each.key, each.kind
 
     def _links(self) -> Iterator[tuple[tuple[BoundTree, str], tuple[BoundTree, str]]]:
-        """Yield the keys that are passed to subtrees, each with its inner key."""
+        """Yield the keys that are passed to subtrees, each with the key inside the subtree."""
         for tree in dict.fromkeys(self._trees.values()):
             for use in tree.uses:
                 if use.subtree is not None:
@@ -328,9 +334,9 @@ class FaultyAttributes:
                         yield (tree, outer), (use.subtree, inner)
 
 
-def _attributes_of(bound: BoundNode, told: list[Diagnostic]) -> Iterator[str]:
+def _attributes_of(bound: BoundNode, findings: list[Diagnostic]) -> Iterator[str]:
     element = bound.element
-    for finding in told:
+    for finding in findings:
         if finding.source.path == element.source.path and finding.span.line >= element.line:
             for attribute in element.attributes:
                 span = element.value_span(attribute)

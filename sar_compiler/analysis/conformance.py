@@ -1,7 +1,7 @@
 """Comparison of a recorded run with all possible runs of its tree.
 
-The recorded run is located among all runs of the tree, with the state of the properties' monitors. So it is known
-whether all runs that match the record violate a property, or some of them, or none.
+The comparison finds the tree's possible runs that match the record, and tracks the state of the properties in each of
+them. So it can tell whether all, some or none of the matching runs violate a property.
 """
 
 from collections import deque
@@ -40,8 +40,8 @@ from sar_compiler.journal.recorded_ticks import LoggedTick, TickSource
 from sar_compiler.runtime.events import HALTED, RETURNED, STARTED, Event
 
 _RUNNING, _HALTED = "RUNNING", "HALTED"
-_MOST_TOLD = 12
-"""The number of events listed that led to a result."""
+_MAX_LISTED = 12
+"""The maximum number of events before a result that are listed."""
 
 
 class PropertyResult(Enum):
@@ -49,25 +49,25 @@ class PropertyResult(Enum):
 
     KEPT = "kept"
     BROKEN = "violated"
-    """In every run that matches the record."""
+    """Every possible run that matches the record violates the property."""
     IN_DOUBT = "may be violated"
-    """In some of the runs that match the record, not in all."""
+    """Some of the possible runs that match the record violate the property, but not all of them."""
     OPEN = "open"
-    """A required event was missing, or the end decides, when the run was stopped."""
+    """The run stopped before a required event had happened, or before the end of a run could decide."""
 
 
 class RecordedProperty(NamedTuple):
-    """A property with its result.
+    """The result of a property in a recorded run.
 
     Attributes:
-        name: Its name.
+        name: The name of the property.
         fate: The result.
-        tick: The number of the violating tick, from 1; 0 for none.
-        time_sec: Its time, seconds since the run's start.
-        event: The violating event, `OpenDoor opened`; empty for the end of a run.
-        place: The location of the leaf, `file:line:column`; empty for none.
+        tick: The number of the tick with the violation, from 1; 0 if there is no violation.
+        time_sec: The time of the violation in seconds since the start of the run.
+        event: The event that violates the property, such as `OpenDoor opened`; empty for the end of a run.
+        place: The location of the event's leaf, `file:line:column`; empty for none.
         by_events: Whether the run was no longer possible for the tree, so that only its events were evaluated.
-        run: The last events that led there.
+        run: The last events before the violation.
     """
 
     name: str
@@ -84,13 +84,13 @@ class ImpossibleEvent(NamedTuple):
     """The first event of a recorded run that is impossible for its tree.
 
     Attributes:
-        tick: The number of its tick, from 1.
-        time_sec: Its time, seconds since the run's start.
-        event: The event, `GuardBase lost`.
-        place: The location of the leaf or the root, `file:line:column`.
-        possible: The possible events instead.
-        why: The missing condition, in words; empty if unknown.
-        run: The last events that led there.
+        tick: The number of the event's tick, from 1.
+        time_sec: The time of the event in seconds since the start of the run.
+        event: The event, such as `GuardBase lost`.
+        place: The location of the event's node, `file:line:column`.
+        possible: The events that were possible instead.
+        why: The reason why the event is impossible; empty if unknown.
+        run: The last events up to this event.
     """
 
     tick: int
@@ -106,7 +106,7 @@ class Conformance(NamedTuple):
     """The result of a comparison.
 
     Attributes:
-        ticks: The number of its last recorded tick.
+        ticks: The number of the last recorded tick.
         misfit: The first impossible event; None if the run was possible.
         properties: The result of each property.
         left_out: The properties that do not apply to the tree.
@@ -139,17 +139,17 @@ def conform(
     """Compare a recorded run with all possible runs of its tree.
 
     Args:
-        simulated: The tree with stub leaves, whose facts start as in the recorded run; it is used up.
-        file: The properties; None for none.
-        tags: The tags of leaves that a tree can have.
-        record: The events of leaves, which are read several times. Repeated outcomes may be left out, and ticks with no other events.
+        simulated: The tree with stub leaves, whose facts start as in the recorded run; not usable afterwards.
+        file: The properties file; None for no properties.
+        tags: The tags of all leaves that a tree may contain.
+        record: The events of leaves; iterated several times. Repeated outcomes, and ticks without other events, may be missing.
         names: The names of the nodes that ran, in pre-order.
-        is_over: Whether the run met its own end condition, so that nothing follows. If it was stopped or continues, obligations stay pending.
+        is_over: Whether the run met its own end condition. If it was stopped or continues, obligations stay pending.
         earlier: The earlier runs of the same program, which has halted the tree after each. What nodes and the blackboard remember of
             them is ignored, as an assumption, if one of them is impossible.
 
     Raises:
-        TreeError: If the file does not match the tree; carries the findings.
+        TreeError: If the properties file does not match the tree; contains the findings.
         UndecidableError: If the tree's runs cannot be enumerated.
         OtherTreeError: If the tree has nodes other than those that ran.
     """
@@ -164,7 +164,7 @@ def conform(
     reading = _LastTickReader(record)
     moments, lost = recorded.runs.locate(reading)
     ticks = reading.last_number()
-    if lost is not None:  # with the starts and decisions in it
+    if lost is not None:  # add the starts and decisions of the tick
         place = len(moments) - moments.omitted
         lost = lost._replace(events=next(islice(ticks_of(record), place, None)))
     if lost is not None and not is_over and recorded.is_unfinished(lost):
@@ -179,7 +179,7 @@ def conform(
 
 
 class _LastTickReader(TickSource):
-    """Yields ticks once, and remembers the last one.
+    """Yields recorded ticks once, and stores the last of them.
 
     Args:
         record: The events of leaves.
@@ -196,19 +196,19 @@ class _LastTickReader(TickSource):
         return self._source is not None and self._source.omits_ticks
 
     def read_ticks(self) -> Iterator[LoggedTick]:
-        """Yield the ticks."""
+        """Yield the ticks that were not yielded before."""
         for tick in self._ticks:
             self._last = tick
             yield tick
 
     def last_number(self) -> int:
-        """Return the number of the last tick, after reading the rest; 0 if there is none."""
+        """Read the remaining ticks, and return the number of the last tick; 0 if there are no ticks."""
         deque(self.read_ticks(), maxlen=0)
         return 0 if self._last is None else self._last.number
 
 
 class _ReplayedRun:
-    """A recorded run, in parallel with all runs of its tree."""
+    """A recorded run that is replayed with all matching runs of its tree."""
 
     def __init__(self, runs: TreeRuns, record: Iterable[Event], simulated: SimulatedTree) -> None:
         self.runs, self.record = runs, record
@@ -217,12 +217,12 @@ class _ReplayedRun:
         self._judged: dict[bytes, Judgement] = {}
 
     def tree_at_start(self) -> SimulatedTree:
-        """Return the tree, with its facts at the start of the run."""
+        """Restore the tree's facts at the start of the run, and return the tree."""
         self.runs.stepper.steps.restore(min(self.runs.starts))
         return self._simulated
 
     def judgement(self, state: bytes) -> Judgement:
-        """Evaluate a state, as a proof does."""
+        """Return the judgement of a state, as in a proof."""
         known = self._judged.get(state)
         if known is None:
             known = self.runs.stepper.judgement(state)
@@ -239,7 +239,7 @@ class _ReplayedRun:
         return f"{element.source.path}:{element.line}:{element.column}"
 
     def led_to(self, tick: int, number: int | None = None) -> tuple[Event, ...]:
-        """Return the last events up to a tick, or up to a leaf's event in it."""
+        """Return the last events up to the end of a tick, or up to the event of leaf *number* in it."""
         led: list[Event] = []
         last: dict[int, str] = {}
         for event in takewhile(lambda each: each.tick <= tick, self.record):
@@ -250,41 +250,41 @@ class _ReplayedRun:
                 last[event.number] = event.action
             if event.tick == tick and event.number == number and event.what != STARTED:
                 break
-        return tuple(led[-_MOST_TOLD:])
+        return tuple(led[-_MAX_LISTED:])
 
     def _recorded_outcomes(self, lost: LostTick) -> list[Event]:
         return [event for event in lost.events if event.outcome and event.number in self._leaves]
 
     def is_unfinished(self, lost: LostTick) -> bool:
-        """Return whether a tick may be unfinished or incompletely recorded.
+        """Return whether an impossible tick may only be unfinished or incompletely recorded.
 
-        Even then only a node that ran can have been stopped.
+        Only nodes that were running can be recorded as halted.
         """
-        noted, recorded = self._recorded_outcomes(lost), lost.events[-1].statuses
+        outcomes, recorded = self._recorded_outcomes(lost), lost.events[-1].statuses
         halted = {number for number, status in recorded if status == _HALTED}
         ran = {number for number, status in recorded if status == _RUNNING}
         return (
             lost.is_last
             and (len(lost.events) > 1 or bool(recorded))
             and any(
-                way.common(noted, lost.told)[0] == len(noted) and halted <= ran | way.running
+                way.common(outcomes, lost.told)[0] == len(outcomes) and halted <= ran | way.running
                 for state in lost.states
-                for way in self.runs.beginnings(state, noted, lost.told)
+                for way in self.runs.beginnings(state, outcomes, lost.told)
             )
         )
 
     def first_impossible_event(self, lost: LostTick) -> ImpossibleEvent:
-        """Return the first impossible event of a tick."""
-        noted = self._recorded_outcomes(lost)
+        """Return the first impossible event of an impossible tick."""
+        outcomes = self._recorded_outcomes(lost)
         tried = [
-            _Attempt(state, way, *way.common(noted, lost.told))
+            _Attempt(state, way, *way.common(outcomes, lost.told))
             for state in lost.states
-            for way in self.runs.ticks_like(state, noted, lost.told)
+            for way in self.runs.ticks_like(state, outcomes, lost.told)
         ]
         most = max((each.common for each in tried), default=0)
         best = [each for each in tried if each.common == most]
-        if most < len(noted):
-            number, said, possible, why = self._wrong_outcome(noted, most, best)
+        if most < len(outcomes):
+            number, said, possible, why = self._wrong_outcome(outcomes, most, best)
         else:
             number, said, possible, why = self._missing_outcome(lost, best)
         run = self.led_to(lost.number, number)
@@ -292,11 +292,11 @@ class _ReplayedRun:
         return ImpossibleEvent(lost.number, lost.time_sec, said, self.node_location(number), listed, why, run)
 
     def _wrong_outcome(
-        self, noted: Sequence[Event], most: int, best: "Sequence[_Attempt]"
+        self, outcomes: Sequence[Event], most: int, best: "Sequence[_Attempt]"
     ) -> tuple[int, str, list[str], str]:
-        """Return the description of an impossible outcome: leaf, event, possible events, and reason."""
-        event = noted[most]
-        is_again = any(each.number == event.number for each in noted[:most])
+        """Describe an impossible outcome: the leaf's number, the event, the possible events, and the reason."""
+        event = outcomes[most]
+        is_again = any(each.number == event.number for each in outcomes[:most])
         own = [
             (each, place)
             for each in best
@@ -308,7 +308,7 @@ class _ReplayedRun:
                 event.number,
                 event_text(event),
                 [each.next for each in best],
-                "no run ticks this leaf there",
+                "no possible run ticks this leaf at this point",
             )
         attempt, place = own[0]
         self.runs.restore_before(attempt.state, attempt.way, place)
@@ -321,7 +321,7 @@ class _ReplayedRun:
         )
 
     def _missing_outcome(self, lost: LostTick, best: "Sequence[_Attempt]") -> tuple[int, str, list[str], str]:
-        """Return the description of an event that is missing in the record."""
+        """Describe an event that is missing in the record, like `_wrong_outcome`."""
         end, root = lost.events[-1], self.runs.names[0]
         fitting = [each.way for each in best if each.is_whole and each.way.root == end.status]
         going_on = [each for each in best if not each.is_whole]
@@ -348,25 +348,30 @@ class _ReplayedRun:
             return self._wrong_status(lost, fitting)
         number = min(differing)
         name = self.runs.names[number]
-        said, other = (HALTED, "goes on") if number in stopped else ("goes on", HALTED)
-        return number, f"{name} {said}", [f"{name} {other}"], ""
+        word, instead = (HALTED, "continues") if number in stopped else ("continues", HALTED)
+        return number, f"{name} {word}", [f"{name} {instead}"], ""
 
     def _wrong_status(
         self, lost: LostTick, fitting: Sequence[PossibleTick]
     ) -> tuple[int, str, list[str], str]:
-        """Return the description of a tick with possible outcomes but an impossible status of a node."""
+        """Describe the impossible status of a node in a tick whose outcomes are possible."""
         recorded = lost.events[-1].statuses
         wrong = [(each, way) for way in fitting if (each := way.other_status(recorded)) is not None]
         (number, status), _ = wrong[0]
         name = self.runs.names[number]
-        possible = [
-            f"{name} {way.statuses[number] or 'at rest'}" for (node, _), way in wrong if node == number
-        ]
+        possible = [f"{name} {way.statuses[number] or 'idle'}" for (node, _), way in wrong if node == number]
         return number, f"{name} {status}", possible, ""
 
 
 class _Attempt(NamedTuple):
-    """A possible tick compared with a recorded one: its state before, and the length of their common part (`PossibleTick.common`)."""
+    """A possible tick that was compared with a recorded one.
+
+    Attributes:
+        state: The state before the tick.
+        way: The possible tick.
+        common: The number of recorded outcomes that the possible tick has in common; see `PossibleTick.common`.
+        place: The number of its own outcomes in this common part.
+    """
 
     state: bytes
     way: PossibleTick
@@ -375,24 +380,24 @@ class _Attempt(NamedTuple):
 
     @property
     def is_whole(self) -> bool:
-        """Whether all of its outcomes were recorded."""
+        """Whether all outcomes of the possible tick were recorded."""
         return self.place == len(self.way.outcomes)
 
     @property
     def next(self) -> str:
-        """Its next event."""
+        """The next event of the possible tick after the common part."""
         if self.is_whole:
             return f"the tick ends with {self.way.root}"
         return event_text(self.way.outcomes[self.place])
 
 
 def event_text(event: Event) -> str:
-    """Return an event in the form of a properties file: `OpenDoor opened`."""
+    """Return an event in the form of a properties file, such as `OpenDoor opened`."""
     return f"{event.leaf} {'starts' if event.what == STARTED else event.action}"
 
 
 def _violated_assumption(leaf: StubLeaf, event: Event) -> str:
-    """Describe the assumption that forbids an outcome now; empty if the outcome is possible."""
+    """Describe the assumption that excludes an outcome in the current state; empty if the outcome is possible."""
     known = [
         each for each in leaf.outcomes if each.status == event.status and event.label in ("", each.label)
     ]
@@ -406,7 +411,7 @@ def _violated_assumption(leaf: StubLeaf, event: Event) -> str:
 
 
 class _Violation(NamedTuple):
-    """The violation of a property: tick, time and event, None for the end of a run."""
+    """The violation of a property: its tick, time and event (None for the end of a run)."""
 
     tick: int
     time_sec: float
@@ -415,12 +420,12 @@ class _Violation(NamedTuple):
 
 
 class _PropertyEvaluation:
-    """The states of properties, tick by tick, in all runs that match a record.
+    """Evaluates properties tick by tick in all possible runs that match a record.
 
     Args:
         recorded: The recorded run.
         properties: The properties.
-        moments: Its ticks, as far as they are possible for the tree.
+        moments: The ticks of the recorded run, as far as they are possible for the tree.
     """
 
     def __init__(self, recorded: _ReplayedRun, properties: Properties, moments: Iterable[FoundTick]) -> None:
@@ -428,17 +433,17 @@ class _PropertyEvaluation:
         self._has_ended = False
         self._open = 0
         self._last = FoundTick(0, 0.0, ())
-        # For each possible state of the run: the properties violated on some path to it, and on every path, as bits.
+        # For each possible state of the run: the properties that some path to it, or every path, violates, as bits.
         self._some = dict.fromkeys(recorded.runs.starts, 0)
         self._each = dict(self._some)
-        # When each was violated on some path, and when no path was left without a violation.
+        # By property: the first violation on some path, and the tick after which every path has a violation.
         self._doubted: dict[int, _Violation] = {}
         self._broken: dict[int, _Violation] = {}
         for moment in moments:
             self._process_tick(moment)
 
     def _process_tick(self, moment: FoundTick) -> None:
-        """Process a tick."""
+        """Process a possible tick of the recorded run."""
         some: dict[bytes, int] = {}
         each: dict[bytes, int] = {}
         events: dict[int, Event] = {}
@@ -457,7 +462,7 @@ class _PropertyEvaluation:
     def _record_violations(
         self, some: dict[bytes, int], each: dict[bytes, int], events: Mapping[int, Event]
     ) -> None:
-        """Record the properties that are violated so far."""
+        """Record the properties that are newly violated on some path, or on every path."""
         self._some, self._each = some, each
         in_some, in_each = reduce(or_, some.values(), 0), reduce(and_, each.values(), -1)
         for rule in range(len(self._properties.names)):
@@ -471,7 +476,7 @@ class _PropertyEvaluation:
         """Process the end of a run whose ticks were all possible.
 
         Args:
-            is_over: Whether it met its own end condition, so that every further tick would change nothing.
+            is_over: Whether the run met its own end condition, so that further ticks would change nothing.
         """
         if is_over:
             stepper, states = self._compared_run.runs.stepper, [*self._some]
@@ -488,12 +493,12 @@ class _PropertyEvaluation:
 
     @property
     def _at_end(self) -> int:
-        """The properties that are evaluated at an end, as bits."""
+        """The properties that are evaluated at the end of a run, as bits."""
         count = self._properties.rules.monitors.count
         return (1 << len(self._properties.names)) - (1 << count)
 
     def evaluate_rest(self, watch: RuntimeMonitor, lost: LostTick, *, is_over: bool) -> None:
-        """Evaluate the rest of a run that the tree cannot reproduce, from its events alone."""
+        """Evaluate the rest of a run that is impossible for the tree, using only the run's events."""
         times, names = {}, self._properties.names
         for tick in ticks_of(self._compared_run.record):
             times[tick[-1].tick] = tick[-1].time_sec or 0.0
@@ -502,14 +507,14 @@ class _PropertyEvaluation:
         watch.conclude(is_over=is_over)
         for alarm in watch.alarms:
             if alarm.cause.is_broken and alarm.tick >= lost.number:
-                led = None if alarm.number is None else self._event_of(alarm)
+                led = None if alarm.number is None else self._find_event(alarm)
                 breakage = _Violation(alarm.tick, times.get(alarm.tick, 0.0), led, by_events=True)
                 self._broken.setdefault(names.index(alarm.about), breakage)
         self._open = sum(1 << names.index(name) for name in watch.pending_properties)
         if not is_over:
             self._open |= self._at_end
 
-    def _event_of(self, alarm: WatchAlarm) -> Event | None:
+    def _find_event(self, alarm: WatchAlarm) -> Event | None:
         said = (
             each
             for each in self._compared_run.record

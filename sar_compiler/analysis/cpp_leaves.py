@@ -1,7 +1,7 @@
 """Leaves of BehaviorTree.CPP that treat their conditions and scripts unlike other leaves.
 
-The model of a leaf does not say from which class of BehaviorTree.CPP it derives, and neither does the log of a run. So a recorded run is compared
-with the tree under each assumption until one fits.
+Neither the model of a leaf nor the log of a run contains the BehaviorTree.CPP class from which the leaf derives. So a
+recorded run is compared with the tree under each possible assumption, until the run is possible.
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,36 +15,39 @@ from sar_compiler.runtime.walking import pre_order
 
 
 class LeafClass(Enum):
-    """A class of leaves."""
+    """The BehaviorTree.CPP class from which a leaf is assumed to derive."""
 
     THREADED = "a ThreadedAction, which ignores its conditions and scripts"
     COROUTINE = "a CoroActionNode, which evaluates _while only at its start"
 
 
 LeafClasses = Mapping[str, LeafClass]
-"""The assumed classes of leaves, by their tags."""
+"""The assumed leaf classes, by tag; other leaves treat their scripts as usual."""
 
 
 def possible_classes(simulated: SimulatedTree) -> Iterator[LeafClasses]:
-    """Yield the assumptions about the leaves with conditions or scripts: each alone, and then all together."""
-    repeating: dict[str, bool] = {}
+    """Yield assumptions about the classes of leaves with conditions or scripts.
+
+    First a single leaf is not of the usual class, then all leaves are of class `THREADED`.
+    """
+    has_while: dict[str, bool] = {}
     for each in pre_order(simulated.root):
         leaf = each.decorated if isinstance(each, Conditions) else None
         if isinstance(each, Conditions) and isinstance(leaf, StubLeaf) and not language_variants(leaf.tag):
-            repeating[leaf.tag] = repeating.get(leaf.tag, False) or each.has_while
-    tags = sorted(repeating)
+            has_while[leaf.tag] = has_while.get(leaf.tag, False) or each.has_while
+    tags = sorted(has_while)
     yield from ({tag: LeafClass.THREADED} for tag in tags)
-    yield from ({tag: LeafClass.COROUTINE} for tag in tags if repeating[tag])
+    yield from ({tag: LeafClass.COROUTINE} for tag in tags if has_while[tag])
     if len(tags) > 1:
         yield dict.fromkeys(tags, LeafClass.THREADED)
 
 
 def adopt_cpp_scripts(simulated: SimulatedTree, classes: LeafClasses) -> None:
-    """Let the nodes of a tree run their scripts as BehaviorTree.CPP does.
+    """Make the nodes of a tree run their scripts as in BehaviorTree.CPP.
 
     Args:
         simulated: The tree, before its first tick.
-        classes: The assumed classes of its leaves.
+        classes: The assumed leaf classes.
     """
     for each in pre_order(simulated.root):
         if isinstance(each, Conditions):
@@ -58,5 +61,5 @@ def adopt_cpp_scripts(simulated: SimulatedTree, classes: LeafClasses) -> None:
 
 
 def describe_classes(classes: LeafClasses) -> tuple[str, ...]:
-    """Describe assumptions, a sentence for each leaf."""
+    """Return a sentence for each leaf with an assumed class."""
     return tuple(f"{tag} is {each.value}" for tag, each in classes.items())

@@ -1,4 +1,4 @@
-"""Vocabulary of leaves, facts and keys in files beside a tree, with conditions, scripts and durations."""
+"""Parsing of leaf names, events, conditions, scripts and durations in scenario and properties files."""
 
 import functools
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -24,7 +24,7 @@ _DURATION = require_value_type(timedelta)
 
 
 def parse_word(document: Document, value: Value, known: Iterable[str], what: str) -> str | None:
-    """Return the text of a scalar that must be one of some words; report any other value."""
+    """Return the text of a scalar that must be a known word; report any other value."""
     words = list(known)
     if value.text in words:
         return value.text
@@ -34,12 +34,12 @@ def parse_word(document: Document, value: Value, known: Iterable[str], what: str
 
 
 def seconds(value: Value) -> float:
-    """Return a duration that a schema has accepted, in seconds."""
+    """Convert a duration that a schema has accepted to seconds."""
     return parse_duration_range(value)[0]
 
 
 def parse_duration_range(value: Value) -> tuple[float, float]:
-    """Return the bounds of durations that a schema has accepted (`4s`, `4s to 9s`), in seconds."""
+    """Convert a duration or a range of durations that a schema has accepted (`4s`, `4s to 9s`) to bounds in seconds."""
     if isinstance(value.data, (int, float)):
         return float(value.data), float(value.data)
     spans: list[Any] = [_DURATION.convert("".join(part.split())) for part in value.data.split("to")]
@@ -48,7 +48,7 @@ def parse_duration_range(value: Value) -> tuple[float, float]:
 
 
 def script(document: Document, value: Value | None) -> Script | None:
-    """Parse a script; report an error at its location."""
+    """Parse a script; report a syntax error at its location."""
     if value is None:
         return None
     try:
@@ -59,22 +59,22 @@ def script(document: Document, value: Value | None) -> Script | None:
 
 
 def report_script(document: Document, value: Value, error: ScriptError) -> None:
-    """Report the error in a script, at its location."""
+    """Report a syntax error at its location in a script."""
     part, suggestion, hint = (error.start, error.end), error.suggestion, error.hint
     document.report("script-error", error.message, value, part, suggestion=suggestion, hint=hint)
 
 
 def parameters(value: Value | None) -> dict[str, Fact]:
-    """Return the values of the keys of the root blackboard."""
+    """Return the values that a file's `parameters:` gives to keys of the root blackboard."""
     return {} if value is None else dict(value.data)
 
 
 class ConditionNames(NamedTuple):
-    """The names that conditions on a tree can use.
+    """The names that the conditions in a file can use.
 
     Attributes:
-        known: The facts, the keys of the main tree, then the names of enumerations.
-        is_open: Whether there may be more keys that the file does not show.
+        known: The facts, the keys of the main tree, and the enumeration names.
+        is_open: Whether the main tree may have keys that are unknown before a run.
     """
 
     known: tuple[str, ...]
@@ -85,10 +85,10 @@ class ConditionFault(NamedTuple):
     """An error in a condition.
 
     Attributes:
-        message: The problem.
-        place: Its position in the script, in characters.
-        suggestion: What to write instead of an unknown name, if it can be guessed.
-        hint: The remedy, if the name is known.
+        message: The error.
+        place: The start and the end of the error in the condition, in characters.
+        suggestion: The name that probably was meant instead of an unknown name; None if there is no similar name.
+        hint: The remedy for a known name; None for an unknown name.
     """
 
     message: str
@@ -98,7 +98,7 @@ class ConditionFault(NamedTuple):
 
 
 def names_of(simulated: SimulatedTree) -> ConditionNames:
-    """Return the names of a tree's facts, and the keys of its main tree."""
+    """Return the names that conditions on a tree can use."""
     top = simulated.compiled.instance
     table = entry_table_of(top)
     keys = [entry.key for entry in table.entries if entry.scope is top.scope]
@@ -109,7 +109,7 @@ def names_of(simulated: SimulatedTree) -> ConditionNames:
         entry.name
         for leaf in simulated.leaves
         for entry in leaf.entries(
-            f"{name} := 0" for a in leaf.outcomes if a.then for name in _made_by(a.then)
+            f"{name} := 0" for a in leaf.outcomes if a.then for name in _created_names(a.then)
         )
     )
     for name in (*top.scope.board.names(), *effects):
@@ -121,20 +121,20 @@ def names_of(simulated: SimulatedTree) -> ConditionNames:
     )
 
 
-def _made_by(effect: str) -> Iterator[str]:
-    """Yield the names that a script creates if they do not exist."""
+def _created_names(effect: str) -> Iterator[str]:
+    """Yield the names that an outcome's script creates if they do not exist."""
     return (use.name for use in name_uses(parse(effect)) if use.access is Access.CREATE)
 
 
 def unknown_names(
     script: Script, names: ConditionNames, own: Collection[str] = ()
 ) -> Iterator[ConditionFault]:
-    """Yield the names in a script that neither the tree nor the script defines.
+    """Yield an error for each name in a script that neither the tree nor the script defines.
 
     Args:
         script: The script.
-        names: The names in the tree.
-        own: Further names.
+        names: The names that the tree defines.
+        own: Further defined names.
     """
     known = [*names.known, *own]
     for use in name_uses(script) if not names.is_open else ():
@@ -152,18 +152,18 @@ def typos(
 
     Args:
         script: The condition.
-        names: The names in the tree.
-        own: The names of the run's own values.
-        later: The names of values that are known at the end of a tick.
+        names: The names that the tree defines.
+        own: The names of the values of the run itself, such as `tick`.
+        later: The names of values that are only known at the end of a tick.
     """
     usable = True
     for use in name_uses(script):
         place = (use.start, use.end)
         if use.access is not Access.READ:
-            message = f"a condition only reads '{use.name}' and must not change it"
+            message = f"a condition must not change '{use.name}'"
             yield ConditionFault(message, place, hint="write == to compare")
         elif use.name in later:
-            message = f"'{use.name}' is only known after a tick, but is needed for an event within one"
+            message = f"'{use.name}' is only known after a tick, but events are evaluated during a tick"
             yield ConditionFault(message, place, hint="use it in end or at_end")
         else:
             continue
@@ -173,18 +173,18 @@ def typos(
 
 
 STARTS = "starts"
-_DEEDS = {STARTS: STARTED, HALTED: HALTED}
+_EVENT_NAMES = {STARTS: STARTED, HALTED: HALTED}
 
 
 @dataclass(frozen=True)
 class EventPattern:
-    """A pattern of leaves' events, as written in a file: `OpenDoor opened`.
+    """A pattern of leaf events, as written in a file, such as `OpenDoor opened`.
 
     Attributes:
         text: The pattern as written.
-        leaves: The leaves that it matches.
-        what: `STARTED`, `RETURNED` or `HALTED`.
-        outcome: For `RETURNED`: the label or the status.
+        leaves: The leaves whose events match.
+        what: The kind of event: `STARTED`, `RETURNED` or `HALTED`.
+        outcome: For `RETURNED`, the label or the status.
     """
 
     text: str
@@ -200,7 +200,7 @@ class EventPattern:
 
 
 class LeafVocabulary:
-    """The vocabulary of a document for the leaves of one tree, and for conditions."""
+    """Parses the leaf names, events and conditions in a document; errors become findings of the document."""
 
     def __init__(self, document: Document, simulated: SimulatedTree) -> None:
         self.document = document
@@ -210,19 +210,19 @@ class LeafVocabulary:
 
     @functools.cached_property
     def names(self) -> ConditionNames:
-        """The names that conditions know."""
+        """The names that conditions can use."""
         return names_of(self.simulated)
 
     def spec(self, leaf: StubLeaf) -> NodeSpec:
-        """Return the specification of a leaf from the registry or a model."""
+        """Return the node spec of a leaf."""
         return self._origins[leaf.id].bound.spec
 
     def leaves_for_key(self, key: str) -> tuple[StubLeaf, ...]:
-        """Return the leaves that a key names: a path, a name or a tag."""
+        """Return the leaves that a key names by their path, name or tag."""
         return tuple(leaf for leaf in self.leaves if match_rank(key, leaf.path, leaf.tag))
 
     def find(self, value: Value) -> tuple[StubLeaf, ...]:
-        """Return the leaves that a value names; report a value that names none."""
+        """Return the leaves that a value names; report a value that names no leaf."""
         key = value.text or ""
         found = self.leaves_for_key(key)
         if not found:
@@ -230,7 +230,7 @@ class LeafVocabulary:
         return found
 
     def parse_outcome(self, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
-        """Return a label or a status that all of some leaves can return; report any other value."""
+        """Return an outcome's label or status that the leaves can return; report any other value."""
         text, known = value.text or "", outcome_words(leaves)
         if text not in known:
             message = f"'{leaves[0].name}' never returns '{text}'. It returns {', '.join(known)}"
@@ -245,8 +245,8 @@ class LeafVocabulary:
 
         Args:
             value: The condition; None if there is none.
-            own: The names of the run's own values.
-            later: The names of values that are known only after a tick.
+            own: The names of the values of the run itself, such as `tick`.
+            later: The names of values that are only known at the end of a tick.
         """
         condition = script(self.document, value)
         if condition is None or value is None:
@@ -260,7 +260,7 @@ class LeafVocabulary:
         return None if found else condition
 
     def parse_event(self, value: Value) -> EventPattern | None:
-        """Return the events that a string names; report a string that names none."""
+        """Return the pattern of the events that a string names; report a string that names no event."""
         text = value.text or ""
         words = text.split(" ")
         for count in range(len(words) - 1, 0, -1):
@@ -270,7 +270,7 @@ class LeafVocabulary:
                 return self._events_of_leaves(value, leaves, (text, rest))
         known = self.leaves_for_key(text)
         if known:
-            message = f"'{text}' is a leaf. Add its event"
+            message = f"'{text}' is a leaf, not an event"
             self.document.report(
                 "wrong-value", message, value, hint=f"write {text} {outcome_words(known)[0]}"
             )
@@ -282,25 +282,25 @@ class LeafVocabulary:
         self, value: Value, leaves: tuple[StubLeaf, ...], texts: tuple[str, str]
     ) -> EventPattern | None:
         text, rest = texts
-        if rest in _DEEDS:
-            return EventPattern(text, leaves, _DEEDS[rest])
+        if rest in _EVENT_NAMES:
+            return EventPattern(text, leaves, _EVENT_NAMES[rest])
         known = outcome_words(leaves)
         if rest in known:
             return EventPattern(text, leaves, RETURNED, rest)
-        message = f"'{leaves[0].name}' has no event '{rest}'. It has {', '.join([*known, *_DEEDS])}"
-        near = nearest(rest, [*known, *_DEEDS])
+        message = f"'{leaves[0].name}' has no event '{rest}' (known: {', '.join([*known, *_EVENT_NAMES])})"
+        near = nearest(rest, [*known, *_EVENT_NAMES])
         part = (len(text) - len(rest), len(text))
         self.document.report("unknown-outcome", message, value, part, suggestion=near)
         return None
 
     def _report_unknown(self, value: Value, key: str) -> None:
         names = list(dict.fromkeys(word for leaf in self.leaves for word in (leaf.name, leaf.tag)))
-        message = f"no scripted leaf is called '{key}' (known: {', '.join(names) or 'none'})"
+        message = f"unknown leaf '{key}' (known: {', '.join(names) or 'none'})"
         self.document.report("unknown-leaf", message, value, suggestion=nearest(key, names))
 
 
 def outcome_words(leaves: Iterable[StubLeaf]) -> list[str]:
-    """Return the labels of some leaves' possible outcomes, then the statuses."""
+    """Return the labels, then the statuses, of the outcomes that leaves can return."""
     labels = [outcome.label for leaf in leaves for outcome in leaf.outcomes if outcome.label]
     statuses = {outcome.status for leaf in leaves for outcome in leaf.outcomes}
     return [*dict.fromkeys(labels), *(status for status in STATUSES if status in statuses)]

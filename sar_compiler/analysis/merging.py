@@ -1,4 +1,4 @@
-"""Values of entries that a search does not distinguish; `analysis.verify.slicing` determines them."""
+"""Merging of values that a search does not distinguish, which `analysis.verify.slicing` determines."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,11 +16,11 @@ class MergedValues:
     """The values of a key or fact that a search does not distinguish.
 
     Attributes:
-        name: The key or the fact.
-        above: Numbers that are larger by 1 or more are merged.
-        below: Numbers that are smaller by 1 or more are merged.
-        is_unread: Whether nothing reads it, so that only types matter.
-        is_real: Whether neither it nor a key into which its values flow can hold an `int`.
+        name: The name of the key or fact.
+        above: The largest compared number. Numbers that exceed it by 1 or more are merged.
+        below: The smallest compared number. Numbers that are smaller by 1 or more are merged.
+        is_unread: Whether no condition, control or property reads the values, so that only types are distinguished.
+        is_real: Whether neither the key nor any key that receives its values can hold an `int`.
         is_used: Whether the search has replaced a value.
     """
 
@@ -30,22 +30,22 @@ class MergedValues:
     is_unread: bool
     is_real: bool
     is_used: bool = False
-    _kept: dict[object, object] = field(default_factory=dict)
+    _representatives: dict[object, object] = field(default_factory=dict)
 
     @property
     def is_irrelevant(self) -> bool:
-        """Whether nothing depends on it."""
+        """Whether no condition, control or property depends on the values."""
         return self.is_unread or self.above == -math.inf
 
     def __call__(self, value: object) -> object:
-        """Return the representative of a value: the first value of its kind."""
+        """Return the representative of a value, which is the first value of the same class."""
         kind = self._kind_of(value)
-        kept = value if kind is None else self._kept.setdefault(kind, value)
-        self.is_used = self.is_used or kept != value
-        return kept
+        representative = value if kind is None else self._representatives.setdefault(kind, value)
+        self.is_used = self.is_used or representative != value
+        return representative
 
     def _kind_of(self, value: object) -> object:
-        """Return the kind of a value, which determines its representative; None if it represents itself."""
+        """Return the class of equivalent values to which a value belongs; None if the value represents itself."""
         kind = type(value)
         if self.is_unread and kind in _PLAIN:
             return kind
@@ -62,12 +62,12 @@ class MergedValues:
             (self.above, f"of {self.above + 1:g} and more"),
             (self.below, f"of {self.below - 1:g} and less"),
         ]
-        listed = ", and those ".join(text for bound, text in bounds if math.isfinite(bound))
+        listed = ", and values ".join(text for bound, text in bounds if math.isfinite(bound))
         return f"{self.name} is only compared with constants: values {listed} are not distinguished."
 
 
 def merging_notes(merged: Sequence[MergedValues]) -> Iterator[str]:
-    """Yield notes on the values that a search has not distinguished, with the reasons."""
+    """Yield a note for each group of values that a search has not distinguished, with the reason."""
     irrelevant = [each.name for each in merged if each.is_irrelevant]
     if irrelevant:
         listed = " and ".join(filter(None, [", ".join(irrelevant[:-1]), irrelevant[-1]]))
@@ -76,14 +76,13 @@ def merging_notes(merged: Sequence[MergedValues]) -> Iterator[str]:
 
 
 class ValueMerging:
-    """Replaces written values by representatives, so that a search does not distinguish equivalent ones.
+    """Replaces written values by representatives, so that a search does not distinguish equivalent values.
 
-    The switch for this is an entry itself, so that it is part of each state, and of the remembered effects of
-    scripts.
+    Merging is switched by an entry, so that the switch is part of each state and of the cached effects of scripts.
 
     Args:
         cells: The contents of entries.
-        values: Returns the representative of a value, by the absolute names of entries.
+        values: The merged values, by the absolute name of the entry.
     """
 
     def __init__(self, cells: EntryCells, values: Mapping[str, MergedValues]) -> None:
@@ -93,13 +92,13 @@ class ValueMerging:
         self._cells = cells
 
     def switch_off(self) -> None:
-        """Stop merging in this state and in the following ones."""
-        self._cells.set_content(self._switch, True)  # noqa: FBT003 - what an entry holds
+        """Stop merging in the current state and in the states that follow it."""
+        self._cells.set_content(self._switch, True)  # noqa: FBT003 - the value of an entry
 
     def add_switch(self, entries: Iterable[Entry]) -> list[int]:
-        """Return the place of the switch for merging, on which code that uses some entries depends."""
+        """Return the place of the merging switch if it affects code that uses the given entries; otherwise no place."""
         return [self._switch] if any(entry.name in self.values for entry in entries) else []
 
     def representative(self, name: str, value: object) -> object:
-        """Return the value to store when a value is written to an entry."""
+        """Return the value to store in an entry instead of a written value."""
         return value if self._cells.now[self._switch] else self.values[name](value)

@@ -1,4 +1,4 @@
-"""A blackboard whose entries are stored as numbers, for millions of snapshots of its state."""
+"""A blackboard that stores entries as numbers, so that a search can store and restore millions of its states."""
 
 from collections.abc import Hashable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -13,9 +13,9 @@ class EntryContent(NamedTuple):
     """The content of an entry.
 
     Attributes:
-        kind: A tuple with its type, or with None if it has no type of its own; None if it was never named.
-        frozen: Its value, as `freeze` returns it; None if nothing was written.
-        stamp: The number of writes if it is counted; else 1 if the entry was written.
+        kind: A tuple with the entry's type, or with None for an entry without a type; None if it was never declared.
+        frozen: The entry's value, as `freeze` returns it; None if no value was written.
+        stamp: The number of writes if they are counted; else 1 if the entry was written.
     """
 
     kind: tuple[type | None] | None = None
@@ -27,11 +27,11 @@ _NOTHING = EntryContent()
 
 
 class NumberedBoard(Board):
-    """A board whose entries are in cells, instead of on py_trees' blackboard.
+    """A board whose entries are stored in cells, instead of on py_trees' blackboard.
 
     Attributes:
         cells: The cells, possibly shared with other boards.
-        merging: The values that are not distinguished; None if all are.
+        merging: Replaces values that are not distinguished; None if all values are distinguished.
     """
 
     cells: EntryCells
@@ -39,7 +39,7 @@ class NumberedBoard(Board):
 
     @classmethod
     def from_board(cls, board: Board, cells: EntryCells) -> None:
-        """Convert a board to a numbered one in place, because the ports of all nodes refer to it.
+        """Convert a board to a numbered board in place, because the ports of all nodes refer to the board.
 
         Raises:
             FrozenValueError: If an entry holds a value that can neither be copied nor hashed.
@@ -49,7 +49,7 @@ class NumberedBoard(Board):
             board.remove(name)
         board.__class__ = cls
         board.is_numbered = True
-        assert isinstance(board, NumberedBoard)  # noqa: S101 - the line above says so
+        assert isinstance(board, NumberedBoard)  # noqa: S101 - the class was set above
         board.cells = cells
         cells.freeze = board.freeze_lent
         for name in {**values, **kinds}:
@@ -59,9 +59,9 @@ class NumberedBoard(Board):
                 board.set(name, values[name])
 
     def memo(self, entries: Sequence[Entry]) -> Memo:
-        """Return a memo that caches the effects of code on `entries`.
+        """Return a memo that caches the effects of code that uses *entries*.
 
-        It identifies entries by their cells, so it also covers entries of other boards that share these cells.
+        The memo identifies entries by their cells, so it also works for entries of other boards with the same cells.
         """
         places = {self.cells.place_of(entry.name) for entry in entries}
         return Memo(
@@ -69,7 +69,7 @@ class NumberedBoard(Board):
         )
 
     def merge(self, merging: ValueMerging) -> None:
-        """Merge some values, beginning with the current ones."""
+        """Merge values from now on, including the current values of the entries."""
         self.merging = merging
         for name in self.names():
             self._store(name, self._content_of(name))
@@ -79,13 +79,13 @@ class NumberedBoard(Board):
         return self._content_of(name).frozen is not None
 
     def get(self, name: str) -> object:
-        """Return an entry's value; raise a `KeyError` if it has none."""
+        """Return an entry's value; raise a `KeyError` if the entry has no value."""
         frozen = self._content_of(name).frozen
         if frozen is None:
             raise KeyError(name)
-        kind, held, *_ = frozen
+        kind, plain, *_ = frozen
         if kind in PLAIN:
-            return held
+            return plain
         place = self.cells.place_of(name)
         if place in self.cells.lent:
             return self.cells.lent[place]
@@ -95,37 +95,37 @@ class NumberedBoard(Board):
         return value
 
     def set(self, name: str, value: object) -> None:
-        """Write an entry, which is created if missing."""
-        held = self._content_of(name)
-        self._store(name, held._replace(frozen=self._freeze(name, value), stamp=self._next_stamp(name)))
+        """Write an entry; a missing entry is created."""
+        content = self._content_of(name)
+        self._store(name, content._replace(frozen=self._freeze(name, value), stamp=self._next_stamp(name)))
 
     def declare(self, name: str, kind: type | None) -> None:
-        """Declare an entry, which stays empty until it is written; its first type is kept."""
-        held = self._content_of(name)
-        if held.kind is None:
-            self._store(name, held._replace(kind=(kind,)))
+        """Declare an entry, which stays empty until it is written; an earlier type is not changed."""
+        content = self._content_of(name)
+        if content.kind is None:
+            self._store(name, content._replace(kind=(kind,)))
 
     def set_kind(self, name: str, kind: type) -> None:
-        """Set the type of an entry that has none of its own."""
-        held = self._content_of(name)
-        if held.kind in (None, (None,)):
-            self._store(name, held._replace(kind=(kind,)))
+        """Set the type of an entry that has no type yet."""
+        content = self._content_of(name)
+        if content.kind in (None, (None,)):
+            self._store(name, content._replace(kind=(kind,)))
 
     def is_declared(self, name: str) -> bool:
         """Return whether an entry is declared."""
         return self._content_of(name).kind is not None
 
     def kind_of(self, name: str) -> type | None:
-        """Return the type of an entry; None if it has none of its own."""
+        """Return the type of an entry; None if the entry has no type."""
         kind = self._content_of(name).kind
         return None if kind is None else kind[0]
 
     def remove(self, name: str) -> None:
-        """Remove an entry if it exists, and forget its type."""
+        """Remove an entry with its type, if it exists."""
         self._store(name, _NOTHING)
 
     def stamp(self, name: str) -> int:
-        """Return the number of writes of an entry, if that is monitored; 0 if it does not exist."""
+        """Return the number of an entry's writes if they are counted, else 1; 0 if the entry was never written."""
         return self._content_of(name).stamp
 
     def names(self) -> Iterator[str]:
@@ -135,13 +135,13 @@ class NumberedBoard(Board):
 
     def restamp(self, name: str, stamp: int) -> None:
         """Set the number of writes of an entry, if it exists."""
-        held = self._content_of(name)
-        if held.stamp not in (0, stamp):
-            self._store(name, held._replace(stamp=stamp))
+        content = self._content_of(name)
+        if content.stamp not in (0, stamp):
+            self._store(name, content._replace(stamp=stamp))
 
     def _content_of(self, name: str) -> EntryContent:
-        held: EntryContent | None = self.cells.content(self.cells.place_of(name))
-        return held or _NOTHING
+        content: EntryContent | None = self.cells.content(self.cells.place_of(name))
+        return content or _NOTHING
 
     def _store(self, name: str, content: EntryContent) -> None:
         place = self.cells.place_of(name)
@@ -162,5 +162,5 @@ class NumberedBoard(Board):
 
     def freeze_lent(self, place: int, value: object) -> Hashable:
         """Return the immutable form of a value that a leaf may have changed; called by the cells."""
-        name, held = self.cells.names[place], self.cells.content(place)
-        return held._replace(frozen=self._freeze(name, value)) if held else None
+        name, content = self.cells.names[place], self.cells.content(place)
+        return content._replace(frozen=self._freeze(name, value)) if content else None

@@ -247,7 +247,7 @@ class TestTheTreeThatIsRun:
         assert (refusal("two.xml"), refusal("two.xml", "Right")) == (None, None)
         said = refusal("two.xml", "Wrong")
         assert said is not None
-        assert said.startswith("the tree 'Wrong' of two.xml is not approved (Right is)")
+        assert said.startswith("the tree 'Wrong' of two.xml is not approved (approved: Right)")
         assert said.endswith("sar-compile approve two.xml --tree=Wrong")
 
     def test_both_trees_of_a_file_can_be_approved_and_are_revoked_with_it(self, capsys):
@@ -394,7 +394,7 @@ class TestTheProperties:
         assert refusal("looking.xml") is None
         Path("p.yaml").write_text(NEVER, encoding="utf-8")
         said = str(refusal("looking.xml", properties=Path("p.yaml")))
-        assert "p.yaml is not the file of properties that was approved" in said
+        assert "p.yaml is not the approved properties file" in said
 
     def test_properties_that_nobody_has_approved_watch_no_run(self, capsys):
         approve(capsys, "looking.xml")
@@ -414,11 +414,11 @@ class TestAFolderOfOthers:
         approve(capsys, tree)
         approval_folder().chmod(mode)
         said = str(refusal(tree))
-        assert said.startswith(f"approvals in {approval_folder()} are ignored: other users can write there.")
+        assert said.startswith(f"approvals in {approval_folder()} are ignored: other users can write to it.")
         assert said.endswith(f"chmod go-w {approval_folder()}")
         for arguments in (["--list"], ["--revoke", tree], [tree]):
             status, _, complaint = approve(capsys, *arguments)
-            assert (status, "other users can write there" in complaint) == (2, True)
+            assert (status, "other users can write to it" in complaint) == (2, True)
         approval_folder().chmod(0o700)
         assert refusal(tree) is None
 
@@ -427,14 +427,14 @@ class TestAFolderOfOthers:
         approve(capsys, tree)
         (record,) = approval_folder().iterdir()
         record.chmod(mode)
-        assert f"approvals in {record} are ignored: other users can write there." in str(refusal(tree))
+        assert f"approvals in {record} are ignored: other users can write to it." in str(refusal(tree))
 
     def test_a_folder_above_that_everybody_can_write_is_refused_unless_it_is_sticky(self, tree, capsys):
         approve(capsys, tree)
         above = approval_folder().parent.parent
         above.chmod(0o777)
         said = str(refusal(tree))
-        assert said.startswith(f"approvals in {above} are ignored: all users can write there.")
+        assert said.startswith(f"approvals in {above} are ignored: all users can write to it.")
         assert said.endswith(f"chmod o-w {above}")
         above.chmod(0o1777)
         assert refusal(tree) is None

@@ -193,7 +193,7 @@ def test_of_a_leaf_that_answers_twice_in_a_tick_it_is_the_answer_that_cannot_be(
 
 def test_a_leaf_whose_turn_it_was_not_is_told_with_what_would_have_come():
     misfit = Flights(TWO).misfit(("RUNNING", "two RUNNING"))
-    assert (misfit.event, misfit.why) == ("two RUNNING", "no run ticks this leaf there")
+    assert (misfit.event, misfit.why) == ("two RUNNING", "no possible run ticks this leaf at this point")
     assert set(misfit.possible) == {"one SUCCESS", "one FAILURE", "one RUNNING"}
 
 
@@ -215,7 +215,7 @@ def test_an_event_behind_the_end_of_a_tick_is_told():
         pytest.param(
             ("RUNNING", "one FAILURE"), "all RUNNING", {"the tick ends with FAILURE"}, id="the root"
         ),
-        pytest.param(("RUNNING", "one RUNNING", "one halted"), "one halted", {"one goes on"}, id="a halt"),
+        pytest.param(("RUNNING", "one RUNNING", "one halted"), "one halted", {"one continues"}, id="a halt"),
     ],
 )
 def test_what_a_tick_lacks_is_told(tick, event, possible):
@@ -246,7 +246,7 @@ def test_a_leaf_that_was_not_stopped_although_it_had_to_be_is_told():
     goes = ("RUNNING", "one SUCCESS", "two RUNNING")
     assert flights.misfit(goes, ("FAILURE", "one FAILURE", "two halted")) is None
     misfit = flights.misfit(goes, ("FAILURE", "one FAILURE"))
-    assert (misfit.event, misfit.possible) == ("two goes on", ("two halted",))
+    assert (misfit.event, misfit.possible) == ("two continues", ("two halted",))
 
 
 def test_a_tick_that_was_broken_off_is_none_that_is_wrong_where_the_run_was_not_over():

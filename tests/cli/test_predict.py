@@ -76,7 +76,7 @@ def test_chances_that_are_too_many_are_shown_at_their_place(predict):
     status, _, err = predict(nothing=[0.9, 0.8])
     assert status == 1
     assert "p.yaml:3:" in err
-    assert "an interval goes from the lower to the higher number" in err
+    assert "the lower number of an interval must come first" in err
 
 
 def test_a_time_of_too_many_ticks_is_refused_with_the_period_that_would_do(predict, monkeypatch):

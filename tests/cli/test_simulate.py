@@ -151,7 +151,7 @@ def test_an_option_that_cannot_be_meant_is_refused(capsys, tree, option, said):
         ("att == 'base'", "--until: 'att' is neither a fact nor a key of this tree (known: "),
         (
             "at = 'base'",
-            "--until: a condition only reads 'at' and must not change it; write == to compare",
+            "--until: a condition must not change 'at'; write == to compare",
         ),
     ],
 )

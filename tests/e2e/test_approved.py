@@ -26,11 +26,11 @@ def test_a_tree_runs_only_as_it_was_approved(start, tree, state, tmp_path):
         return run.end(), run.output
 
     status, said = fly()
-    assert (status, "is not approved, which --approved requires" in said) == (2, True)
+    assert (status, "is not approved, but --approved requires it" in said) == (2, True)
     assert start("sar-compile", "approve", tree, "--by", "Ada", env=state).end() == 0
     assert fly()[0] == 0
     status, said = fly("--tree", "Other")
-    assert (status, f"the tree 'Other' of {tree} is not approved (Main is)" in said) == (2, True)
+    assert (status, f"the tree 'Other' of {tree} is not approved (approved: Main)" in said) == (2, True)
     status, said = fly("--ros-args", "-p", "tick_rate_hz:=9.0", "-p", "words:=[a, b]")
     assert (status, "tick_rate_hz is 9.0, but was not given" in said) == (2, True)
     (tmp_path / "q.yaml").write_text(
@@ -42,7 +42,7 @@ def test_a_tree_runs_only_as_it_was_approved(start, tree, state, tmp_path):
     assert fly("--ros-args", "-p", "tick_rate_hz:=9.0", "-p", "words:=[a, b]")[0] == 0
     (tmp_path / "p.yaml").write_text("properties: {nobody sleeps: {never: Sleep}}\n", encoding="utf-8")
     status, said = fly(*params, "--properties", tmp_path / "p.yaml")
-    assert (status, "p.yaml is not the file of properties that was approved" in said) == (2, True)
+    assert (status, "p.yaml is not the approved properties file" in said) == (2, True)
     tree.write_text(document("<AlwaysFailure/>"), encoding="utf-8")
     status, said = fly()
     assert (status, "tree.xml has changed. Review it, then run: sar-compile approve" in said) == (2, True)

@@ -296,7 +296,7 @@ def test_what_is_computed_is_what_is_played(seed):
     ("answers", "message"),
     [
         ("A: [{outcome: SUCCESS, p: 0.7}, {outcome: FAILURE, p: 0.6}]", "add up to 1.3, not to 1"),
-        ("A: [{outcome: SUCCESS, p: 0.2}, {outcome: FAILURE, p: 0.6}]", "add up to 0.8 at most"),
+        ("A: [{outcome: SUCCESS, p: 0.2}, {outcome: FAILURE, p: 0.6}]", "add up to at most 0.8"),
         ("A: [{outcome: SUCCESS, p: [0.7, 0.6]}]", "from the lower to the higher number"),
         ("A: [{outcome: SUCCESS, p: 0.7}, {outcome: SUCCESS, p: 0.3}]", "'SUCCESS' is listed twice"),
         ("A: [{outcome: SUCCES, p: 0.7}]", "never returns 'SUCCES'"),
