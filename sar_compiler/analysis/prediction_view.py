@@ -1,4 +1,4 @@
-"""The prediction of a tree's runs as text, JSON and a picture."""
+"""The prediction of a tree's runs as text, JSON and SVG plot."""
 
 import math
 from collections.abc import Iterator
@@ -12,15 +12,15 @@ from sar_compiler.style import literal
 from sar_compiler.tree.plain import as_json, count_with_noun
 
 _SHARES = (0.05, 0.5, 0.95)
-"""The reported quantiles of the time."""
-_MOST_LEAVES = 8
-# The picture, in its own units.
+"""The quantiles of a run's duration that are reported."""
+_MAX_LEAVES = 8
+# The size and the margins of the plot, in its own units.
 _WIDTH, _HEIGHT, _LEFT, _BELOW, _ABOVE = 640, 360, 56, 44, 20
-_MOST_POINTS = 400
+_MAX_POINTS = 400
 
 
 def prediction_as_text(prediction: Prediction, seconds: float) -> str:
-    """Return the probabilities, the times, and a line for each leaf that matters.
+    """Return the probabilities, the times, and a line for each of the most influential leaves.
 
     Args:
         prediction: The prediction.
@@ -37,30 +37,30 @@ def _lines(found: Prediction, seconds: float) -> Iterator[str]:
     rows += [("time to success", _seconds(found.success_sec))] if found.success_sec else []
     rows += [(name, _percent(probability)) for name, probability in found.properties.items()]
     width = max(len(name) for name, _ in rows) + 1
-    yield from (f"  {name + ':':{width}} {said}" for name, said in rows)
+    yield from (f"  {name + ':':{width}} {value}" for name, value in rows)
     for each in found.left_out:
         yield f"  {each.name}: left out, because this tree has no {', '.join(each.missing)}"
     yield from _influence_lines(found)
     if found.unknown:
         names = ", ".join("/".join(path) for path in found.unknown)
-        yield f"\nThe probabilities of these leaves are not known, so some numbers have two bounds: {names}"
+        yield f"\nThe probabilities of these leaves are unknown, so some numbers have two bounds: {names}"
     for reason in found.undecided:
-        yield f"\nNot decided, so some numbers have two bounds: {reason}"
+        yield f"\nSome runs are undecided, so some numbers have two bounds: {reason}"
     yield from (f"\n{note}" for note in merging_notes(found.merged))
     if not found.complete:
         yield (
-            "\nNot all states were explored, so the bounds are wide. A time interval needs a state for each "
-            "of its ticks: write a single time for each outcome (sec: 30), or omit it if no time limit "
-            "depends on it. Or increase the time between ticks (--period)."
+            "\nNot all states were explored, so the bounds are wide. A time interval requires a state for each "
+            "of its ticks. Write a single time for each outcome (sec: 30), omit times on which no time limit "
+            "depends, or increase the time between ticks (--period)."
         )
 
 
 def _influence_lines(found: Prediction) -> Iterator[str]:
-    leaves = found.influences[:_MOST_LEAVES]
+    leaves = found.influences[:_MAX_LEAVES]
     if not leaves:
         return
     width = max(len("/".join(each.leaf)) for each in leaves)
-    yield f"\nSensitivity of success{', with unknown probabilities set to the middle' if found.unknown else ''}:"
+    yield f"\nSensitivity of success{', with unknown probabilities set to the middle of their bounds' if found.unknown else ''}:"
     yield f"  {'leaf':{width}}      gain per point  if it never failed"
     for each in leaves:
         gain = f"{each.derivative:+.2f} points"
@@ -81,8 +81,8 @@ def _seconds(time_sec: ProbabilityBounds | None) -> str:
 
 def _time(found: Prediction) -> str:
     quantiles = [(share, found.quantile(share)) for share in _SHARES]
-    said = ", ".join(f"{100 * share:g} % by {sec:.1f} s" for share, sec in quantiles if sec is not None)
-    return f"{_seconds(found.time_sec)}{f' ({said})' if said else ''}"
+    shares = ", ".join(f"{100 * share:g} % by {sec:.1f} s" for share, sec in quantiles if sec is not None)
+    return f"{_seconds(found.time_sec)}{f' ({shares})' if shares else ''}"
 
 
 def prediction_as_json(prediction: Prediction, seconds: float) -> str:
@@ -120,17 +120,17 @@ def prediction_as_json(prediction: Prediction, seconds: float) -> str:
 
 
 def prediction_as_svg(prediction: Prediction) -> str:
-    """Return a plot of the probabilities that a run has ended, and has succeeded, by each time."""
-    points = prediction.distribution
-    last_sec = points[-1][0] or 1.0
+    """Return an SVG plot of the probabilities that a run has ended, and that it has succeeded, by each time."""
+    distribution = prediction.distribution
+    last_sec = distribution[-1][0] or 1.0
     wide, high = _WIDTH - _LEFT - _ABOVE, _HEIGHT - _BELOW - _ABOVE
 
     def line(values: list[tuple[float, float]], name: str) -> str:
-        way = [(float(_LEFT), float(_ABOVE + high))]
-        for sec, share in values[:: max(1, len(values) // _MOST_POINTS)] + values[-1:]:
+        points = [(float(_LEFT), float(_ABOVE + high))]
+        for sec, share in values[:: max(1, len(values) // _MAX_POINTS)] + values[-1:]:
             x, y = _LEFT + wide * sec / last_sec, _ABOVE + high * (1.0 - share)
-            way += [(x, way[-1][1]), (x, y)]
-        drawn = "L".join(f"{x:.1f} {y:.1f}" for x, y in way)
+            points += [(x, points[-1][1]), (x, y)]
+        drawn = "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
         return f'<path class="{name}" d="M{drawn}"><title>{name}</title></path>'
 
     lines = [
@@ -139,8 +139,8 @@ def prediction_as_svg(prediction: Prediction) -> str:
         f"<style>\n{literal(files(__package__).joinpath('prediction.css').read_text('utf-8'))}</style>",
         f'<rect class="ground" width="{_WIDTH}" height="{_HEIGHT}"/>',
         *_axes(last_sec, wide, high),
-        line([(sec, ended) for sec, _, ended in points], "ended"),
-        line([(sec, succeeded) for sec, succeeded, _ in points], "succeeded"),
+        line([(sec, ended) for sec, _, ended in distribution], "ended"),
+        line([(sec, succeeded) for sec, succeeded, _ in distribution], "succeeded"),
         f'<text class="ended" x="{_LEFT + 8}" y="{_ABOVE + 14}">ended</text>',
         f'<text class="succeeded" x="{_LEFT + 8}" y="{_ABOVE + 30}">succeeded</text>',
         "</svg>",
@@ -153,7 +153,7 @@ def _axes(last_sec: float, wide: float, high: float) -> Iterator[str]:
         y = _ABOVE + high * (1.0 - part)
         yield f'<path class="axis" d="M{_LEFT} {y:.1f}H{_LEFT + wide}"/>'
         yield f'<text class="scale" x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{100 * part:g} %</text>'
-    # The largest round number of seconds that fits at least three times.
+    # The largest round number of seconds of which the time axis contains at least three.
     power = 10.0 ** math.floor(math.log10(last_sec))
     step = next(each * power for each in (2.0, 1.0, 0.5, 0.2) if 3.0 * each * power <= last_sec)
     for number in range(int(last_sec / step) + 1):

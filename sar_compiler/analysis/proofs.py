@@ -1,4 +1,4 @@
-"""Verify a loaded tree with a properties file and the user's facts."""
+"""Searches of a loaded tree's runs with a properties file and the user's facts."""
 
 import contextlib
 import functools
@@ -29,7 +29,7 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 SearchResult = TypeVar("SearchResult")
 TreeSearch = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], SearchResult]
-"""Searches the runs of a tree, as `analysis.verify.verify` does, with its other arguments."""
+"""Searches the runs of a tree, given the tree, the properties file, and the tags of all leaves, as `verify.verify`."""
 
 
 def search_runs(
@@ -42,12 +42,12 @@ def search_runs(
     outcomes: Iterable[str | Path] = (),
     more: Assumptions | None = None,
 ) -> SearchResult:
-    """Search the runs of a bound tree with a properties file, and *more* assumptions, and return the results."""
+    """Simulate a bound tree with the assumptions of its files, search its runs, and *more* assumptions, and return the results."""
     path = default_properties(tree, binding) if properties is None else properties
     file = None if path is None else read_property_file(path)
     others = [read_property_file(each) for each in outcomes]
     parameters = {**start.parameters, **({} if file is None else file.parameters)}
-    # The findings about the file are raised together.
+    # All findings about the properties file are raised together.
     with contextlib.nullcontext() if file is None else file.document.prefer_findings():
         if file is not None and file.controls is not None:
             files = (*tree.project.palettes, *tree.forest.files)
@@ -76,13 +76,13 @@ def search_runs(
 
 
 def set_initial_facts(simulated: SimulatedTree, facts: Mapping[str, Fact]) -> None:
-    """Set the initial facts of one run, which override a properties file's."""
+    """Set the initial facts of a run, which override the facts of a properties file."""
     for name in facts.keys() & simulated.fact_values().keys():
         simulated.facts.resolve(name).write(facts[name])
 
 
 def try_runs(tree: ProjectTree, binding: Binding, budget: SearchBudget, how_to_see: str) -> list[Diagnostic]:
-    """Return findings about raising ticks of a bound tree; see `tree_analysis.try_tree`."""
+    """Return findings about ticks of a bound tree that raise errors; see `trial.try_tree`."""
     if not can_prepare(binding, budget):
         return []
     mark(binding)
@@ -99,7 +99,7 @@ def try_runs(tree: ProjectTree, binding: Binding, budget: SearchBudget, how_to_s
 
 
 def default_properties(tree: ProjectTree, binding: Binding) -> Path | None:
-    """Return the default properties file of a bound tree's mission; None for none."""
+    """Return the default properties file of a bound tree's mission; None if there is none."""
     if not is_part_installed("missions"):
         return None
     from sar_compiler.missions.mission_choice import mission_of
@@ -119,6 +119,6 @@ def _user_assumptions(facts: Mapping[str, object] | Document, simulated: Simulat
         from sar_compiler.documents.yaml_files import document_from_data
 
         facts = document_from_data(facts, "facts", "name a fact")
-    said = read_assumptions(facts, facts.root, None, simulated)
+    assumed = read_assumptions(facts, facts.root, None, simulated)
     facts.raise_findings()
-    return said
+    return assumed

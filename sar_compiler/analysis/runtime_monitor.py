@@ -1,8 +1,8 @@
-"""Monitor a run for violations of properties and of proofs' assumptions.
+"""Monitoring of a run for violations of properties and of the assumptions of proofs.
 
-A leaf's outcome determines the facts, exactly as in a proof: its script `then` is run on facts that start as in the run. The
-monitors are those of the search, and receive the same events in the same order. So a run violates a property here at the
-event at which `verify` reports it.
+As in a proof, the outcomes of leaves determine the facts: the script `then` of an outcome changes facts that start as in
+the run. The monitors are the same as in the search of `verify`, and receive the same events in the same order. So a
+violation is reported at the same event as by `verify`.
 """
 
 from collections import deque
@@ -29,18 +29,18 @@ from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.variables import ScriptValue, VariableError
 from sar_compiler.runtime.walking import pre_order
 
-_MOST_TOLD = 20
-"""The number of events listed that led to an alarm, and of those that properties receive."""
+_MAX_LISTED = 20
+"""The maximum number of listed events before an alarm: of events that properties receive, and of other events."""
 
 
 class WatchedEvent(NamedTuple):
     """An event of a monitored run.
 
     Attributes:
-        time_sec: Its time, seconds since the run's start.
-        tick: Its tick, from 1.
+        time_sec: The time of the event in seconds since the start of the run.
+        tick: The number of the tick, from 1.
         number: The leaf's number.
-        action: The event of the leaf, in a word.
+        action: The label or status of an outcome, or the kind of another event.
     """
 
     time_sec: float
@@ -69,10 +69,10 @@ class WatchAlarm(NamedTuple):
     Attributes:
         cause: The cause.
         about: The name of the property, or the text of the assumption.
-        event: The event, `OpenDoor opened`; empty for none.
+        event: The event that caused the alarm, such as `OpenDoor opened`; empty for none.
         tick: The number of the tick, from 1.
         number: The leaf's number; None for no leaf.
-        run: The last events that led there, in order: outcomes and halts without repetitions, and events of properties.
+        run: The last events before the alarm: outcomes and halts without repetitions, and events that properties name.
     """
 
     cause: AlarmCause
@@ -84,7 +84,7 @@ class WatchAlarm(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The alarm in a sentence."""
+        """The alarm as a message."""
         if self.cause is AlarmCause.ASSUMPTION:
             return f"Assumption failed: {self.about}"
         if self.cause is AlarmCause.UNJUDGED:
@@ -93,52 +93,53 @@ class WatchAlarm(NamedTuple):
         return f"Property violated: {self.about} ({how})"
 
 
-class _OwnKeys(FactVariables):
-    """The variables of a monitored run: assumed facts, and keys that the tree itself writes."""
+class _ReadOnlyKeys(FactVariables):
+    """The variables of a monitored run: facts, and keys that only the running tree writes."""
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write a fact."""
+        """Write a fact; ignore a key."""
         return super().create(name, value) if self.is_fact(name) else value
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write a fact."""
+        """Write a fact; ignore a key."""
         return super().assign(name, value) if self.is_fact(name) else value
 
 
-class _HeldCondition:
-    """The value of a condition before a leaf's event changes the state."""
+class _EarlyCondition:
+    """A condition that is evaluated before a leaf's event changes the state."""
 
-    def __init__(self, holds: Callable[[], bool], tell: Callable[[str], None]) -> None:
-        self._holds, self._tell = holds, tell
-        self.held = False
+    def __init__(self, holds: Callable[[], bool], report: Callable[[str], None]) -> None:
+        self._holds, self._report = holds, report
+        self.value = False
 
     def evaluate(self) -> None:
-        """Check whether it holds."""
+        """Evaluate the condition and store its value; report an error, after which the value is false."""
         try:
-            self.held = self._holds()
+            self.value = self._holds()
         except ConditionError as error:
-            self.held = False
-            self._tell(str(error))
+            self.value = False
+            self._report(str(error))
 
 
 class RuntimeMonitor:
     """Monitors one run of a tree.
 
     Args:
-        simulated: The tree with stub leaves, whose facts start as in the run; it is used up.
-        file: The file of properties; None for none.
-        tags: The tags of leaves that a tree can have.
-        watched: The monitored tree, whose keys are read. By default the simulated tree's, written by its leaves' scripts only.
-        clock: Returns the time, seconds since the run's start.
-        limits: The facts that only limit how often an event happens. Consecutive ticks of a condition (a paused mission) are one event.
+        simulated: The tree with stub leaves, whose facts start as in the run; not usable afterwards.
+        file: The properties file; None for no properties.
+        tags: The tags of all leaves that a tree may contain.
+        watched: The running tree, whose keys conditions read; by default the simulated tree.
+        clock: Returns the time in seconds since the start of the run.
+        limits: The facts that limit how often an event can happen. An outcome that a condition repeats on consecutive
+            ticks, such as during a pause, decreases them once.
 
     Raises:
-        TreeError: If the file does not match the tree; carries the findings.
+        TreeError: If the properties file does not match the tree; contains the findings.
 
     Attributes:
-        file: The file of properties.
+        file: The properties file.
         properties: The properties.
-        alarms: The alarms since the last read; a property and an assumption are reported once.
+        alarms: The alarms, to which new ones are appended. Each property and each assumption is reported once.
         broken: The names of the violated properties.
     """
 
@@ -155,17 +156,17 @@ class RuntimeMonitor:
         keys = None if watched is None else watched.instance.scope
         self.properties: Properties = properties_of(file, prepared, tags, keys)
         if watched is not None:
-            _read_keys_of(watched, simulated)
+            _bind_keys(watched, simulated)
         self.file = file
         self.alarms: list[WatchAlarm] = []
         self.broken: set[str] = set()
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self._clock = clock
         self._leaves = {leaf.number: leaf for leaf in simulated.leaves}
         self._alphabet, self._facts = prepared.alphabet, simulated.facts
         self._numbers = _numbers(prepared.alphabet)
         rules = self.properties.rules
-        self._looks: dict[int, list[_HeldCondition]] = {}
+        self._conditions: dict[int, list[_EarlyCondition]] = {}
         guarded = {
             event: [self._guard_state(event, each) for each in some] for event, some in rules.guarded.items()
         }
@@ -173,12 +174,12 @@ class RuntimeMonitor:
         self._trail = Trail(guarded, monitors.relevant_events, monitors.next_state, EntryCells())
         self._trail.begin(0)
         self._tick, self._root = 1, ""
-        # The last events that properties receive, and the last others, each with its position in the run.
-        self._heard: deque[tuple[int, WatchedEvent]] = deque(maxlen=_MOST_TOLD)
-        self._others: deque[tuple[int, WatchedEvent]] = deque(maxlen=_MOST_TOLD)
+        # The last events that properties receive, and the last other events, each with its position in the run.
+        self._relevant: deque[tuple[int, WatchedEvent]] = deque(maxlen=_MAX_LISTED)
+        self._others: deque[tuple[int, WatchedEvent]] = deque(maxlen=_MAX_LISTED)
         self._count = 0
-        self._hears = monitors.relevant_events.union(rules.guarded)
-        # For each leaf: its last event, and the tick of that.
+        self._relevant_numbers = monitors.relevant_events.union(rules.guarded)
+        # For each leaf: the last event and its tick.
         self._last: dict[int, tuple[str, int]] = {}
         self._spending = LimitUse(
             spending_conditions(simulated, limits), [*map(simulated.facts.resolve, limits)]
@@ -186,23 +187,23 @@ class RuntimeMonitor:
 
     @property
     def state_number(self) -> int:
-        """The state of the properties as a number, which determines `pending_properties`."""
+        """The state of the properties as a number; equal numbers mean equal `pending_properties`."""
         return self._trail.watched
 
     @property
     def pending_properties(self) -> list[str]:
-        """The names of the properties that still require an event."""
-        owed = self.properties.rules.monitors.pending_monitors(self._trail.watched)
-        return [name for number, name in enumerate(self.properties.names) if owed >> number & 1]
+        """The names of the properties that require an event that has not happened yet."""
+        pending = self.properties.rules.monitors.pending_monitors(self._trail.watched)
+        return [name for number, name in enumerate(self.properties.names) if pending >> number & 1]
 
     def _guard_state(self, event: int, guard: Guarded) -> Guarded:
         leaf, _ = self._alphabet.outcomes[event]
-        look = _HeldCondition(guard.holds, self._cannot_judge)
-        self._looks.setdefault(leaf.number, []).append(look)
-        return replace(guard, holds=lambda: look.held)
+        condition = _EarlyCondition(guard.holds, self._cannot_judge)
+        self._conditions.setdefault(leaf.number, []).append(condition)
+        return replace(guard, holds=lambda: condition.value)
 
     def process_event(self, event: Event) -> None:
-        """Process an event of a run that is read or replayed."""
+        """Process an event of a recorded or replayed run."""
         if event.what == TICKED:
             self.end_tick(event.status)
             return
@@ -215,16 +216,16 @@ class RuntimeMonitor:
             self.on_halt(event.number)
 
     def raise_fact(self, name: str, by: int) -> None:
-        """Increase a fact of the tree because of an event outside of leaves, such as a command."""
+        """Increase a numeric fact by *by* because of an event outside the tree, such as a command."""
         entry = self._facts.resolve(name)
         known = entry.read() if entry.exists else None
         if isinstance(known, int | float):
             entry.write(known + by)
 
     def on_before_event(self, number: int) -> None:
-        """Evaluate the conditions on a leaf's next event, before it changes the state."""
-        for look in self._looks.get(number, ()):
-            look.evaluate()
+        """Evaluate the conditions of a leaf's events, before the next event of the leaf changes the state."""
+        for condition in self._conditions.get(number, ()):
+            condition.evaluate()
 
     def on_start(self, number: int) -> None:
         """Process the start of a leaf."""
@@ -244,7 +245,7 @@ class RuntimeMonitor:
         """
         numbers = self._numbers.get((number, RETURNED, status, label))
         if numbers is None:
-            self._returns_unknown(number, status, label)
+            self._process_undeclared(number, status, label)
             return
         left = self._spending.spend(number, label or status)
         self._process_outcome(number, numbers, label or status)
@@ -253,21 +254,21 @@ class RuntimeMonitor:
     def _process_outcome(
         self, number: int, numbers: Sequence[tuple[int, Outcome | None]], action: str
     ) -> None:
-        """Process a declared outcome, which may be one of several."""
+        """Process a declared outcome of a leaf, given the numbers of all events that match, with their outcomes."""
         (event, outcome), excluded = numbers[0], None
         if len(numbers) > 1 or (outcome is not None and outcome.when):
-            (event, outcome), excluded = self._possible(number, numbers)
-        self._add_event(number, action, is_heard=event in self._hears)
+            (event, outcome), excluded = self._select_outcome(number, numbers)
+        self._add_event(number, action, is_relevant=event in self._relevant_numbers)
         if excluded is not None:
             self._report_assumption(number, *excluded)
         self._trail.add_event(event)
         if self._trail.broken:
             self._report_violation(number, action)
         if outcome is not None and outcome.then:
-            self._change(self._leaves[number], outcome)
+            self._apply_effects(self._leaves[number], outcome)
 
     def end_tick(self, root: str) -> None:
-        """Process the end of a tick with the root's status; empty for an unfinished tick."""
+        """Process the end of a tick, given the root's status (empty for an unfinished tick)."""
         self._root = root
         self._judge(is_over=False)
         self._spending.end_tick()
@@ -278,7 +279,7 @@ class RuntimeMonitor:
         """Process the end of the run.
 
         Args:
-            is_over: Whether it met its own end condition, so that further ticks change nothing. Else obligations stay pending.
+            is_over: Whether the run met its own end condition. If it was stopped, obligations stay pending.
         """
         if is_over:
             self._tick -= 1
@@ -296,15 +297,15 @@ class RuntimeMonitor:
 
     def _add_leaf_event(self, number: int, what: str) -> None:
         for event, _ in self._numbers.get((number, what, "", ""), ()):
-            self._add_event(number, what, is_heard=event in self._hears)
+            self._add_event(number, what, is_relevant=event in self._relevant_numbers)
             self._trail.add_event(event)
             if self._trail.broken:
                 self._report_violation(number, what)
 
-    def _possible(
+    def _select_outcome(
         self, number: int, numbers: Sequence[tuple[int, Outcome | None]]
     ) -> tuple[tuple[int, Outcome | None], tuple[str, str] | None]:
-        """Return the possible outcome; if none is possible now, the first one with the reason (`describe_condition`)."""
+        """Return the first outcome that is possible now; if none is, the first outcome and the reason."""
         leaf = self._leaves[number]
         try:
             for event, outcome in numbers:
@@ -317,8 +318,8 @@ class RuntimeMonitor:
             leaf, [outcome for _, outcome in numbers if outcome is not None]
         )
 
-    def _returns_unknown(self, number: int, status: str, label: str) -> None:
-        """Process an outcome that a leaf has not declared or not identified."""
+    def _process_undeclared(self, number: int, status: str, label: str) -> None:
+        """Process an outcome that the leaf does not declare, or whose label it has not reported."""
         self._add_event(number, label or status)
         leaf = self._leaves.get(number)
         if leaf is None:
@@ -332,20 +333,20 @@ class RuntimeMonitor:
                 number, f"'{leaf.name}' reports which of its outcomes it returns: {listed}"
             )
 
-    def _change(self, leaf: StubLeaf, outcome: Outcome) -> None:
+    def _apply_effects(self, leaf: StubLeaf, outcome: Outcome) -> None:
         try:
             leaf.change(outcome)
         except StubLeafError as error:
             self._cannot_judge(str(error))
 
-    def _add_event(self, number: int, action: str, *, is_heard: bool = False) -> None:
-        if action == STARTED and not is_heard:
+    def _add_event(self, number: int, action: str, *, is_relevant: bool = False) -> None:
+        if action == STARTED and not is_relevant:
             return
         last, self._last[number] = self._last.get(number), (action, self._tick)
         if last not in ((action, self._tick), (action, self._tick - 1)):
             self._count += 1
             event = WatchedEvent(self._clock(), self._tick, number, action)
-            (self._heard if is_heard else self._others).append((self._count, event))
+            (self._relevant if is_relevant else self._others).append((self._count, event))
 
     def _report_violation(self, number: int, action: str) -> None:
         broken, self._trail.broken = self._trail.broken, 0
@@ -353,70 +354,75 @@ class RuntimeMonitor:
         word = "starts" if action == STARTED else action
         self._add_alarm(broken, f"{leaf.name} {word}", number, 0)
 
-    def _add_alarm(self, broken: int, event: str, number: int | None, owed: int) -> None:
+    def _add_alarm(self, broken: int, event: str, number: int | None, pending: int) -> None:
         for place, name in enumerate(self.properties.names):
             if broken >> place & 1 and name not in self.broken:
                 self.broken.add(name)
-                cause = AlarmCause.OWED if owed >> place & 1 else AlarmCause.BROKEN
+                cause = AlarmCause.OWED if pending >> place & 1 else AlarmCause.BROKEN
                 self._raise(cause, name, event, number)
 
     def _report_assumption(self, number: int, about: str, now: str = "") -> None:
-        if about not in self._told:
-            self._told.add(about)
+        if about not in self._reported:
+            self._reported.add(about)
             leaf = self._leaves[number]
             self._raise(AlarmCause.ASSUMPTION, about + now, f"{leaf.name} {self._last[number][0]}", number)
 
     def _cannot_judge(self, about: str) -> None:
-        if about not in self._told:
-            self._told.add(about)
+        if about not in self._reported:
+            self._reported.add(about)
             self._raise(AlarmCause.UNJUDGED, about, "", None)
 
     def _raise(self, cause: AlarmCause, about: str, event: str, number: int | None) -> None:
-        run = tuple(event for _, event in sorted((*self._others, *self._heard)))
+        run = tuple(event for _, event in sorted((*self._others, *self._relevant)))
         self.alarms.append(WatchAlarm(cause, about, event, self._tick, number, run))
 
 
 def describe_condition(leaf: StubLeaf, outcomes: Sequence[Outcome]) -> tuple[str, str]:
-    """Describe when a leaf can return outcomes that are impossible now, and the current values."""
+    """Describe the conditions of a leaf's outcomes that are impossible now, and their variables' current values."""
     whens = dict.fromkeys(outcome.when for outcome in outcomes)
     names = dict.fromkeys(use.name for when in whens for use in name_uses(parse(when)))
     values = ", ".join(f"{name} is {_value(leaf, name)}" for name in names)
-    return f"'{leaf.name}' returns '{outcomes[0].name}' only when {' or '.join(whens)}", f"; {values}"
+    return (
+        f"'{leaf.name}' returns '{outcomes[0].name}' only when {' or '.join(whens)}",
+        f" ({values})" if values else "",
+    )
 
 
 def _value(leaf: StubLeaf, name: str) -> str:
     try:
         return repr(leaf.variables.read(name))
     except VariableError:
-        return "not known"
+        return "unknown"
 
 
 def describe_undeclared_outcome(leaf: StubLeaf, status: str, label: str) -> str:
     """Describe the declared outcomes of a leaf that has returned a different one."""
     listed = ", ".join(dict.fromkeys(outcome.name for outcome in leaf.outcomes))
-    return f"'{leaf.name}' returns {listed}, but returned {label or status}"
+    return f"'{leaf.name}' returns only {listed}, but returned {label or status}"
 
 
-def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:
-    """Let stub leaves read the keys of a tree that is ticked.
+def _bind_keys(watched: CompiledTree, simulated: SimulatedTree) -> None:
+    """Make stub leaves read the keys of a running tree.
 
     Raises:
-        OtherTreeError: If it has other nodes.
+        OtherTreeError: If the running tree has other nodes than the simulated tree.
     """
     behaviours = [*pre_order(watched.root)]
     if [each.name for each in behaviours] != [each.name for each in pre_order(simulated.root)]:
         raise OtherTreeError(
-            "the tree cannot be monitored: it has nodes whose children are ticked in an unknown way"
+            "the tree cannot be monitored, because it is unknown when some of its nodes tick their children"
         )
     for leaf in simulated.leaves:
         scope = watched.origins.construction(behaviours[leaf.number].id).instance.scope
-        leaf.variables = _OwnKeys(simulated.facts, scope, leaf.variables.enums)
+        leaf.variables = _ReadOnlyKeys(simulated.facts, scope, leaf.variables.enums)
 
 
-def _numbers(alphabet: EventAlphabet) -> Mapping[tuple[int, str, str, str], list[tuple[int, Outcome | None]]]:
-    """Return the indices of outcome events, by the leaf's number, event, status and label.
+def _numbers(
+    alphabet: EventAlphabet,
+) -> Mapping[tuple[int, str, str, str], list[tuple[int, Outcome | None]]]:
+    """Return the numbers of leaf events with their outcomes, by leaf number, kind of event, status and label.
 
-    If a status has only one outcome, a leaf need not identify it.
+    The label may be empty if the leaf has only one outcome with this status.
     """
     numbers: dict[tuple[int, str, str, str], list[tuple[int, Outcome | None]]] = {}
     labels: dict[tuple[int, str], set[str]] = {}

@@ -1,4 +1,4 @@
-"""Simulate a loaded tree with a script, and compare the result with expectations."""
+"""Simulation of a loaded tree with a script, and comparison with expectations, for tests in Python."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -21,25 +21,25 @@ from sar_compiler.project.project_tree import ProjectTree
 
 
 def simulate_tree(tree: ProjectTree, script: Mapping[str, object]) -> "Simulated":
-    """Return a simulated tree with a script; see `LoadedTree.simulate`."""
+    """Return a simulation of a tree with a script; see `LoadedTree.simulate`."""
     return Simulated(load_scenario(_document(script), stage_of(tree)))
 
 
 def play_scenario(tree: ProjectTree, scenario: str | Path) -> None:
-    """Play a scenario file, and compare the result with its expectations.
+    """Play a scenario file, and compare the result with the file's expectations.
 
     Raises:
-        AssertionError: If an expectation is not met, with the trace.
+        AssertionError: If an expectation is not met; contains the trace.
         TreeError: If the tree or the scenario is not valid.
     """
     play = read_scenario(scenario, stage_of(tree))
     tree.report_warnings(play.scenario.warnings)
     run = ScenarioPlayer(play.simulated, play.scenario).run_to_end()
-    _complain(run, failures(run), run.scenario.expect.trace)
+    _raise_unmet(run, failures(run), run.scenario.expect.trace)
 
 
 class Simulated:
-    """A simulated tree with a script."""
+    """A simulation of a tree with a script."""
 
     def __init__(self, play: ScenarioSimulation) -> None:
         self._simulation = ScenarioPlayer(play.simulated, play.scenario)
@@ -74,7 +74,7 @@ class Simulated:
             AssertionError: If there is no end within the scenario's `ticks`, or a tick cannot be finished.
         """
         run = self._simulation.run_to_end()
-        _complain(run, [failure for failure in failures(run) if failure.expected in ("run", "ends")])
+        _raise_unmet(run, [failure for failure in failures(run) if failure.expected in ("run", "ends")])
         return self
 
     def tick(self, times: int = 1) -> "Simulated":
@@ -91,30 +91,30 @@ class Simulated:
         """Compare the run with expectations, which are written as in a scenario's `expect`.
 
         Args:
-            trace: The file of the expected trace, from the current folder.
-            **expectations: The others.
+            trace: The path of the file with the expected trace, relative to the current folder.
+            **expectations: The other expectations.
 
         Raises:
-            AssertionError: If an expectation is not met, with the trace.
+            AssertionError: If an expectation is not met; contains the trace.
             TreeError: If an expected outcome is impossible for its leaf.
         """
         run = self.run
         document = _document({"expect": expectations})
-        said = document.validate("scenario").mapping["expect"]
-        expect = read_expectations(said, LeafVocabulary(document, run.simulated))
+        parts = document.validate("scenario").mapping["expect"]
+        expect = read_expectations(parts, LeafVocabulary(document, run.simulated))
         document.raise_findings()
         if "ends" not in expectations:
             expect = replace(expect, ends=run.ended)
         judged = replace(run, scenario=replace(run.scenario, path="", expect=expect))
-        _complain(judged, failures(judged), None if trace is None else Path(trace))
+        _raise_unmet(judged, failures(judged), None if trace is None else Path(trace))
 
 
-def _document(said: Mapping[str, object]) -> Document:
-    return document_from_data(said, "script", "list the outcomes of the leaves")
+def _document(parts: Mapping[str, object]) -> Document:
+    return document_from_data(parts, "script", "list the outcomes of the leaves")
 
 
-def _complain(run: ScenarioRun, missed: list[Failure], golden: Path | None = None) -> None:
-    """Raise an error with the violated expectations and the trace."""
+def _raise_unmet(run: ScenarioRun, missed: list[Failure], golden: Path | None = None) -> None:
+    """Raise an error with the violated expectations and the trace, if there are any."""
     different = compare_golden(golden, trace(run), "the trace now") if golden else None
     if different is not None:
         missed = [*missed, Failure("trace", different)]

@@ -1,7 +1,7 @@
-"""A tree with stub leaves, which runs without a robot.
+"""Compilation of a tree with stub leaves, which runs without a robot.
 
-Controls, decorators and the leaves of the language itself are real, on a simulated clock. Every other leaf, installed or only
-described, is a `StubLeaf`: an outcome policy chooses among its possible outcomes.
+Controls, decorators and the leaves of the tree language are the real nodes, on a simulated clock. Every other leaf,
+whether it is installed or only described by a model, becomes a `StubLeaf`, whose outcomes an outcome policy chooses.
 """
 
 import itertools
@@ -61,29 +61,30 @@ from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import SUBTREE_TAG
 
 Substitute = Callable[..., Behaviour]
-"""Creates a replacement, given its `name`, and its `children` or its `child`."""
+"""Creates the replacement for a node, given the node's `name`, and `children` or `child`."""
 
 
 class UnknownBehaviourError(UndecidableError):
-    """A tree has controls or decorators of unknown behaviour, without replacements.
+    """A tree has controls or decorators of unknown behaviour that have no replacement.
 
     Attributes:
-        findings: Their locations.
+        findings: A finding for each tag of such nodes.
     """
 
     def __init__(self, nodes: list[BoundNode]) -> None:
-        self.findings = tuple(map(_finding, {node.spec.tag: node for node in reversed(nodes)}.values()))[::-1]
+        self.findings = tuple(
+            map(_unknown_behaviour, {node.spec.tag: node for node in reversed(nodes)}.values())
+        )[::-1]
         super().__init__("\n".join(finding.render() for finding in self.findings))
 
 
-def _finding(bound: BoundNode) -> Diagnostic:
+def _unknown_behaviour(bound: BoundNode) -> Diagnostic:
     tag, element = bound.spec.tag, bound.element
-    replace = f"name its replacement in the scenario or the file of properties: controls: {{{tag}: ...}}"
+    replace = f"name its replacement in the scenario or properties file: controls: {{{tag}: ...}}"
     if not bound.spec.is_foreign:
         message = (
-            f"<{tag}> has its own methods ({bound.spec.factory_path.replace(':', '.')}), and its record does not say "
-            "exactly when it ticks "
-            "its children"
+            f"<{tag}> has its own methods ({bound.spec.factory_path.replace(':', '.')}), and its registered semantics do "
+            "not define exactly when it ticks its children"
         )
         hint = f"derive it from sar_compiler.{bound.spec.kind.value}, with begin and resume, or register it with semantics, or {replace}"
         return element.finding("only-described", message, hint=hint)
@@ -95,14 +96,14 @@ def _finding(bound: BoundNode) -> Diagnostic:
 
 
 def described_parents(binding: Binding) -> list[BoundNode]:
-    """Return the controls and decorators of a tree that only a model describes."""
+    """Return the controls and decorators of a tree that are only described by a model."""
     return [
         node for node in binding.all_nodes() if node.spec.is_only_described and not node.spec.kind.is_leaf
     ]
 
 
 def self_ticking_parents(binding: Binding) -> list[BoundNode]:
-    """Return the controls and decorators whose behaviour only users' py_trees classes define."""
+    """Return the controls and decorators whose behaviour only the methods of users' py_trees classes define."""
     return [
         node
         for node in binding.all_nodes()
@@ -111,64 +112,64 @@ def self_ticking_parents(binding: Binding) -> list[BoundNode]:
 
 
 def by_semantics(bound: BoundNode, clock: Clock) -> Substitute | None:
-    """Return an implementation of a node's semantics; None if the semantics are incomplete.
+    """Return a constructor of nodes with a node's registered semantics; None if the semantics are incomplete.
 
     Args:
         bound: The node, without children that can be skipped.
-        clock: Measures time.
+        clock: The clock for time limits.
     """
-    means = bound.spec.semantics
-    if means.possible is None or means.once or bound.spec.references:
+    semantics = bound.spec.semantics
+    if semantics.possible is None or semantics.once or bound.spec.references:
         return None
     if bound.spec.kind is Kind.CONTROL:
-        return _sequence_substitute(bound, means)
-    if means.limit_sec is not None:
-        limit = means.limit_sec(bound)
-        return None if limit is None else _limit(clock, limit)
-    if means.repeats:
-        rounds = means.rounds and means.rounds(bound)
-        return partial(_repeat, means.repeats, rounds) if rounds else None
-    return _mapping_substitute(bound, means)
+        return _sequence_substitute(bound, semantics)
+    if semantics.limit_sec is not None:
+        limit = semantics.limit_sec(bound)
+        return None if limit is None else _limit_substitute(clock, limit)
+    if semantics.repeats:
+        rounds = semantics.rounds and semantics.rounds(bound)
+        return partial(_repeat_substitute, semantics.repeats, rounds) if rounds else None
+    return _mapping_substitute(bound, semantics)
 
 
-def _sequence_substitute(bound: BoundNode, means: Semantics) -> Substitute | None:
-    assert means.possible is not None  # noqa: S101 - the caller has seen to it
-    if means.order is not Order.IN_ORDER:
+def _sequence_substitute(bound: BoundNode, semantics: Semantics) -> Substitute | None:
+    assert semantics.possible is not None  # noqa: S101 - checked by the caller
+    if semantics.order is not Order.IN_ORDER:
         return None
-    pauses = means.possible(bound, [means.goes_on] * len(bound.children), ALLOWED) & R
-    if means.resumes:
-        return stock.SequenceWithMemory if means.is_sequence else None
+    pauses = semantics.possible(bound, [semantics.goes_on] * len(bound.children), ALLOWED) & R
+    if semantics.resumes:
+        return stock.SequenceWithMemory if semantics.is_sequence else None
     if pauses:
-        return stock.AsyncSequence if means.is_sequence else stock.AsyncFallback
-    return partial(stock.Sequence if means.is_sequence else stock.Fallback, memory=not bound.is_reactive)
+        return stock.AsyncSequence if semantics.is_sequence else stock.AsyncFallback
+    return partial(stock.Sequence if semantics.is_sequence else stock.Fallback, memory=not bound.is_reactive)
 
 
-def _mapping_substitute(bound: BoundNode, means: Semantics) -> Substitute | None:
-    assert means.possible is not None  # noqa: S101 - the caller has seen to it
-    turned = [WORD_OF.get(means.possible(bound, [outcome], ALLOWED)) for outcome in (S, F, R)]
-    if not means.steady or turned[2] != "RUNNING" or None in turned:
+def _mapping_substitute(bound: BoundNode, semantics: Semantics) -> Substitute | None:
+    assert semantics.possible is not None  # noqa: S101 - checked by the caller
+    turned = [WORD_OF.get(semantics.possible(bound, [outcome], ALLOWED)) for outcome in (S, F, R)]
+    if not semantics.steady or turned[2] != "RUNNING" or None in turned:
         return None
     return partial(behaviour_class(OwnDecorator, TurningNode), turned=(*turned[:2], "SKIPPED"))
 
 
-def _limit(clock: Clock, seconds: float) -> Substitute:
+def _limit_substitute(clock: Clock, seconds: float) -> Substitute:
     if seconds == math.inf:
         return behaviour_class(OwnDecorator, SubTreeNode)
     msec = Input(source=int(1000 * seconds))
     return partial(behaviour_class(OwnDecorator, TimeoutNode), msec=msec, clock=clock)
 
 
-def _repeat(again: int, rounds: float, name: str, child: Behaviour) -> Behaviour:
+def _repeat_substitute(again: int, rounds: float, name: str, child: Behaviour) -> Behaviour:
     count = -1 if rounds == math.inf else int(rounds)
     return decorators.Retry(name, child, count) if again == F else decorators.Repeat(name, child, count)
 
 
 def replace_nodes(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
-    """Replace some nodes, using the defaults of attributes.
+    """Replace all nodes with given tags by nodes with default attributes.
 
     Args:
         binding: The tree, which is changed.
-        controls: The replacement for each tag; it can have the children of all nodes with that tag.
+        controls: The replacement for each tag; it must accept the children of all nodes with the tag.
     """
     for tree in binding.used_trees():
         for node in tree.nodes:
@@ -178,22 +179,22 @@ def replace_nodes(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
 
 
 # A leaf of the language with random outcomes would make every run different.
-_BY_CHANCE = "py_trees.behaviours:ProbabilisticBehaviour"
-_LANGUAGE = {(each.tag, each.class_path) for each in language.SPECS if each.class_path != _BY_CHANCE}
+_RANDOM_LEAF = "py_trees.behaviours:ProbabilisticBehaviour"
+_LANGUAGE = {(each.tag, each.class_path) for each in language.SPECS if each.class_path != _RANDOM_LEAF}
 
 
 def needs_stub(spec: NodeSpec) -> bool:
-    """Return whether a node is a leaf that acts outside the tree and becomes a stub leaf."""
+    """Return whether a node becomes a stub leaf: a leaf that does not belong to the tree language."""
     return spec.kind.is_leaf and (spec.tag, spec.class_path) not in _LANGUAGE
 
 
 @dataclass(frozen=True)
 class Assumptions:
-    """Assumptions about the world around a tree, in addition to the declarations of its leaves.
+    """Assumptions about facts and leaf outcomes, in addition to the declarations of leaves.
 
     Attributes:
-        facts: Facts with their values at the start; they replace those of the leaves, or add to them.
-        outcomes: The possible outcomes of leaves, by a leaf's path (`Patrol/MoveTo`), its name or its tag. If several match,
+        facts: The start values of facts, which override or extend the facts that leaves declare.
+        outcomes: The possible outcomes of leaves, by leaf path (`Patrol/MoveTo`), name or tag. If several keys match,
             the path precedes the name, and the name precedes the tag.
         written: The values that leaves may write to a key, as literals of scripts, by the names of leaf and key. By default a value
             that no outcome defines is unknown.
@@ -204,7 +205,7 @@ class Assumptions:
     written: Mapping[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
 
     def __or__(self, other: "Assumptions") -> "Assumptions":
-        """Return the combination of both, in which the other one has precedence."""
+        """Return the combined assumptions; *other* has precedence."""
         return Assumptions(
             {**self.facts, **other.facts},
             {**self.outcomes, **other.outcomes},
@@ -214,16 +215,16 @@ class Assumptions:
 
 @dataclass(eq=False)
 class SimulatedTree:
-    """A compiled tree whose leaves return the outcomes of an outcome policy.
+    """A compiled tree whose leaves return the outcomes that an outcome policy chooses.
 
     Args:
-        compiled: The tree.
+        compiled: The compiled tree.
         facts: The facts.
-        leaves: Its stub leaves, in the order of the tree.
-        clock: The clock of its durations, seconds.
-        disputes: The facts for which leaves have different start values and no file decides, with a remedy. The first value is used.
-        by_semantics: The tags, with their classes, of nodes that are replaced by their semantics; see `compile_simulated`.
-        enums: The numbers that names stand for in scripts.
+        leaves: The stub leaves, in pre-order.
+        clock: The simulated clock for all durations.
+        disputes: A message for each fact for which leaves declare different start values and no file decides.
+        by_semantics: The tags and classes of nodes that were replaced by their semantics; see `compile_simulated`.
+        enums: The numbers for which names stand in scripts.
     """
 
     compiled: CompiledTree
@@ -243,7 +244,7 @@ class SimulatedTree:
 
     @property
     def root(self) -> Behaviour:
-        """The root of the tree, to be ticked."""
+        """The root of the tree."""
         return self.compiled.root
 
     @property
@@ -264,7 +265,7 @@ class SimulatedTree:
         return f"{kind}{error}"
 
     def fact_values(self) -> dict[str, Fact]:
-        """Return all facts by name, in order of creation."""
+        """Return the values of all facts by name, in the order of their creation."""
         values = self.facts.board.values()
         return {name: value for name, value in values.items() if isinstance(value, (bool, int, float, str))}
 
@@ -279,16 +280,17 @@ def compile_simulated(
     """Compile a bound tree with stub leaves.
 
     Args:
-        binding: The tree, without findings.
-        parameters: The keys of the root blackboard: the node parameters of the mission.
-        assumptions: Assumptions in addition to the leaves' own declarations.
-        all_runs: Whether all runs will be explored, for which earlier states of the tree are restored. Controls and
-            decorators with their own methods, whose state cannot be restored, are then replaced by their semantics. There is no time.
+        binding: The bound tree, which must have no errors.
+        parameters: The values of the root blackboard's keys, from the parameters of the mission.
+        assumptions: Assumptions in addition to the declarations of leaves.
+        all_runs: Whether the tree is for an exploration of all runs, which restores earlier states. Then the clock
+            cannot be read, and controls and decorators with their own methods, whose states cannot be restored, are
+            replaced by their semantics.
 
     Raises:
-        TreeError: If the tree cannot be compiled; carries the findings.
-        UnknownBehaviourError: If the behaviour of a control or decorator is unknown: only a model describes it, or for
-        *all_runs* it has its own methods and incomplete semantics.
+        TreeError: If the tree cannot be compiled; contains the findings.
+        UnknownBehaviourError: If a control or decorator is only described by a model, or has its own methods and
+            incomplete semantics (with *all_runs*).
     """
     clock = UnreadableClock() if all_runs else ManualClock()
     unknown = described_parents(binding)
@@ -316,7 +318,7 @@ def compile_simulated(
 
 
 class UnreadableClock(ManualClock):
-    """The clock for an exploration of all runs, whose time is unknown."""
+    """The clock for an exploration of all runs, in which the time is unknown."""
 
     def now(self) -> float:
         """Refuse to return the time.
@@ -331,19 +333,19 @@ class UnreadableClock(ManualClock):
 
 
 class SimulationArguments(Arguments):
-    """The arguments of the real nodes; stub leaves need none.
+    """The constructor arguments of real nodes; stub leaves are created without them.
 
     Attributes:
-        stand_ins: Creates replacements of some nodes.
+        stand_ins: The constructors of nodes that are replaced by their semantics.
     """
 
     stand_ins: Mapping[BoundNode, Substitute] = MappingProxyType({})
     parameter_advice = (
-        "set it: --params FILE, or parameters: {{{name}: ...}} in the scenario or the file of properties"
+        "set it with --params FILE, or with parameters: {{{name}: ...}} in the scenario or properties file"
     )
 
     def node_arguments(self, instance: TreeInstance, bound: BoundNode) -> dict[str, Any]:
-        """Return the arguments of a node by parameter name."""
+        """Return the constructor arguments of a node, by parameter name."""
         if bound in self.stand_ins or bound.spec.stand_in:
             return {"name": bound.name}
         if not needs_stub(bound.spec):
@@ -364,14 +366,14 @@ class SimulationBuilder(Builder):
     """Creates a tree with stub leaves.
 
     Args:
-        binding: The tree.
-        arguments: Provides the arguments of constructors.
-        collector: Receives the errors that prevent the tree.
-        assumptions: Assumptions in addition to the leaves' own declarations.
+        binding: The bound tree.
+        arguments: Provides the constructor arguments.
+        collector: Receives the errors because of which the tree cannot be created.
+        assumptions: Assumptions in addition to the declarations of leaves.
 
     Attributes:
         facts: The facts.
-        disputes: The facts for which leaves have different start values.
+        disputes: A message for each fact for which leaves declare different start values.
     """
 
     def __init__(
@@ -388,9 +390,9 @@ class SimulationBuilder(Builder):
             for key, outcomes in assumptions.outcomes.items()
             if any(a.status == "SKIPPED" for a in outcomes)
         ]
-        skipped = [node for node in binding.all_nodes() if needs_stub(node.spec) and _may_name(said, node)]
+        skipped = [node for node in binding.all_nodes() if needs_stub(node.spec) and _can_name(said, node)]
         if skipped:
-            # A class that takes this for an interruption depends on more than the tree.
+            # Classes that mistake a skipped child for an interruption are reported.
             self._skipping = SkipAnalysis(binding.used_trees(), skipped)
             report_misread_skips(binding.used_trees(), collector, skipped)
         self.facts = Scope(Board("facts"))
@@ -399,27 +401,27 @@ class SimulationBuilder(Builder):
         self._places = NodePaths(binding)
         self._identifiers = Identifiers()
         self._names: dict[tuple[TreeInstance, BoundNode], str] = {}
-        self._said: dict[tuple[TreeInstance, BoundNode], tuple[Outcome, ...]] = {}
-        self._numbers: dict[tuple[TreeInstance, BoundNode], dict[str, str]] = {}
+        self._outcomes: dict[tuple[TreeInstance, BoundNode], tuple[Outcome, ...]] = {}
+        self._integer_texts: dict[tuple[TreeInstance, BoundNode], dict[str, str]] = {}
         self._start: dict[str, tuple[Fact, str]] = {}
 
     def prepare(self, instance: TreeInstance) -> None:
-        """Set the identifiers of an instance's leaves, and check the nodes' arguments."""
+        """Determine the identifiers and outcomes of an instance's leaves, and check the nodes' arguments."""
         for bound in instance.tree.nodes:
             if bound.spec.kind.is_leaf or bound.spec.has_world_leaf:
                 self._names[instance, bound] = self._identifiers.make_unique(bound.name)
             if needs_stub(bound.spec) or bound.spec.has_world_leaf:
                 path = self._places.path(instance, bound)
-                said = self._said[instance, bound] = outcomes_for(
+                said = self._outcomes[instance, bound] = outcomes_for(
                     self._assumptions.outcomes, path, bound.spec
                 )
-                self._numbers[instance, bound] = self._numbers_in(said, instance, bound)
+                self._integer_texts[instance, bound] = self._integers_in(said, instance, bound)
         super().prepare(instance)
 
-    def _numbers_in(
+    def _integers_in(
         self, said: Sequence[Outcome], instance: TreeInstance, bound: BoundNode
     ) -> dict[str, str]:
-        """Return the integers in the scripts of some outcomes, by their placeholders."""
+        """Return the integer attributes that outcomes' scripts use as placeholders, as text by placeholder name."""
         scripts = [script for outcome in said for script in (outcome.when, outcome.then)]
         return {
             parameter.name: number_text(self._source.fixed_value(instance, bound, parameter))
@@ -428,18 +430,18 @@ class SimulationBuilder(Builder):
         }
 
     def report_only_described(self, bound: BoundNode) -> None:
-        """Report a subtree without a file; ignore other described nodes, which are leaves."""
+        """Report a subtree without a tree file; ignore other nodes without an implementation, which are leaves."""
         if bound.element.tag == SUBTREE_TAG:
             super().report_only_described(bound)
 
     def _maker(self, bound: BoundNode) -> Any:
-        """Return the constructor of a node or its replacement."""
+        """Return the constructor of a node or of the node's replacement."""
         if bound in self._stand_ins:
             return self._stand_ins[bound]
         return bound.spec.stand_in.maker if bound.spec.stand_in else super()._maker(bound)
 
     def start_facts(self) -> None:
-        """Write the facts that the leaves have declared, and the assumed ones, once all leaves exist."""
+        """Write the start values of declared and assumed facts, after all leaves were created."""
         values = {name: value for name, (value, _) in self._start.items()}
         for name, value in {**values, **self._assumptions.facts}.items():
             entry = self.facts.resolve(name)
@@ -448,24 +450,24 @@ class SimulationBuilder(Builder):
 
     def _make(self, instance: TreeInstance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
         if needs_stub(bound.spec):
-            return self._stub(instance, bound)
+            return self._create_stub(instance, bound)
         if not bound.spec.has_world_leaf:
             return super()._make(instance, bound, children)
         made = super()._make(instance, bound, children)
-        assert isinstance(made, EngineParent)  # noqa: S101 - a stand-in is one of ours
-        made.insert_leaf(self._stub(instance, bound))
+        assert isinstance(made, EngineParent)  # noqa: S101 - nodes with such a leaf are the project's own
+        made.insert_leaf(self._create_stub(instance, bound))
         return made
 
-    def _stub(self, instance: TreeInstance, bound: BoundNode) -> StubLeaf:
-        """Create the stub leaf for a node, or for the world around it."""
-        names = {SELF: self._names[instance, bound], **self._numbers[instance, bound]}
+    def _create_stub(self, instance: TreeInstance, bound: BoundNode) -> StubLeaf:
+        """Create the stub leaf that replaces a leaf, or that represents the world around a control or decorator."""
+        names = {SELF: self._names[instance, bound], **self._integer_texts[instance, bound]}
         for parameter in bound.spec.references:
             target = instance.target_of(bound, parameter.name)
             names[parameter.name] = NOBODY if target is None else self._names.get(target, NOBODY)
         for fact, value in bound.spec.facts.items():
             self._add_fact(fill_placeholders(fact, names), value, bound.name)
         path = self._places.path(instance, bound)
-        said = self._said[instance, bound]
+        said = self._outcomes[instance, bound]
         enums = self._source.enums
         outputs = _Outputs(instance.scope, bound)
         variables = FactVariables(self.facts, instance.scope, enums, bound.name, outputs.named)
@@ -487,22 +489,22 @@ class SimulationBuilder(Builder):
 
 
 class _Outputs:
-    """The keys that a leaf writes in a real run: those of ports, and those inside values such as `x: {key}`.
+    """The entries that a leaf writes in a real run: for output ports, and for keys inside values such as `x: {key}`.
 
-    The written values are unknown, unless the scripts of its outcomes define them.
+    The written values are unknown, unless the scripts of the leaf's outcomes define them.
 
     Args:
-        scope: The keys of its tree.
+        scope: The scope of the leaf's tree.
         bound: The leaf.
 
     Attributes:
-        named: The entries, by names for scripts: they may have no key, or the key of a fact.
+        named: The entries, by generated names for scripts, because a key may also be the name of a fact.
     """
 
     def __init__(self, scope: Scope, bound: BoundNode) -> None:
         self.named: dict[str, Entry] = {}
         self._scope, self._leaf = scope, bound.name
-        # The attribute that names each of them.
+        # For each entry, the attribute that names its key.
         self._attributes: list[str] = []
         for parameter in bound.spec.parameters.values():
             name, role = parameter.name, bound.spec.semantics.keys.get(parameter.name)
@@ -520,7 +522,7 @@ class _Outputs:
     def with_outputs(
         self, outcomes: list[Outcome], assumed: Mapping[tuple[str, str], tuple[str, ...]]
     ) -> list[Outcome]:
-        """Return the outcomes of the leaf, with unknown or assumed values for keys that no outcome writes.
+        """Extend outcomes so that they write unknown or assumed values to the entries that no outcome's script writes.
 
         Args:
             outcomes: The outcomes.
@@ -581,33 +583,33 @@ def match_rank(key: str, path: Sequence[str], tag: str) -> int:
     """Return how specifically a key names a leaf.
 
     Args:
-        key: The key: a path, whose parts are names of ancestors of the leaf, in order but possibly incomplete, and then its
-            name; or the leaf's name; or its tag.
-        path: The names of the leaf's ancestors, from the root down, and its own.
-        tag: Its tag.
+        key: The leaf's name, its tag, or a path: the names of some ancestors of the leaf, in order, followed by its name
+            or tag.
+        path: The names of all nodes from the root down to the leaf.
+        tag: The leaf's tag.
 
     Returns:
-        3 for a path, 2 for the name, 1 for the tag, 0 if it does not name the leaf.
+        3 for a path, 2 for the name, 1 for the tag, 0 if the key does not name the leaf.
     """
     if key == path[-1]:
         return 2
     if key == tag:
         return 1
-    *around, name = key.split("/")
-    if not around or name not in (path[-1], tag):
+    *parents, name = key.split("/")
+    if not parents or name not in (path[-1], tag):
         return 0
     outer = iter(path[:-1])
-    return 3 if all(part in outer for part in around) else 0
+    return 3 if all(part in outer for part in parents) else 0
 
 
-def _may_name(keys: Iterable[str], bound: BoundNode) -> bool:
-    """Return whether one of some keys may name a node."""
+def _can_name(keys: Iterable[str], bound: BoundNode) -> bool:
+    """Return whether one of the keys can name a node, judging by its last part."""
     return any(key.rpartition("/")[2] in (bound.name, bound.spec.tag) for key in keys)
 
 
 def outcomes_for(
     assumed: Mapping[str, tuple[Outcome, ...]], path: Sequence[str], spec: NodeSpec
 ) -> tuple[Outcome, ...]:
-    """Return the possible outcomes of a leaf: the assumed ones, or its declarations."""
+    """Return the possible outcomes of a leaf: the assumed outcomes, or else the declared outcomes."""
     best = max(assumed, key=lambda key: match_rank(key, path, spec.tag), default="")
     return assumed[best] if best in assumed and match_rank(best, path, spec.tag) else spec.outcomes

@@ -1,7 +1,7 @@
-"""A leaf whose outcomes a policy chooses, instead of a real leaf.
+"""A leaf that returns the outcomes that a policy chooses, instead of a real leaf.
 
-Its only state is py_trees' status. Outcomes change facts: entries of a board beside the tree's, so scripts and snapshots work
-on them as on any entry.
+The leaf's only state is its py_trees status. Outcomes change facts, which are entries of a separate board, so that
+scripts and snapshots handle them like other entries.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 STATUSES: Mapping[str, Status] = {outcome.name: outcome.status for outcome in ReturnedStatus}
-"""The return value of `update` for the status of an outcome."""
+"""The return values of `update`, by the name of the outcome's status."""
 
 
 class StubLeafError(SarError):
-    """A leaf cannot return an outcome: none is possible, or a script fails.
+    """A leaf cannot return an outcome, because no outcome is possible or a script fails.
 
     Attributes:
         leaf: The leaf's name.
@@ -47,27 +47,27 @@ class OutcomePolicy(Protocol):
     """Chooses the outcomes of leaves."""
 
     def choose(self, leaf: "StubLeaf", options: Sequence[Outcome]) -> Outcome:
-        """Return one of the possible outcomes for this tick."""
+        """Return the outcome of this tick, which must be one of *options*."""
         ...
 
 
 class NominalPolicy:
-    """Chooses the default outcomes."""
+    """Chooses default outcomes."""
 
-    def choose(self, leaf: "StubLeaf", options: Sequence[Outcome]) -> Outcome:  # noqa: ARG002 - as the protocol has it
+    def choose(self, leaf: "StubLeaf", options: Sequence[Outcome]) -> Outcome:  # noqa: ARG002 - required by the protocol
         """Return the first possible outcome that is not RUNNING."""
         return nominal(options)
 
 
 class FactVariables:
-    """Facts as a script's variables; other names are keys of the tree, and `unknown` is an unknown value.
+    """The variables of a leaf's scripts: facts, keys of the leaf's tree, and `unknown` for an unknown value.
 
     Args:
-        facts: The facts.
-        keys: The keys of the leaf's tree.
+        facts: The scope of the facts.
+        keys: The scope of the leaf's tree.
         enums: The names that stand for numbers.
         leaf: The name of the leaf.
-        named: Entries with their own names, whose keys scripts cannot write.
+        named: Further entries, by names that are not keys.
 
     Attributes:
         enums: The names that stand for numbers.
@@ -89,39 +89,39 @@ class FactVariables:
         self._known: dict[str, ScopeVariables] = {}
 
     def read(self, name: str) -> ScriptValue:
-        """Return the value; see `Variables`."""
+        """Return the value of a variable; see `Variables`."""
         if name == UNKNOWN and not self.is_fact(name):
-            # A script passes it to `create` or `assign` unchanged.
+            # A script passes the value unchanged to `create` or `assign`.
             return cast("ScriptValue", UnknownValue(self._leaf))
         return self._leaf_variables(name).read(name)
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write the value; create a key of the tree if the name is unknown."""
+        """Write a variable; create a key of the tree if the name is unknown."""
         return self._write_unknown(name, value) or self._leaf_variables(name).create(name, value)
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write the value of an existing name."""
+        """Write an existing variable."""
         return self._write_unknown(name, value) or self._leaf_variables(name).assign(name, value)
 
     def entry(self, name: str) -> Entry:
-        """Return the entry of a name."""
+        """Return the entry of a variable."""
         return self._leaf_variables(name).entry(name)
 
     def values_of(self, names: Iterable[str]) -> dict[str, object]:
-        """Return the values of the facts among some names, by their board names."""
+        """Return the values of the facts among the given names, by the last part of their board names."""
         entries = [self.entry(name) for name in names if self.is_fact(name)]
         return {entry.name.rpartition("/")[2]: entry.read() for entry in entries}
 
     def memo(self, scripts: Iterable[Script]) -> "Memo | None":
-        """Return a cache for the effect of some scripts; None unless the boards are numbered."""
+        """Return a cache for the effects of scripts; None unless the boards are numbered."""
         return self.memo_of([self.entry(use.name) for each in scripts for use in name_uses(each)])
 
     def memo_of(self, entries: Sequence[Entry]) -> "Memo | None":
-        """Return a cache for the effect of code on some entries; None unless the boards are numbered."""
+        """Return a cache for the effects of code that uses the given entries; None unless the boards are numbered."""
         return self._scope.board.memo(entries)
 
     def is_fact(self, name: str) -> bool:
-        """Return whether a name is a fact's."""
+        """Return whether a name is the name of a fact."""
         return self._leaf_variables(name) is self._facts
 
     @property
@@ -136,7 +136,7 @@ class FactVariables:
 
         Args:
             program: The program.
-            condition: For a condition, converts its value to the result.
+            condition: Converts the value of a condition to its result; None if the program is not a condition.
         """
         if not all(self.is_fact(use.name) for use in name_uses(program.script)):
             return None
@@ -144,7 +144,7 @@ class FactVariables:
         return compile_fast_script(program.script, self.entry, self.enums.numbers, usual, condition)
 
     def _write_unknown(self, name: str, value: object) -> ScriptValue | None:
-        """Write an unknown value; return None for any other value."""
+        """Write the value if it is unknown; return None for a known value, which is not written."""
         if not isinstance(value, UnknownValue):
             return None
         entry = self.entry(name)
@@ -156,7 +156,7 @@ class FactVariables:
     def _leaf_variables(self, name: str) -> ScopeVariables:
         known = self._known.get(name)
         if known is None:
-            # The names of facts are settled before the first tick.
+            # No facts are added after the first tick.
             is_fact = self._scope.resolve(name).exists
             known = self._known[name] = self._facts if is_fact else self._keys
         return known
@@ -167,19 +167,19 @@ class StubLeaf(SkippableLeaf):
 
     Args:
         name: The node's name.
-        tag: The tag of the leaf that it replaces.
-        outcomes: The possible outcomes of that leaf; no placeholders are left in the scripts.
+        tag: The tag of the replaced leaf.
+        outcomes: The possible outcomes of the replaced leaf, without placeholders in their scripts.
         variables: The variables of scripts: facts, and keys of the tree.
         enums: The names that stand for numbers.
 
     Attributes:
-        tag: The tag of the leaf that it stands for.
-        outcomes: Its possible outcomes.
-        path: The names of its ancestors, from the root down, and its own.
-        number: Its number in the tree, from 0 in pre-order.
-        variables: The variables that its scripts read and write.
-        policy: Chooses its outcomes.
-        events: Its events are recorded here; shared by the leaves of a tree.
+        tag: The tag of the replaced leaf.
+        outcomes: The possible outcomes.
+        path: The names of all nodes from the root down to the leaf.
+        number: The leaf's number in the tree, from 0 in pre-order.
+        variables: The variables that the outcomes' scripts read and write.
+        policy: Chooses the outcomes.
+        events: The list to which events are appended; shared by all leaves of a tree.
     """
 
     def __init__(
@@ -197,25 +197,25 @@ class StubLeaf(SkippableLeaf):
         self._conditions = {a: Program(parse(a.when), enums.numbers) for a in self.outcomes if a.when}
         self._effects = {a: Program(parse(a.then), enums.numbers) for a in self.outcomes if a.then}
         self._memos: dict[Outcome | None, Memo | None] = {}
-        self._quick: dict[tuple[FactVariables, Program], Callable[[], Any] | None] = {}
+        self._fast_runners: dict[tuple[FactVariables, Program], Callable[[], Any] | None] = {}
 
     @property
     def is_random(self) -> bool:
-        """Whether any of its outcomes has a known probability or duration."""
+        """Whether any outcome has a known probability or duration."""
         return any(outcome.p is not None or outcome.sec != (0.0, 0.0) for outcome in self.outcomes)
 
     def options(self) -> tuple[Outcome, ...]:
         """Return the outcomes that are possible now.
 
         Raises:
-            StubLeafError: If there is none, or a condition cannot be evaluated.
+            StubLeafError: If no outcome is possible, or a condition cannot be evaluated.
         """
         if not self._conditions:
             return self.outcomes
         possible = tuple(outcome for outcome in self.outcomes if self.is_possible(outcome))
         if not possible:
-            conditions = "; ".join(f"'{outcome.name}' when {outcome.when}" for outcome in self.outcomes)
-            message = f"'{self.name}' ({self.tag}) has no possible outcome now: {conditions}"
+            conditions = ", ".join(f"'{outcome.name}' when {outcome.when}" for outcome in self.outcomes)
+            message = f"'{self.name}' ({self.tag}) has no possible outcome now ({conditions})"
             raise StubLeafError(self.name, message)
         return possible
 
@@ -223,29 +223,29 @@ class StubLeaf(SkippableLeaf):
         """Apply the effects of an outcome.
 
         Raises:
-            StubLeafError: If its script fails.
+            StubLeafError: If the outcome's script fails.
         """
         effect = self._effects.get(outcome)
         if effect is not None:
             try:
-                quick = self._quick_form(effect)
-                effect.run(self.variables) if quick is None else quick()
+                fast = self._fast_runner(effect)
+                effect.run(self.variables) if fast is None else fast()
             except EvaluationError as error:
-                raise self._unusable(outcome, "then", outcome.then, error) from error
+                raise self._script_error(outcome, "then", outcome.then, error) from error
 
     def entries(self, scripts: Iterable[str]) -> list[Entry]:
-        """Return the entries that scripts of its outcomes can read or write."""
+        """Return the entries that scripts of the leaf's outcomes can read or write."""
         names = (use.name for script in scripts for use in name_uses(parse(script)))
         return [
             self.variables.entry(name) for name in names if name != UNKNOWN or self.variables.is_fact(name)
         ]
 
     def initialise(self) -> None:
-        """Record the start."""
+        """Record the start of the leaf."""
         self.events.append(self.event(STARTED))
 
     def update(self) -> Status:
-        """Return the outcome that the policy chooses, and apply its effects.
+        """Apply the outcome that the policy chooses, and return its status.
 
         Raises:
             StubLeafError: If no outcome is possible, or a script fails.
@@ -257,17 +257,17 @@ class StubLeaf(SkippableLeaf):
         return STATUSES[outcome.status]
 
     def terminate(self, new_status: Status) -> None:
-        """Record an interruption."""
+        """Record a halt of the running leaf."""
         if new_status is Status.INVALID and self.status is Status.RUNNING:
             self.events.append(self.event(HALTED))
 
     def event(self, what: str, outcome: Outcome | None = None, facts: FactChanges = ()) -> Event:
-        """Return an event of this leaf."""
+        """Create an event of this leaf."""
         status, label = ("", "") if outcome is None else (outcome.status, outcome.label)
         return Event(self.path, self.number, what, status, label, facts)
 
     def _recall(self, what: Outcome | None, programs: Iterable[Program], run: Callable[[], T]) -> T:
-        """Run code that uses some entries; on numbered boards, reuse the result for equal values."""
+        """Run code that evaluates programs; on numbered boards, reuse the result for equal values of variables."""
         if what not in self._memos:
             self._memos[what] = self.variables.memo(each.script for each in programs)
         memo = self._memos[what]
@@ -275,7 +275,7 @@ class StubLeaf(SkippableLeaf):
         return result
 
     def _apply_outcome(self, outcome: Outcome) -> Event:
-        """Apply the effects of an outcome, and return its event; an error is also an event."""
+        """Apply the effects of an outcome, and return the event; if the effects fail, the event is recorded at once."""
         before = self._facts_of(outcome)
         try:
             self.change(outcome)
@@ -298,29 +298,31 @@ class StubLeaf(SkippableLeaf):
         """Return whether an outcome is possible now.
 
         Raises:
-            StubLeafError: If its condition cannot be evaluated.
+            StubLeafError: If the outcome's condition cannot be evaluated.
         """
         condition = self._conditions.get(outcome)
         if condition is None:
             return True
         try:
-            quick = self._quick_form(condition, condition.as_condition)
-            return condition.holds(self.variables) if quick is None else bool(quick())
+            fast = self._fast_runner(condition, condition.as_condition)
+            return condition.holds(self.variables) if fast is None else bool(fast())
         except EvaluationError as error:
-            raise self._unusable(outcome, "when", outcome.when, error) from error
+            raise self._script_error(outcome, "when", outcome.when, error) from error
 
-    def _quick_form(
+    def _fast_runner(
         self, program: Program, condition: Callable[[ScriptValue], bool] | None = None
     ) -> Callable[[], Any] | None:
-        """Return the fast form of one of its scripts; None if there is none."""
+        """Return the fast runner of one of the leaf's scripts; None if there is none."""
         if self.variables.is_numbered:
             return None
         wanted = self.variables, program
-        if wanted not in self._quick:
-            self._quick[wanted] = self.variables.fast_runner(program, condition)
-        return self._quick[wanted]
+        if wanted not in self._fast_runners:
+            self._fast_runners[wanted] = self.variables.fast_runner(program, condition)
+        return self._fast_runners[wanted]
 
-    def _unusable(self, outcome: Outcome, part: str, script: str, error: EvaluationError) -> StubLeafError:
+    def _script_error(
+        self, outcome: Outcome, part: str, script: str, error: EvaluationError
+    ) -> StubLeafError:
         hint = f"; {error.hint}" if error.hint else ""
         message = f"'{self.name}' ({self.tag}), outcome '{outcome.name}': {part} '{script}': {error}{hint}"
         return StubLeafError(self.name, message)

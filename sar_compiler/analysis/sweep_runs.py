@@ -1,4 +1,4 @@
-"""Random runs of a scenario, for worker processes, and the smallest failing scenario."""
+"""Random runs of a scenario for worker processes, and the search for the smallest failing scenario."""
 
 import functools
 import hashlib
@@ -21,14 +21,14 @@ from sar_compiler.documents.yaml_files import as_yaml, document_from_data, parse
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.project import CommandLineSettings, ProjectTree, Workspace
 
-# py_trees' blackboard is global to the process, and a worker may have several threads.
-_ALONE = threading.Lock()
-# Minimising a scenario plays it again and again.
-_MOST_TRIALS = 400
+# py_trees' blackboard is global to a process, and a worker process may have several threads.
+_PLAY_LOCK = threading.Lock()
+# The maximum number of runs that the minimisation of a scenario plays.
+_MAX_TRIALS = 400
 
 
 class UndecidedRunError(SarError):
-    """A run depends on an unknown value."""
+    """The result of a run depends on an unknown value."""
 
     exit_status = 1
 
@@ -42,12 +42,12 @@ class ScenarioRuns:
     """Plays a scenario with given seeds.
 
     Attributes:
-        tree: The tree file, by its whole path.
-        content: The `content_of` the tree; workers reject another one.
-        additions: The user's additions to its project.
-        scenario: The scenario, as the text of a file.
-        path: The name of the file.
-        unusual: The probability with which an unscripted leaf returns another outcome than its default.
+        tree: The absolute path of the tree file.
+        content: The checksum of the tree (`content_of`); workers reject a tree with another checksum.
+        additions: The user's additions to the tree's project.
+        scenario: The text of the scenario file.
+        path: The name of the scenario file.
+        unusual: The probability with which an unscripted leaf returns another outcome than its default outcome.
         counted: The events to count, such as `NotifyBase acknowledged`.
     """
 
@@ -61,15 +61,15 @@ class ScenarioRuns:
 
     def __call__(self, seeds: Sequence[int]) -> list[RunResultSample]:
         """Return the result of a run for each seed."""
-        with _ALONE:
+        with _PLAY_LOCK:
             replays = _cached_runs(self)
             return [replays.outcome(seed) for seed in seeds]
 
     def understood(self) -> ScenarioSimulation:
-        """Return the tree and the scenario.
+        """Load the tree and the scenario.
 
         Raises:
-            TreeError: If they have errors; carries the findings.
+            TreeError: If the tree or the scenario has errors; contains the findings.
             ChangedTreeError: If the tree's files have changed since the start of the sweep.
         """
         stage = _stage(self.tree, self.content, self.additions)
@@ -87,7 +87,7 @@ class ScenarioRuns:
         """Return the events to count.
 
         Raises:
-            TreeError: If there is no such leaf or event.
+            TreeError: If the tree does not have one of the events.
         """
         if not self.counted:
             return []
@@ -98,7 +98,7 @@ class ScenarioRuns:
         return [each for each in found if each is not None]
 
     def play(self, seed: int) -> ScenarioPlayer:
-        """Play a run, and return its player."""
+        """Play the run with a seed, and return the player."""
         play = self.understood()
         player = ScenarioPlayer(play.simulated, replace(play.scenario, seed=seed, unusual=self.unusual))
         player.run_to_end()
@@ -106,10 +106,10 @@ class ScenarioRuns:
 
 
 class _CachedRuns:
-    """A worker's cache of a compiled tree for some runs.
+    """Plays runs on a compiled tree that a worker process caches.
 
     Args:
-        runs: The runs.
+        runs: The runs to play.
     """
 
     def __init__(self, runs: ScenarioRuns) -> None:
@@ -126,12 +126,12 @@ class _CachedRuns:
             self._tree = None
 
     def outcome(self, seed: int) -> RunResultSample:
-        """Return the result of a run."""
+        """Play the run with a seed, and return its result."""
         player = self._player(seed)
         run, choices = player.run, player.scripted.choices
         if run.is_undecided:
             raise UndecidedRunError(
-                f"nothing can be counted: the run with seed {seed} is not decided: {run.trouble}"
+                f"nothing can be counted, because the run with seed {seed} is undecided: {run.trouble}"
             )
         counts = {each.text: sum(map(each.matches, run.events)) for each in self._events}
         size = (sum(not choice.usual for choice in choices), len(run.ticks), len(choices))
@@ -139,7 +139,7 @@ class _CachedRuns:
         return RunResultSample(seed, missed, run.time_sec, counts, size)
 
     def _player(self, seed: int) -> Player:
-        """Play a run, and return its player."""
+        """Play the run with a seed, and return the player."""
         if self._tree is None:
             return self._runs.play(seed)
         if self._tree.needs_replacement:
@@ -147,12 +147,12 @@ class _CachedRuns:
         return self._tree.play(replace(self._scenario, seed=seed))
 
 
-# A row returns after all others. With very many rows some trees are compiled again.
+# The rows of a sweep take turns. If there are more rows than cached trees, trees are compiled again.
 _cached_runs = functools.lru_cache(maxsize=16)(_CachedRuns)
 
 
 def content_of(tree: ProjectTree) -> str:
-    """Return a checksum of the texts of a tree, its includes, and its palettes."""
+    """Return a checksum of the texts of a tree file, its includes and its palettes."""
     files = [*tree.forest.files, *tree.forest.others, *tree.palettes]
     return hashlib.sha256("\0".join(file.source.text for file in files).encode()).hexdigest()
 
@@ -166,23 +166,24 @@ def _stage(path: Path, content: str, additions: CommandLineSettings) -> Scenario
 
 
 def change_scenario(scenario: Mapping[str, object], changes: Mapping[str, object]) -> str:
-    """Return the text of a scenario with some keys, facts and parameters changed.
+    """Return the text of a scenario in which keys, facts and parameters are changed.
 
-    The expected trace is removed: random runs have none in common. Without an expectation or end condition, the root must succeed.
+    The expected trace is removed, because random runs have different traces. Without expectations and an end condition,
+    the root is expected to succeed.
     """
-    said = {**scenario}
+    content = {**scenario}
     for key, value in changes.items():
-        before = said.get(key)
+        before = content.get(key)
         both = isinstance(before, dict) and isinstance(value, dict)
-        said[key] = {**before, **value} if both else value  # type: ignore[dict-item]
-    expect = said.pop("expect", {} if "until" in said else {"root": "SUCCESS"})
+        content[key] = {**before, **value} if both else value  # type: ignore[dict-item]
+    expect = content.pop("expect", {} if "until" in content else {"root": "SUCCESS"})
     if isinstance(expect, dict) and (left := {key: value for key, value in expect.items() if key != "trace"}):
-        said["expect"] = left
-    return as_yaml(said)
+        content["expect"] = left
+    return as_yaml(content)
 
 
 class _Group(NamedTuple):
-    """Equal consecutive choices of one leaf."""
+    """Equal consecutive choices for a leaf, as a step of a scenario."""
 
     leaf: str
     step: Mapping[str, object]
@@ -196,25 +197,25 @@ def smallest_scenario(runs: ScenarioRuns, seed: int) -> str | None:
         seed: The seed of a run that has failed.
 
     Returns:
-        The text of the file; None if a scenario cannot express it, such as for two leaves with the same path.
+        The text of the scenario file; None if no scenario reproduces the failure, such as if leaves have the same path.
     """
     player = runs.play(seed)
-    said = parse_yaml(runs.scenario, runs.path, "").root.data
+    content = parse_yaml(runs.scenario, runs.path, "").root.data
     missed = failures(player.run)
-    trials = iter(range(_MOST_TRIALS))
+    trials = iter(range(_MAX_TRIALS))
 
     def script_of(groups: Sequence[_Group]) -> str:
         leaves: dict[str, list[object]] = {}
         for group in groups:
             leaves.setdefault(group.leaf, []).append(group.step)
-        name = f"{said.get('name', Path(runs.path).stem)}, seed {seed}"
-        return as_yaml({**said, "name": name, "leaves": leaves})
+        name = f"{content.get('name', Path(runs.path).stem)}, seed {seed}"
+        return as_yaml({**content, "name": name, "leaves": leaves})
 
     def fails(groups: Sequence[_Group]) -> bool:
         again = replace(runs, scenario=script_of(groups), unusual=0.0).play(0)
-        return _kinds(failures(again.run)) == _kinds(missed)
+        return _failed_expectations(failures(again.run)) == _failed_expectations(missed)
 
-    groups = _groups(player)
+    groups = _group_choices(player)
     if not fails(groups):
         return None
     size = len(groups)
@@ -227,12 +228,12 @@ def smallest_scenario(runs: ScenarioRuns, seed: int) -> str | None:
     return script_of(groups)
 
 
-def _kinds(missed: Sequence[Failure]) -> list[str]:
+def _failed_expectations(missed: Sequence[Failure]) -> list[str]:
     return [each.expected for each in missed]
 
 
-def _groups(player: ScenarioPlayer) -> list[_Group]:
-    """Return the choices for each leaf in order, with repetitions grouped."""
+def _group_choices(player: ScenarioPlayer) -> list[_Group]:
+    """Return the choices of a run by leaf, with repeated choices combined."""
     leaves = player.run.simulated.leaves
     names = Counter(word for leaf in leaves for word in {leaf.name, leaf.tag})
     by_leaf: dict[str, list[DrawnChoice]] = {}
@@ -240,10 +241,12 @@ def _groups(player: ScenarioPlayer) -> list[_Group]:
         leaf = choice.leaf
         key = leaf.name if names[leaf.name] == 1 else "/".join(leaf.path)
         by_leaf.setdefault(key, []).append(choice)
-    return [_group(key, list(same)) for key, choices in by_leaf.items() for _, same in groupby(choices)]
+    return [
+        _create_group(key, list(same)) for key, choices in by_leaf.items() for _, same in groupby(choices)
+    ]
 
 
-def _group(key: str, same: Sequence[DrawnChoice]) -> _Group:
+def _create_group(key: str, same: Sequence[DrawnChoice]) -> _Group:
     step: dict[str, object] = {"outcome": same[0].outcome}
     if same[0].after_sec:
         step["after"] = same[0].after_sec

@@ -1,4 +1,4 @@
-"""The table of a sweep, as text and as JSON."""
+"""The table of a sweep's results as text and as JSON."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import sqrt
@@ -19,28 +19,28 @@ def sweep_as_text(
 
     Args:
         rows: The rows.
-        rule: The end condition of the rows.
-        smallest: The smallest failure.
-        written: The file that it was written to, and the command that replays it.
+        rule: The stopping rule of the rows.
+        smallest: The failed run nearest to a default run, with its row; None if no run has failed.
+        written: The file to which its scenario was written, and the command that replays it; None for no file.
     """
     confidence = f"{100 * rule.confidence:g} % interval"
-    lines = [_line(row, rule, confidence) for row in rows]
+    lines = [_row_cells(row, rule, confidence) for row in rows]
     text = table_text(lines, len(rows[0].labels))
     if smallest is not None:
         row, played = smallest
         which = "".join(f"{name} {value}, " for name, value in row.labels.items())
-        text += f"\n\nThe failure nearest to a usual run ({which}seed {played.seed}): {played.failure}"
+        text += f"\n\nThe failed run nearest to a default run ({which}seed {played.seed}): {played.failure}"
     if written is not None:
         text += f"\n  the smallest failing scenario was written to {written[0]}. Replay it with: {written[1]}"
     return text
 
 
 def table_text(lines: Sequence[Mapping[str, str]], labels: int) -> str:
-    """Format lines as a table; each line maps column heads to cells.
+    """Format rows as a table.
 
     Args:
-        lines: The lines, one at least.
-        labels: How many of the columns are to the left.
+        lines: The rows, at least one; each maps column heads to cells.
+        labels: The number of left-aligned columns, which come first.
     """
     heads = list(dict.fromkeys(head for line in lines for head in line))
     table = [heads, *([line.get(head, "") for head in heads] for line in lines)]
@@ -49,12 +49,12 @@ def table_text(lines: Sequence[Mapping[str, str]], labels: int) -> str:
 
 
 def _align(cells: Sequence[str], widths: Sequence[int], labels: int) -> Iterator[str]:
-    """Yield the cells of a line, the labels to the left and the numbers to the right."""
+    """Yield the cells of a row, with left-aligned labels and right-aligned numbers."""
     for index, (cell, width) in enumerate(zip(cells, widths, strict=True)):
         yield cell.ljust(width) if index < labels else cell.rjust(width)
 
 
-def _line(row: SweepRow, rule: StoppingRule, confidence: str) -> Mapping[str, str]:
+def _row_cells(row: SweepRow, rule: StoppingRule, confidence: str) -> Mapping[str, str]:
     interval, times = rule.interval(row.outcomes), _times(row.outcomes)
     return {
         **row.labels,
@@ -70,8 +70,8 @@ def _line(row: SweepRow, rule: StoppingRule, confidence: str) -> Mapping[str, st
 def sweep_as_json(
     rows: Sequence[SweepRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
 ) -> str:
-    """Return the table as a JSON object; times in seconds, rates from 0 to 1."""
-    result: dict[str, object] = {"rows": [_object(row, rule) for row in rows], "smallest": None}
+    """Return the table as a JSON object, with times in seconds and rates from 0 to 1."""
+    result: dict[str, object] = {"rows": [_row_data(row, rule) for row in rows], "smallest": None}
     if smallest is not None:
         row, played = smallest
         path, again = written or (None, None)
@@ -80,7 +80,7 @@ def sweep_as_json(
     return as_json(result)
 
 
-def _object(row: SweepRow, rule: StoppingRule) -> Mapping[str, object]:
+def _row_data(row: SweepRow, rule: StoppingRule) -> Mapping[str, object]:
     times, failed = _times(row.outcomes), [each for each in row.outcomes if each.failure]
     means = _means(row.outcomes, rule.confidence)
     return {
@@ -101,14 +101,14 @@ def _rate(outcomes: Sequence[RunResultSample]) -> float:
 
 
 class _Mean(NamedTuple):
-    """A mean of runs, and half the width of its confidence interval; None for a single run."""
+    """The mean of a number over runs, with the half-width of its confidence interval (None for a single run)."""
 
     value: float
     margin: float | None
 
 
 def _means(outcomes: Sequence[RunResultSample], confidence: float) -> dict[str, _Mean]:
-    """Return the mean of each number over the runs that have it."""
+    """Return the mean of each counted number over the runs that have it."""
     names = dict.fromkeys(name for each in outcomes for name in each.counts)
     counts = {name: [each.counts[name] for each in outcomes if name in each.counts] for name in names}
     z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
@@ -123,10 +123,10 @@ def _margin_text(value: float, margin: float | None) -> str:
 
 
 def _times(outcomes: Sequence[RunResultSample]) -> list[float]:
-    """Return the durations of successful runs, the shortest first."""
+    """Return the durations of successful runs in ascending order."""
     return sorted(each.time_sec for each in outcomes if not each.failure)
 
 
 def quantile(ordered: Sequence[float], part: float) -> float:
-    """Return a quantile of times."""
+    """Return a quantile of values in ascending order, given its share of the values."""
     return ordered[max(0, -(-len(ordered) * round(part * 100) // 100) - 1)]

@@ -1,4 +1,4 @@
-"""Scripted runs as text, tick by tick, as JSON, and as JUnit XML for continuous integration."""
+"""Scripted runs as a text trace, as JSON, and as JUnit XML for continuous integration."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,21 +12,21 @@ from sar_compiler.tree.plain import as_json, speakable, to_json_value, value_as_
 
 
 def trace(run: ScenarioRun) -> str:
-    """Return the ticks of a run with new events, and its end."""
-    writer = _Writer(run)
+    """Return the trace of a run: the ticks with new events, a line for other ticks, and the end."""
+    writer = _TraceWriter(run)
     lines: list[str] = []
-    quiet: list[TickRecord] = []
+    repeated: list[TickRecord] = []
     for before, tick in zip([None, *run.ticks], run.ticks, strict=False):
         if _is_news(tick, before):
-            lines += [*writer.left_out(quiet), *writer.block(tick)]
-            quiet = []
+            lines += [*writer.summary(repeated), *writer.block(tick)]
+            repeated = []
         else:
-            quiet.append(tick)
-    return "\n".join([*lines, *writer.left_out(quiet), _end(run), *_facts_at_the_end(run)]) + "\n"
+            repeated.append(tick)
+    return "\n".join([*lines, *writer.summary(repeated), _end(run), *_facts_at_the_end(run)]) + "\n"
 
 
 def leaf_labels(leaves: Sequence[StubLeaf]) -> Mapping[int, str]:
-    """Return a label for each leaf by its number: its name or the distinguishing part of its path."""
+    """Return the label of each leaf, by leaf number: the leaf's name, or the part of its path that is unique."""
     return {
         leaf.number: _label(leaf, [other for other in leaves if other.name == leaf.name]) for leaf in leaves
     }
@@ -38,20 +38,20 @@ def _label(leaf: StubLeaf, namesakes: Sequence[StubLeaf]) -> str:
     for count in range(2, len(leaf.path) + 1):
         if sum(other.path[-count:] == leaf.path[-count:] for other in namesakes) == 1:
             return "/".join(leaf.path[-count:])
-    # The whole paths are equal: two siblings of one name.
+    # The whole paths are equal, because siblings have the same name.
     return f"{leaf.name} ({namesakes.index(leaf) + 1})"
 
 
 def verdict(run: ScenarioRun, failures: Sequence[Failure]) -> str:
-    """Describe whether a scenario's expectations are met, or why a run without a scenario ended."""
+    """Describe whether a scenario's expectations are met, or how a run without a scenario was played."""
     scenario = run.scenario
     if not (scenario.path or failures):
-        said = "Every leaf returned its default outcome."
+        text = "Every leaf returned its default outcome."
         by_root = run.ended and scenario.until is None
         return (
-            f"{said} A run ends when the root succeeds or fails. Set another end with --until."
+            f"{text} A run ends when the root succeeds or fails. Set another end with --until."
             if by_root
-            else said
+            else text
         )
     title = f"{scenario.path}: '{scenario.name}'" if scenario.path else f"'{scenario.name}'"
     if not failures:
@@ -67,21 +67,23 @@ def failure_line(run: ScenarioRun, failure: Failure) -> str:
 
 
 def coverage_text(coverage: OutcomeCoverage) -> str:
-    """Describe the nodes and outcomes that did not occur in a set of runs."""
+    """Describe how many nodes were ticked and how many leaf outcomes occurred in a set of runs, and list the others."""
     nodes, missed = coverage.nodes, coverage.never_ticked
     possible = sum(len(node.outcomes) for node in nodes)
     unseen = sum(len(node.unseen_outcomes) for node in nodes)
-    seen = f"{possible - unseen} of {possible} outcomes of leaves seen"
+    seen = f"{possible - unseen} of {possible} leaf outcomes seen"
     lines = [f"coverage: {len(nodes) - len(missed)} of {len(nodes)} nodes ticked, {seen}"]
     lines += [f"  {node.bound.element.file_and_line}: '{node.bound.name}' is never ticked" for node in missed]
     for node in coverage.nodes_with_unseen_outcomes:
-        what = f"has not shown {', '.join(node.unseen_outcomes)}"
-        lines.append(f"  {node.bound.element.file_and_line}: '{node.bound.name}' {what}")
+        unseen_names = ", ".join(node.unseen_outcomes)
+        lines.append(
+            f"  {node.bound.element.file_and_line}: '{node.bound.name}' never returned {unseen_names}"
+        )
     return "\n".join(lines)
 
 
 def _is_news(tick: TickRecord, before: TickRecord | None) -> bool:
-    """Return whether a tick has events that the previous tick did not have."""
+    """Return whether a tick has changes or events that the previous tick did not have."""
     if before is None or tick.facts or tick.keys or tick.root != before.root:
         return True
     known = {(event.number, event.status, event.label) for event in _visible_events(before)}
@@ -92,7 +94,7 @@ def _visible_events(tick: TickRecord) -> list[Event]:
     return [event for event in tick.events if event.what in (RETURNED, HALTED)]
 
 
-class _Writer:
+class _TraceWriter:
     def __init__(self, run: ScenarioRun) -> None:
         self._labels = leaf_labels(run.simulated.leaves)
         self._width = max(map(len, self._labels.values()), default=0)
@@ -103,8 +105,8 @@ class _Writer:
 
     def block(self, tick: TickRecord) -> Iterator[str]:
         """Yield the lines of a tick."""
-        came_to = f"root {tick.root}" if tick.root else "not finished"
-        yield f"tick {tick.number}, {tick.time_sec:g} s: {came_to}"
+        root = f"root {tick.root}" if tick.root else "not finished"
+        yield f"tick {tick.number}, {tick.time_sec:g} s: {root}"
         for event in _visible_events(tick):
             status = f" ({event.status})" if event.label else ""
             yield f"  {self._labels[event.number]:{self._width}}  {event.action}{status}"
@@ -113,19 +115,19 @@ class _Writer:
         if tick.keys:
             yield f"  keys: {_values(_new_values(tick.keys))}"
 
-    def left_out(self, quiet: Sequence[TickRecord]) -> list[str]:
-        """Return a line for ticks that only repeat events."""
-        if not quiet:
+    def summary(self, repeated: Sequence[TickRecord]) -> list[str]:
+        """Return a line that summarises consecutive ticks that only repeat events; no line if there are none."""
+        if not repeated:
             return []
-        first, last = quiet[0], quiet[-1]
+        first, last = repeated[0], repeated[-1]
         which = f"tick {first.number}" if first is last else f"ticks {first.number} to {last.number}"
-        events = (event for tick in quiet for event in _visible_events(tick) if self._is_done(event))
+        events = (event for tick in repeated for event in _visible_events(tick) if self._is_done(event))
         again = dict.fromkeys(f"{self._labels[event.number]} {event.action}" for event in events)
-        said = f"again {', '.join(again)}" if again else "nothing new"
-        return [f"{which}, until {last.time_sec:g} s: {said}"]
+        events_text = f"again {', '.join(again)}" if again else "nothing new"
+        return [f"{which}, until {last.time_sec:g} s: {events_text}"]
 
     def _is_done(self, event: Event) -> bool:
-        """Return whether an event is more than a leaf's continuation or the evaluation of a condition."""
+        """Return whether an event is worth listing: a halt, or the end of a leaf that is not a condition."""
         return event.status != "RUNNING" and event.number not in self._conditions
 
 
@@ -133,7 +135,7 @@ def _end(run: ScenarioRun) -> str:
     last = f"tick {len(run.ticks)} ({run.time_sec:g} s)"
     if run.trouble:
         return f"aborted in {last}: {run.trouble}"
-    return f"{'ended' if run.ended else 'aborted, without an end,'} after {last}: root {run.root}"
+    return f"{'ended' if run.ended else 'aborted without an end'} after {last}: root {run.root}"
 
 
 def _facts_at_the_end(run: ScenarioRun) -> list[str]:
@@ -151,14 +153,14 @@ def _values(values: Mapping[str, object]) -> str:
 
 @dataclass(frozen=True)
 class PlayedScenario:
-    """A scenario that was played, or is invalid.
+    """A scenario that was played, or that is invalid.
 
     Attributes:
-        name: Its name.
-        run: Its run; None if it is invalid.
+        name: The name of the scenario.
+        run: The run of the scenario; None if the scenario is invalid.
         failures: The expectations that were not met.
-        problem: The reason why it is invalid.
-        is_finding: Whether that is an error in it, or a node of unknown behaviour; else it could not be read.
+        problem: The reason why the scenario is invalid.
+        is_finding: Whether the reason is an error in the scenario or a node of unknown behaviour; else an unreadable file.
     """
 
     name: str
@@ -169,7 +171,7 @@ class PlayedScenario:
 
 
 def junit(tree: str, scenarios: Sequence[PlayedScenario]) -> str:
-    """Return a test suite for a tree file, with a test case for each scenario; times are simulated seconds."""
+    """Return a JUnit test suite for a tree file with a test case for each scenario; times are simulated seconds."""
     counts = {
         "tests": str(len(scenarios)),
         "failures": str(sum(bool(each.failures) for each in scenarios)),

@@ -1,4 +1,4 @@
-"""Analyses of a loaded tree's runs: simulation, verification, monitoring, comparison and prediction."""
+"""Functions that analyse the runs of a loaded tree: simulation, verification, monitoring, comparison, prediction."""
 
 import functools
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -38,24 +38,24 @@ def _start_values(
         return params or StartValues()
     from sar_compiler.missions.mission_start import start_without_ros
 
-    values, _, begun = start_without_ros(tree, Path(params), binding)
-    for text in begun.notes:
+    values, _, started = start_without_ros(tree, Path(params), binding)
+    for text in started.notes:
         tree.note(text if text.startswith(f"{params}:") else f"{params}: {text}")
-    return StartValues(values, begun.mission.initial_facts(), 1.0 / begun.parameters.tick_rate_hz)
+    return StartValues(values, started.mission.initial_facts(), 1.0 / started.parameters.tick_rate_hz)
 
 
 def stage_of(
     tree: ProjectTree, tree_id: str | None = None, params: str | Path | StartValues | None = None
 ) -> "ScenarioStage":
-    """Return the stage that simulates scenarios of a tree.
+    """Return the stage on which scenarios of a tree are simulated.
 
     Args:
         tree: The tree file.
-        tree_id: The tree to simulate if a scenario names none; by default the one that the file executes.
-        params: The mission's ROS parameter file, or its content; by default, leaves declare the start values of facts.
+        tree_id: The ID of the tree to simulate if a scenario names none; by default the tree that the file executes.
+        params: The mission's ROS parameter file or start values; by default only leaves declare start values of facts.
 
     Raises:
-        TreeError: If there are errors.
+        TreeError: If the tree file has errors.
     """
     from sar_compiler.analysis.simulate.scenario_files import ScenarioStage
 
@@ -78,15 +78,15 @@ def verify_tree(
 
     Args:
         tree: The tree file.
-        properties: A file with the properties; by default the mission's own.
-        facts: The initial values of facts, in addition to the file's: `{"rooms_left": 4}`.
-        params: The mission's ROS parameter file; *properties* and *facts* override what it says.
-        tree_id: The tree in the file; by default the one that the file executes.
-        max_states: The largest number of states to explore.
+        properties: The properties file; by default the mission's properties file.
+        facts: The initial values of facts, such as `{"rooms_left": 4}`; they override the facts of the properties file.
+        params: The mission's ROS parameter file; *properties* and *facts* override its values.
+        tree_id: The ID of the tree to verify; by default the tree that the file executes.
+        max_states: The maximum number of states to explore.
         budget: Limits time and memory, and receives the progress; by default only the number of states is limited.
 
     Raises:
-        TreeError: If there are errors, or a property cannot apply to the tree.
+        TreeError: If the tree or the properties file has errors, or a property cannot apply to the tree.
         UndecidableError: If the runs of the tree cannot be enumerated.
         ParameterFileError, ParameterError: If the mission cannot start with the parameters.
     """
@@ -109,19 +109,19 @@ def watch_tree(
     tree_id: str | None = None,
     clock: Callable[[], float] = lambda: 0.0,
 ) -> "RuntimeMonitor":
-    """Return the monitor of a run of a tree for properties.
+    """Return a monitor that checks properties during a run of a tree.
 
     Args:
         tree: The tree file.
-        watched: The tree that is ticked.
-        properties: As for `LoadedTree.verify`.
-        facts: The facts at the start of the run; they override those of the file.
-        parameters: The keys of the root blackboard.
-        tree_id: As for `LoadedTree.verify`.
-        clock: Returns the time, seconds since the run's start.
+        watched: The compiled tree that runs.
+        properties: The properties file, as for `LoadedTree.verify`.
+        facts: The facts at the start of the run; they override the facts of the properties file.
+        parameters: The values of the root blackboard's keys.
+        tree_id: The ID of the tree; by default the tree that the file executes.
+        clock: Returns the time in seconds since the start of the run.
 
     Raises:
-        TreeError, UndecidableError: As `LoadedTree.verify`.
+        TreeError, UndecidableError: As for `LoadedTree.verify`.
     """
     from sar_compiler.analysis.proofs import search_runs, set_initial_facts
     from sar_compiler.analysis.runtime_monitor import RuntimeMonitor
@@ -159,18 +159,19 @@ def conform_tree(  # noqa: PLR0913 - each has its default
         tree: The tree file.
         record: The events of the run.
         names: The names of the nodes that ran, in pre-order.
-        properties: As for `LoadedTree.verify`.
+        properties: The properties file, as for `LoadedTree.verify`.
         is_over: Whether the run met its own end condition.
-        start: The parameters and facts at its start; *facts* override them, and they override files' facts.
-        facts: As for `LoadedTree.verify`.
-        params: As for `LoadedTree.verify`.
-        tree_id: As for `LoadedTree.verify`.
-        is_imported: Whether a program with BehaviorTree.CPP ran, whose leaves may be of classes with other rules for scripts.
+        start: The recorded parameters and facts at the start of the run. They override files, and *facts* overrides
+            them.
+        facts: The initial values of facts, as for `LoadedTree.verify`.
+        params: The parameter file, as for `LoadedTree.verify`.
+        tree_id: The ID of the tree, as for `LoadedTree.verify`.
+        is_imported: Whether the run was imported from BehaviorTree.CPP, in which leaf classes treat scripts differently.
         earlier: The earlier runs of that program.
 
     Raises:
-        TreeError, UndecidableError, ParameterFileError, ParameterError: As `LoadedTree.verify`.
-        OtherTreeError: If the tree has nodes other than those that ran.
+        TreeError, UndecidableError, ParameterFileError, ParameterError: As for `LoadedTree.verify`.
+        OtherTreeError: If the nodes that ran are not the nodes of the tree.
     """
     from sar_compiler.analysis.conformance import conform
     from sar_compiler.analysis.cpp_leaves import (
@@ -184,8 +185,10 @@ def conform_tree(  # noqa: PLR0913 - each has its default
     from sar_compiler.analysis.written_values import compare_with_written_values
 
     binding = tree.binding(tree_id)
-    said = _start_values(tree, params, binding)
-    begun = StartValues({**said.parameters, **start.parameters}, {**said.facts, **start.facts})
+    from_file = _start_values(tree, params, binding)
+    assumed_start = StartValues(
+        {**from_file.parameters, **start.parameters}, {**from_file.facts, **start.facts}
+    )
     given = facts.root.mapping if isinstance(facts, Document) else facts or {}
 
     possible: list[LeafClasses] = []
@@ -207,7 +210,8 @@ def conform_tree(  # noqa: PLR0913 - each has its default
 
     def compare(classes: LeafClasses, more: Assumptions | None) -> "Conformance":
         return search_runs(
-            tree, binding, properties, facts, begun, functools.partial(search, classes), more=more
+            tree, binding, properties, facts, assumed_start, functools.partial(search, classes)
+        , more=more
         )
 
     def best(more: Assumptions | None) -> "Conformance":
@@ -241,18 +245,18 @@ def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`
 
     Args:
         tree: The tree file.
-        properties: A file with the properties, and with the probabilities `p` and durations `sec` of outcomes; by
-            default the mission's own.
-        outcomes: Further files with probabilities of outcomes; the file of properties overrides them.
-        facts: As for `verify`.
-        params: As for `verify`.
-        tree_id: As for `verify`.
-        period_sec: The time between two ticks, seconds; by default that of *params*, or half a second.
-        max_states: As for `verify`. The behaviour after unexplored states is unknown, which widens the bounds.
-        budget: As for `verify`.
+        properties: The properties file, which also contains the probabilities `p` and the durations `sec` of outcomes;
+            by default the mission's properties file.
+        outcomes: Further files with probabilities of outcomes; the properties file overrides them.
+        facts: The initial values of facts, as for `verify`.
+        params: The parameter file, as for `verify`.
+        tree_id: The ID of the tree, as for `verify`.
+        period_sec: The time between two ticks, in seconds; by default the period in *params*, or half a second.
+        max_states: The maximum number of states to explore. Unexplored behaviour is unknown, which widens the bounds.
+        budget: The budget, as for `verify`.
 
     Raises:
-        TreeError, UndecidableError, ParameterFileError, ParameterError: As `verify`.
+        TreeError, UndecidableError, ParameterFileError, ParameterError: As for `verify`.
     """
     from sar_compiler.analysis.predict import predict
     from sar_compiler.analysis.proofs import search_runs

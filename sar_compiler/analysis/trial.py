@@ -1,4 +1,4 @@
-"""Search of a tree file's runs for errors before the first run."""
+"""Search of a tree file's possible runs for ticks that raise errors."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,12 +20,12 @@ from sar_compiler.runtime.expressions import Assignment, ComparisonChain, Litera
 
 
 class TrialOutcome(NamedTuple):
-    """The result of exploring the runs of a file within limits.
+    """The result of exploring the runs of a tree file within limits.
 
     Attributes:
-        findings: Findings about ticks that raise.
-        spent: The work done.
-        is_limited: Whether more work could have found more.
+        findings: The findings about ticks that raise errors.
+        spent: The amount of work.
+        is_limited: Whether the work or the time was not enough for the whole search.
         is_cut: Whether `is_spent` has stopped the search.
     """
 
@@ -38,13 +38,13 @@ class TrialOutcome(NamedTuple):
 def try_runs_within(
     tree: ProjectTree, work: int | None, seconds: float | None, is_spent: Callable[[], bool]
 ) -> TrialOutcome:
-    """Try the runs of a tree file.
+    """Search the runs of a tree file for ticks that raise errors.
 
     Args:
         tree: The tree file.
         work: The maximum amount of work; None for no limit.
-        seconds: The processor time for it; None for any.
-        is_spent: Returns whether the user wants it to end.
+        seconds: The maximum processor time, in seconds; None for no limit.
+        is_spent: Returns whether the search must stop for another reason.
     """
     budgets: list[SearchBudget] = []
 
@@ -61,13 +61,13 @@ def try_runs_within(
 
 
 def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Diagnostic]:
-    """Return findings about raising ticks, within a budget; none for a file with errors.
+    """Return findings about ticks that raise errors, within a budget; no findings for a file with other errors.
 
-    A tree without keys and scripts cannot raise, and is not even compiled.
+    A tree without keys and scripts cannot raise errors, and is not compiled.
 
     Args:
         tree: The tree file.
-        budget: Returns the budget for the file; called only if there is something to try.
+        budget: Returns the budget; only called if runs must be searched.
     """
     if tree.is_malformed or any(each.severity is Severity.ERROR for each in tree.tree_findings):
         return []
@@ -83,8 +83,8 @@ def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Di
     from sar_compiler.analysis.proofs import try_runs
 
     limit, is_chosen = budget(), forest.main_tree() is None
-    # A rule's finding at the same location is the same error, and so is one of another tree's run.
-    told = {(each.source.path, each.span) for each in tree.findings if each.severity is not Severity.INFO}
+    # Findings at the same location, from a rule or from a run of another tree, are about the same error.
+    known = {(each.source.path, each.span) for each in tree.findings if each.severity is not Severity.INFO}
     raised = []
     for number, element in enumerate(executable):
         limit.allot(len(executable) - number)
@@ -96,13 +96,13 @@ def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Di
             continue
         for finding in try_runs(tree, binding, limit, f"sar-compile verify{chosen}"):
             place = finding.source.path, finding.span
-            raised += [finding] if place not in told else []
-            told.add(place)
+            raised += [finding] if place not in known else []
+            known.add(place)
     return tree.project.configuration.decide(raised)
 
 
 def _may_raise(tree: Element, registry: Registry) -> bool:
-    """Return whether a tree has keys or scripts, whose values are known only in runs."""
+    """Return whether a tree has keys or scripts, without which ticks cannot raise errors."""
     return any(
         "{" in text or name in CONDITIONS or _is_script(element.tag, name, registry)
         for element in tree.iterate()
@@ -116,15 +116,15 @@ def _is_script(tag: str, name: str, registry: Registry) -> bool:
 
 
 _EQUALITY = {"==", "!="}
-_MOST = 10**15
-"""The largest number that is compared exactly."""
+_MAX_EXACT = 10**15
+"""The numbers below this limit are compared exactly."""
 
 
 def is_plain(tree: BoundTree) -> bool:
-    """Return whether the scripts of a tree certainly never raise errors, judging by their text.
+    """Return whether the scripts of a tree are so simple that they certainly never raise errors.
 
-    Importing the search takes a third of a second, and most trees with scripts are of this kind: a script assigns a
-    number or a string to a variable, and another one, which is ticked only after that, compares it.
+    In most trees with scripts, one script assigns a number or a string to a variable, and another script, which is
+    ticked only afterwards, compares it. For such trees the slow import of the search (0.3 s) is avoided.
     """
     if (
         tree.root is None
@@ -134,7 +134,11 @@ def is_plain(tree: BoundTree) -> bool:
         return False
     accesses = key_accesses_of(tree)
     is_of_scripts = all(_script_of(access.bound) is not None for access in accesses.accesses)
-    return is_of_scripts and not accesses.is_open and _ScriptWalk().visit(tree.root, frozenset()) is not None
+    return (
+        is_of_scripts
+        and not accesses.is_open
+        and _PlainScriptCheck().visit(tree.root, frozenset()) is not None
+    )
 
 
 def _script_of(bound: BoundNode) -> Script | None:
@@ -143,8 +147,8 @@ def _script_of(bound: BoundNode) -> Script | None:
     return scripts[0] if len(scripts) == 1 and not bound.children else None
 
 
-class _ScriptWalk:
-    """A walk through a tree in the order in which its nodes are ticked for the first time."""
+class _PlainScriptCheck:
+    """Checks the scripts of a tree in the order in which its nodes are ticked for the first time."""
 
     def __init__(self) -> None:
         self._types: dict[str, type] = {}
@@ -154,12 +158,12 @@ class _ScriptWalk:
 
         Args:
             bound: The node.
-            known: The variables that certainly have values when it is ticked.
+            known: The variables that certainly have values when the node is ticked.
         """
         if not bound.children:
             return self._variables_after_leaf(bound, known)
         semantics = bound.spec.semantics
-        if semantics.repeats:  # a script may determine the duration, and a tick may never end
+        if semantics.repeats:  # it may repeat forever within a tick
             return None
         # A node with another order of ticks may tick none of its children.
         is_sequence = semantics.order is Order.IN_ORDER and semantics.goes_on == S
@@ -193,7 +197,7 @@ class _ScriptWalk:
         self, bound: BoundNode, statement: Assignment, known: frozenset[str]
     ) -> frozenset[str] | None:
         name, kind = statement.target.name, self._type_of(statement.value, known)
-        # Names of enumerations begin with a capital, and `@` leads out of the tree.
+        # Enumeration names begin with a capital letter, and names with `@` refer to the root blackboard.
         is_plain_name = name.isidentifier() and name[0].islower() and name not in ("true", "false")
         is_made = statement.operator == ":=" or name in known
         if kind is None or not (is_plain_name and is_made) or self._types.setdefault(name, kind) is not kind:
@@ -201,11 +205,11 @@ class _ScriptWalk:
         return known | {name} if bound.spec.statuses == {"SUCCESS"} else known
 
     def _type_of(self, value: object, known: frozenset[str]) -> type | None:
-        """Return the certain type of a value, an integer, a real number or a string; None if unknown."""
+        """Return the type of a value, `int`, `float` or `str`, if it is certain; otherwise None."""
         if isinstance(value, Name):
             return self._types.get(value.name) if value.name in known else None
         if not isinstance(value, Literal):
             return None
         if isinstance(value.value, str):
             return str
-        return type(value.value) if abs(value.value) < _MOST else None
+        return type(value.value) if abs(value.value) < _MAX_EXACT else None

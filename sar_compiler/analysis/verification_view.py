@@ -1,4 +1,4 @@
-"""The result of verifying a tree, as text and as JSON."""
+"""The results of verifications as text and as JSON."""
 
 import textwrap
 from collections import Counter
@@ -24,32 +24,32 @@ _WIDTH = 110
 
 
 def verification_as_text(verification: Verification, seconds: float) -> str:
-    """Return the results as text: a line for each property, then the counterexamples.
+    """Return the results of a verification as text: a line for each property, then the counterexamples.
 
     Args:
-        verification: The results.
+        verification: The verification.
         seconds: The duration of the verification, in seconds.
     """
     labels = leaf_labels(verification.leaves)
-    told = [
+    traces = [
         line
         for verdict in verification.verdicts
         if verdict.trace
         for line in _trace_lines(verdict, verdict.trace, labels)
     ]
-    return "\n".join([*_summary(verification, seconds), *told])
+    return "\n".join([*_summary(verification, seconds), *traces])
 
 
 def verification_as_json(verification: Verification, seconds: float) -> str:
-    """Return the results as a JSON object; see `verification_as_text`."""
+    """Return the results of a verification as JSON; see `verification_as_text`."""
     return as_json({**verification_data(verification), "seconds": round(seconds, 3)})
 
 
 def verification_data(verification: Verification) -> dict[str, object]:
-    """Return the results as data for JSON."""
+    """Return the results of a verification as a JSON object."""
     return {
         "proved": verification.is_proved,
-        **_numbers(verification),
+        **_search_data(verification),
         "questions": [
             {"question": verdict.question, **_as_dict(verdict)} for verdict in verification.verdicts
         ],
@@ -60,30 +60,30 @@ def verification_data(verification: Verification) -> dict[str, object]:
 
 
 def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
-    """Return the changed results as text: a line for each property, and a run for each worse one.
+    """Compare two verifications as text: a line for each property, and a counterexample for each worse result.
 
     Args:
-        comparison: The changes.
-        names: The names of the trees, the previous one and the present one.
+        comparison: The compared verifications.
+        names: The names of the previous and the present tree.
         seconds: The duration of both verifications, in seconds.
     """
     labels = leaf_labels(comparison.now.leaves)
-    told = [
+    traces = [
         line
         for answer in comparison.verdicts
         if answer.change == WORSE and answer.now and answer.now.trace
         for line in _trace_lines(answer.now, answer.now.trace, labels)
     ]
-    return "\n".join([*_changes_in(comparison, names, seconds), *told])
+    return "\n".join([*_changes_in(comparison, names, seconds), *traces])
 
 
 def comparison_as_json(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
-    """Return the changed results as a JSON object; see `comparison_as_text`."""
+    """Compare two verifications as JSON; see `comparison_as_text`."""
     sides = zip(("before", "now"), names, (comparison.before, comparison.now), strict=True)
     data = {
         "worse": comparison.is_worse,
         "seconds": round(seconds, 3),
-        **{side: {"file": name, **_numbers(verification)} for side, name, verification in sides},
+        **{side: {"file": name, **_search_data(verification)} for side, name, verification in sides},
         "questions": [
             {
                 "question": answer.question,
@@ -110,14 +110,14 @@ def _changes_in(comparison: VerificationComparison, names: tuple[str, str], seco
     yield f"{count_with_noun(len(answers), 'outcome')}: {listed}; {seconds:.1f} s"
     width = max(len(answer.question) for answer in answers) + 2
     for answer in answers:
-        line = f"  {answer.question + ':':{width}}{_answer_or_none(answer.now)}"
+        line = f"  {answer.question + ':':{width}}{_verdict_or_left_out(answer.now)}"
         changed = answer.change != SAME
-        yield f"{line}; before: {_answer_or_none(answer.before)}" if changed else line
+        yield f"{line}; before: {_verdict_or_left_out(answer.before)}" if changed else line
     for name, side in zip(names, sides, strict=True):
         yield from (f"{name}: {line}" for line in _limits(side))
 
 
-def _answer_or_none(verdict: Verdict | None) -> str:
+def _verdict_or_left_out(verdict: Verdict | None) -> str:
     return "left out" if verdict is None else _verdict_text(verdict)
 
 
@@ -136,12 +136,12 @@ def _tick_lines(number: int, tick: TickRecord, labels: Mapping[int, str]) -> Ite
     label = f"{number:5}  "
     seen = [event for event in tick.events if event.what in (RETURNED, HALTED)]
     done = [f"{labels[event.number]} {event.action}" for event in seen]
-    came_to = [f"root {tick.root}"] if tick.root else []
+    root = [f"root {tick.root}"] if tick.root else []
     values = {**tick.keys, **tick.facts}
     changes = [
         f"{name}: {value_as_script(was)} -> {value_as_script(now)}" for name, (was, now) in values.items()
     ]
-    for line in (", ".join(done), "; ".join([*came_to, *changes]), tick.error):
+    for line in (", ".join(done), "; ".join([*root, *changes]), tick.error):
         if line:
             yield from textwrap.wrap(line, _WIDTH, initial_indent=label, subsequent_indent=" " * len(label))
             label = " " * len(label)
@@ -153,7 +153,7 @@ def _summary(verification: Verification, seconds: float) -> Iterator[str]:
     states = count_with_noun(verification.states, "state")
     steps, depth = count_with_noun(verification.steps, "step"), count_with_noun(verification.depth, "tick")
     yield f"{states}, {steps} between them, {depth} deep, {seconds:.1f} s"
-    yield _tally(verification)
+    yield _count_line(verification)
     for verdict in verdicts:
         yield f"  {verdict.question + ':':{width}}{_verdict_text(verdict)}"
     for left in verification.left_out:
@@ -161,8 +161,8 @@ def _summary(verification: Verification, seconds: float) -> Iterator[str]:
     yield from _limits(verification)
 
 
-def _tally(verification: Verification) -> str:
-    """Return the number of results of each kind."""
+def _count_line(verification: Verification) -> str:
+    """Return the line with the number of results of each kind."""
     counts = Counter(verdict.outcome for verdict in verification.verdicts)
     broken = "does not hold" if counts[ProofStatus.BROKEN] == 1 else "do not hold"
     kinds = [
@@ -176,28 +176,28 @@ def _tally(verification: Verification) -> str:
 
 
 def _verdict_text(verdict: Verdict) -> str:
-    """Return a verdict with its limits."""
+    """Return a verdict as text, with the reason unless a counterexample shows it."""
     shown = verdict.trace is not None or not verdict.reason
     return verdict.outcome.value if shown else f"{verdict.outcome.value}: {verdict.reason}"
 
 
 def _limits(verification: Verification) -> Iterator[str]:
-    """Yield notes on the search, and on parts without proof."""
+    """Yield notes on the search and on its limits."""
     if verification.branches:
-        yield f"{verification.branches} parallel branches share no data, and were searched separately: {verification.searches} searches."
+        yield f"{verification.branches} parallel branches share no data and were searched separately, in {verification.searches} searches."
     yield from merging_notes(verification.merged)
     for tag, cls in verification.by_semantics:
         yield f"<{tag}> ({cls}) was replaced by its semantics. Its own methods are not verified."
     if verification.complete:
         return
-    how = "it was stopped there" if verification.stopped else "raise the limit with --max-states"
+    how = "the search was stopped" if verification.stopped else "raise the limit with --max-states"
     yield f"Not proved beyond {count_with_noun(verification.states, 'state')}: there are more states ({how})."
     if verification.growing:
         listed = ", ".join(f"{name} ({count})" for name, count in verification.growing)
-        yield f"Among the last states, these had the most different values: {listed}."
+        yield f"The most different values in the last states: {listed}."
 
 
-def _numbers(verification: Verification) -> dict[str, object]:
+def _search_data(verification: Verification) -> dict[str, object]:
     return {
         "states": verification.states,
         "steps": verification.steps,
@@ -236,7 +236,7 @@ def _tick(tick: TickRecord) -> dict[str, object]:
 
 
 def _event(event: Event) -> dict[str, object]:
-    told: dict[str, object] = {"leaf": event.leaf, "path": "/".join(event.path), "what": event.what}
+    data: dict[str, object] = {"leaf": event.leaf, "path": "/".join(event.path), "what": event.what}
     if event.what == RETURNED:
-        told |= {"status": event.status, "label": event.label}
-    return told
+        data |= {"status": event.status, "label": event.label}
+    return data

@@ -164,7 +164,7 @@ def test_a_property_that_every_way_has_broken_by_some_tick_is_broken_for_sure_fr
 def test_an_answer_that_nobody_has_declared_is_where_the_flight_leaves_the_tree():
     misfit = Flights(TWO).misfit(RUNS, ("SUCCESS", "one SUCCESS fine", "two SUCCESS"))
     assert (misfit.tick, misfit.time_sec, misfit.event) == (2, 1.0, "one fine")
-    assert misfit.why == "it is assumed that 'one' returns SUCCESS, FAILURE, RUNNING, but returned fine"
+    assert misfit.why == "it is assumed that 'one' returns only SUCCESS, FAILURE, RUNNING, but returned fine"
     assert set(misfit.possible) == {"one SUCCESS", "one FAILURE", "one RUNNING"}
     assert misfit.place.rpartition(":")[0].endswith(":3")
 
@@ -177,7 +177,7 @@ def test_an_answer_that_facts_exclude_is_told_with_what_would_have_had_to_be_so(
     late = Flights('<Sequence name="all"><X/><Y name="a"/><Y name="b"/></Sequence>')
     misfit = late.misfit(("SUCCESS", "X SUCCESS", "a SUCCESS counted", "b SUCCESS counted"))
     assert (misfit.tick, misfit.event) == (1, "b counted")
-    assert misfit.why == "it is assumed that 'b' returns 'counted' only when f > 0; f is 0"
+    assert misfit.why == "it is assumed that 'b' returns 'counted' only when f > 0 (f is 0)"
     assert set(misfit.possible) == {"b FAILURE", "b RUNNING"}
 
 
@@ -232,7 +232,7 @@ def test_an_answer_that_went_on_longer_than_is_assumed_is_told_with_the_limit():
     assert flights.misfit(held, ("SUCCESS",)) is None
     misfit = flights.misfit(held, ("SUCCESS",), ("SUCCESS",))
     assert (misfit.tick, misfit.event, misfit.possible) == (3, "one still held", ("one SUCCESS",))
-    assert misfit.why == "it is assumed that 'one' returns 'held' only when left > 0; left is 0"
+    assert misfit.why == "it is assumed that 'one' returns 'held' only when left > 0 (left is 0)"
 
 
 def test_what_the_root_came_to_is_told_with_the_place_of_the_root():

@@ -209,7 +209,7 @@ def test_an_answer_that_the_facts_exclude_is_an_assumption_that_failed_told_once
     )
     watch = watch_of("<Sequence><A/><B/></Sequence>", properties)
     assert taken(watch, (1, "SUCCESS")) == []
-    told = "Assumption failed: 'A' returns 'SUCCESS' only when left > 0; left is 0"
+    told = "Assumption failed: 'A' returns 'SUCCESS' only when left > 0 (left is 0)"
     assert taken(watch, (1, "SUCCESS"), (1, "FAILURE"), (1, "SUCCESS")) == [told]
 
 
@@ -217,8 +217,8 @@ def test_an_answer_that_a_leaf_has_not_declared_is_an_assumption_that_failed():
     watch = watch_of("<A/>", "outcomes: {A: [{status: SUCCESS, label: yes}, {status: SUCCESS, label: no}]}")
     assert taken(watch, (0, "SUCCESS", "yes")) == []
     assert taken(watch, (0, "FAILURE"), (0, "SUCCESS", "perhaps"), (0, "SUCCESS")) == [
-        "Assumption failed: 'A' returns yes, no, but returned FAILURE",
-        "Assumption failed: 'A' returns yes, no, but returned perhaps",
+        "Assumption failed: 'A' returns only yes, no, but returned FAILURE",
+        "Assumption failed: 'A' returns only yes, no, but returned perhaps",
         "Assumption failed: 'A' reports which of its outcomes it returns: yes, no",
     ]
 
@@ -266,7 +266,7 @@ def test_the_first_answer_of_a_leaf_can_be_one_that_assumptions_exclude():
     watch.on_status(0, "SUCCESS", "counted")
     (alarm,) = watch.alarms
     assert (alarm.cause, alarm.event) == (AlarmCause.ASSUMPTION, "y counted")
-    assert alarm.about == "'y' returns 'counted' only when f > 0; f is 0"
+    assert alarm.about == "'y' returns 'counted' only when f > 0 (f is 0)"
     assert [each.action for each in alarm.run] == ["counted"]
 
 
@@ -280,7 +280,7 @@ def test_a_condition_that_goes_on_finding_the_same_takes_from_a_limit_once():
     taken(watch, (1, "SUCCESS"))
     watch.end_tick("RUNNING")
     assert taken(watch, (1, "FAILURE", "held")) == [
-        "Assumption failed: 'P' returns 'held' only when left > 0; left is 0"
+        "Assumption failed: 'P' returns 'held' only when left > 0 (left is 0)"
     ]
 
 
@@ -318,7 +318,7 @@ def test_what_a_condition_finds_again_after_a_tick_without_it_takes_again():
     watch.end_tick("FAILURE")
     watch.end_tick("FAILURE")
     assert taken(watch, (1, "FAILURE", "held")) == [
-        "Assumption failed: 'P' returns 'held' only when left > 0; left is 0"
+        "Assumption failed: 'P' returns 'held' only when left > 0 (left is 0)"
     ]
 
 
@@ -339,7 +339,7 @@ def test_an_action_takes_from_a_limit_each_time():
     assert taken(watch, (1, "FAILURE", "lost")) == []
     watch.end_tick("FAILURE")
     assert taken(watch, (1, "FAILURE", "lost")) == [
-        "Assumption failed: 'A' returns 'lost' only when left > 0; left is 0"
+        "Assumption failed: 'A' returns 'lost' only when left > 0 (left is 0)"
     ]
 
 
@@ -353,7 +353,7 @@ def test_a_condition_that_takes_from_no_limit_is_judged_by_what_is_left_now():
     assert taken(watch, (1, "SUCCESS", "fine"), (2, "RUNNING")) == []
     watch.end_tick("RUNNING")
     assert taken(watch, (1, "SUCCESS", "fine")) == [
-        "Assumption failed: 'P' returns 'fine' only when left > 0; left is 0"
+        "Assumption failed: 'P' returns 'fine' only when left > 0 (left is 0)"
     ]
 
 
@@ -369,7 +369,7 @@ def test_one_condition_that_goes_on_gives_others_nothing_back():
     assert taken(watch, (1, "FAILURE", "no"), (2, "SUCCESS")) == []
     watch.end_tick("SUCCESS")
     assert taken(watch, (1, "FAILURE", "no"), (2, "FAILURE", "no")) == [
-        "Assumption failed: 'other' returns 'no' only when b > 0; b is 0"
+        "Assumption failed: 'other' returns 'no' only when b > 0 (b is 0)"
     ]
 
 
@@ -379,5 +379,5 @@ def test_what_nobody_has_written_is_said_to_be_unknown_where_an_answer_is_exclud
     )
     watch = watch_of("<Sequence><A/><Script code='n := 1'/></Sequence>", answers)
     assert taken(watch, (1, "SUCCESS")) == [
-        "Assumption failed: 'A' returns 'SUCCESS' only when left > 0 ? n == 1 : false; left is 0, n is not known"
+        "Assumption failed: 'A' returns 'SUCCESS' only when left > 0 ? n == 1 : false (left is 0, n is unknown)"
     ]

@@ -202,7 +202,7 @@ def test_a_parameter_that_is_missing_says_where_a_value_is_given():
         simulated_tree('<Timeout duration="{@patience}"><NavigateToZone/></Timeout>')
     hint = error.value.findings[0].hint
     assert hint == (
-        "set it: --params FILE, or parameters: {patience: ...} in the scenario or the file of properties"
+        "set it with --params FILE, or with parameters: {patience: ...} in the scenario or properties file"
     )
     assert simulated_tree(
         '<Timeout duration="{@patience}"><NavigateToZone/></Timeout>', {"patience": 30.0}

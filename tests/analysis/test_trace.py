@@ -68,7 +68,7 @@ def test_facts_and_keys_are_written_as_a_script_would():
 
 def test_a_run_that_does_not_end_says_so():
     text = trace(played("ticks: 2\nleaves: {NavigateToBase: RUNNING}", "<NavigateToBase/>"))
-    assert "aborted, without an end, after tick 2 (0.5 s): root RUNNING" in text
+    assert "aborted without an end after tick 2 (0.5 s): root RUNNING" in text
 
 
 def test_a_run_that_cannot_go_on_says_why():
@@ -107,9 +107,9 @@ def test_coverage_is_counted_and_what_is_missing_has_its_line():
     collected = OutcomeCoverage()
     collected.add(played("name: x", "<Selector><AdvanceZone/><Success/></Selector>"))
     assert coverage_text(collected).splitlines() == [
-        "coverage: 2 of 3 nodes ticked, 1 of 3 outcomes of leaves seen",
+        "coverage: 2 of 3 nodes ticked, 1 of 3 leaf outcomes seen",
         "  test.xml:3: 'Success' is never ticked",
-        "  test.xml:3: 'AdvanceZone' has not shown no zone",
+        "  test.xml:3: 'AdvanceZone' never returned no zone",
     ]
 
 

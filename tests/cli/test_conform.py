@@ -86,7 +86,7 @@ def test_facts_begin_as_the_run_did_unless_something_else_is_said(conform, fligh
     status, out, _ = conform(journal, options=())
     assert status == 1
     assert "does not conform from tick 1 on, 0:00: Tell SUCCESS" in out
-    assert "  it is assumed that 'Tell' returns 'counted' only when f > 0; f is 0\n" in out
+    assert "  it is assumed that 'Tell' returns 'counted' only when f > 0 (f is 0)\n" in out
     assert "  possible instead: Tell " in out
     assert conform(journal, options=("--set", "f=1"))[0] == 0
 

@@ -165,7 +165,7 @@ def test_the_number_of_ticks_that_is_asked_for_is_no_failure(capsys, tree, scena
     path = scenario("leaves: {NavigateToZone: RUNNING}")
     status, out, _ = run(capsys, tree, "--scenario", path, "--ticks", 3)
     assert status == 0
-    assert "aborted, without an end, after tick 3 (1 s): root RUNNING" in out
+    assert "aborted without an end after tick 3 (1 s): root RUNNING" in out
 
 
 def test_the_end_can_be_asked_for(capsys):

@@ -418,4 +418,4 @@ def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found
     finally:
         terminal.kill()
     assert "stays at home: does not hold\n  it is violated in the last tick:\n    1  " in output
-    assert "there are more states (it was stopped there)." in output
+    assert "there are more states (the search was stopped)." in output

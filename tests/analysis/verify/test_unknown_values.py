@@ -196,9 +196,9 @@ def command(capsys, tmp_path):
         (["simulate", "--scenario", "SCENARIO"], "s.yaml: 's' is not decided:"),
         (
             ["sweep", "--unusual", "0.1", "--runs", "20", "--jobs", "1"],
-            "nothing can be counted: the run with seed",
+            "nothing can be counted, because the run with seed",
         ),
-        (["predict"], "Not decided, so some numbers have two bounds: "),
+        (["predict"], "Some runs are undecided, so some numbers have two bounds: "),
     ],
     ids=lambda words: words[0] if isinstance(words, list) else "",
 )
