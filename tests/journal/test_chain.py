@@ -242,7 +242,7 @@ CUT = "UPDATE run SET ended = NULL, ending = NULL, status = NULL, reason = '', c
 def test_an_end_that_was_cut_off_is_found_with_the_head_and_only_with_it(flown, place, capsys):
     change(place, CUT, "DELETE FROM watched WHERE number > 40", "DELETE FROM fact WHERE number > 40")
     assert main(["check", str(place)]) == 0
-    assert "and not closed: the run crashed" in capsys.readouterr().out
+    assert "not closed because the run crashed" in capsys.readouterr().out
     assert main(["check", str(place), "--head", flown[3]]) == 1
 
 
@@ -301,7 +301,7 @@ def test_what_sigkill_has_broken_off_is_an_open_chain_that_the_next_run_goes_on_
     assert done.returncode == -signal.SIGKILL
     found = verdict(place)
     assert (found.state, found.chain.entries, found.chain.head) == ("open", 299, "")
-    assert "and not closed: the run crashed" in found.words
+    assert "not closed because the run crashed" in found.words
     assert verdict(place, fly(place)).state == "whole"
 
 
@@ -312,7 +312,7 @@ def test_a_journal_that_is_written_just_now_is_checked_too(tmp_path):
     journal.record_event("zone_visited", zone="a")
     command = [sys.executable, "-m", "sar_compiler.cli.journal_command", "check", place]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, "not closed: the run is still active" in done.stdout) == (0, True)
+    assert (done.returncode, "not closed because the run is still active" in done.stdout) == (0, True)
     journal.close()
 
 

@@ -574,7 +574,9 @@ class TestThePage:
         assert not any("--georeference" in step for step in self.steps(REJECTED, parameters={}))
 
     def test_of_a_mission_that_is_not_over_a_later_report_is_asked_for(self):
-        assert self.steps(ended=False)[-1].startswith("Ask for a later report: the run had not ended at 2023-11-1")
+        assert self.steps(ended=False)[-1].startswith(
+            "Ask for a later report: the run had not ended at 2023-11-1"
+        )
 
     def test_the_properties_of_a_watched_run_are_for_engineers(self):
         page = html_report(mission(*WATCHED))
@@ -599,7 +601,7 @@ class TestThePage:
         limits = lambda *told, **more: html_report(mission(*told, **more)).partition("<h2>Limits")[2]  # noqa: E731
         assert "No person has confirmed survivor_1." in limits()
         assert "No person has confirmed" not in limits(CONFIRMED)
-        assert "Positions are in the robot&#39;s map, not on the earth." in limits(parameters={})
+        assert "They are coordinates of the robot&#39;s map, not of the earth." in limits(parameters={})
         assert "not on the earth" not in limits()
         assert "The end of the run is not recorded." in limits(ended=False)
 
@@ -812,7 +814,7 @@ class TestWhatIsRefusedBeforehand:
     def test_another_ending_is_no_form(self, tmp_path):
         with pytest.raises(
             ReportError,
-            match=r"ends in \.html, \.json, \.geojson, \.kml, \.cot, \.cap, and .*report.pdf does not",
+            match=r"unknown report format of .*report.pdf \(known endings: \.html, \.json, \.geojson, \.kml, \.cot, \.cap\)",
         ):
             require_form(tmp_path / "report.pdf", None)
 

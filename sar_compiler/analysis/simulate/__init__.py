@@ -1,1 +1,1 @@
-"""Scripted runs of a tree, without robot and ROS, on a simulated clock."""
+"""Scripted runs of a tree on a simulated clock, without a robot and without ROS."""

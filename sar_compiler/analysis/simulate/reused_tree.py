@@ -1,7 +1,7 @@
 """Repeated runs of scenarios on a tree that is compiled once.
 
-The whole state of a tree is in cells and blackboard entries (`runtime.kernel`), which can be restored. So each run starts
-like the first one, and depends on its scenario alone.
+The whole state of a tree is in cells and blackboard entries (`runtime.kernel`), which can be restored. So every run starts
+in the same state, and depends only on its scenario.
 """
 
 from functools import partial
@@ -15,19 +15,19 @@ from sar_compiler.runtime.kernel.table import NotFlatError, flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.user_nodes import UserNode
 
-# The effect of scripts is cached by the values of entries: the cache of a tree that is never replaced would grow forever.
-_MOST_CHOICES = 50_000
+# The effects of scripts are cached by the values of entries. Trees are replaced because their caches grow forever.
+_MAX_CHOICES = 50_000
 
 
 class ReusedTree:
     """A simulated tree for many runs.
 
     Args:
-        simulated: The tree, which was never ticked.
+        simulated: The tree, which must not have been ticked.
 
     Raises:
-        NotFlatError: If a control or a decorator of it is of a class that is neither the project's nor py_trees': the private
-        state of its objects cannot be restored.
+        NotFlatError: If the class of a control or decorator belongs neither to this project nor to py_trees, so that the
+            private state of its objects cannot be restored.
         FrozenValueError: If a key holds a value that can neither be copied nor hashed.
 
     Attributes:
@@ -50,10 +50,10 @@ class ReusedTree:
     @property
     def needs_replacement(self) -> bool:
         """Whether the tree should be replaced, because its cache is too large."""
-        return self._choices >= _MOST_CHOICES
+        return self._choices >= _MAX_CHOICES
 
     def play(self, scenario: Scenario) -> Player:
-        """Play a complete run, and end the previous one."""
+        """Play a complete run, and return its player; the player of the previous run is no longer usable."""
         clock = self.simulated.clock
         clock.advance(-clock.now())
         self._entries.restore(self._start)

@@ -1,4 +1,4 @@
-"""Scenarios as plain data and from files; every error in a file is a finding with its location."""
+"""Scenarios, and their parsing from files; every error in a file is a finding with its location."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,25 +38,25 @@ from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import TreeFile
 
 PERIOD_SEC = 0.5
-"""The default time between two ticks, seconds: 2 Hz, as `sar-run` ticks."""
+"""The default time between two ticks, in seconds, as in `sar-run` (2 Hz)."""
 OWN = ("root", "tick", "time")
-"""The names of values of the run itself."""
+"""The names of the values of the run itself that conditions can use."""
 
 MAX_TICKS = 1000
-"""The default limit: a run is stopped after this many ticks."""
+"""The default number of ticks after which a run is aborted."""
 
 
 @dataclass(frozen=True)
 class OutcomeStep:
-    """One step of a script: an outcome and how often it is returned.
+    """A step of a leaf's script, which contains an outcome and the conditions of its use.
 
     Attributes:
         outcome: The label or the status of the outcome.
-        after_sec: The running time before it, seconds.
-        longest_sec: If above `after_sec`, the upper bound of a random running time.
-        when: The condition of the step; None: always.
+        after_sec: The time for which the leaf runs before the outcome, in seconds.
+        longest_sec: If larger than `after_sec`, the upper bound of a random running time, in seconds.
+        when: The condition of the step; None if there is no condition.
         times: The number of times that the step is used; None for any number.
-        every: Use the step only at every n-th opportunity.
+        every: The number n if the step is only used at every n-th opportunity.
         probability: The probability with which a possible step is used.
     """
 
@@ -74,8 +74,8 @@ class Bounds:
     """The number of times that an event may happen.
 
     Attributes:
-        least: At least.
-        most: At most; None for any number.
+        least: The minimum number.
+        most: The maximum number; None for no maximum.
     """
 
     least: int
@@ -93,16 +93,16 @@ class Expectations:
 
     Attributes:
         root: The root's status after the last tick: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
-        ends: Whether the run ends before it is aborted.
-        within_ticks: The largest number of ticks to the end.
-        within_sec: The longest time to the end, in seconds.
-        facts: Facts at the end.
-        order: Events that happen one after the other.
-        never: None of these happens.
-        counts: How often these happen.
-        trace: A file that holds the trace.
-        lines: The line of each expectation in the scenario's file, by its key and what it is about: `root`, `facts
-            at`, `never NotifyBase refused`.
+        ends: Whether the run meets its end condition before it is aborted.
+        within_ticks: The maximum number of ticks until the end.
+        within_sec: The maximum time until the end, in seconds.
+        facts: The values of facts at the end.
+        order: Events that happen in this order.
+        never: Events that must not happen.
+        counts: Events with the number of times that they may happen.
+        trace: The path of a file with the expected trace.
+        lines: The line of each expectation in the scenario file, by its key and subject, such as `root`, `facts at` or
+            `never NotifyBase refused`.
     """
 
     root: str | None = None
@@ -122,16 +122,16 @@ class Scenario:
     """A scripted run.
 
     Attributes:
-        name: Its name.
-        path: Its file; empty for none.
-        period_sec: The time between two ticks, seconds.
-        max_ticks: The number of ticks after which it is aborted.
-        until: The end condition; None: the root has succeeded or failed.
-        scripts: The outcomes of leaves; any other leaf returns its default outcome.
+        name: The name of the scenario.
+        path: The path of the scenario file; empty if there is no file.
+        period_sec: The time between two ticks, in seconds.
+        max_ticks: The number of ticks after which the run is aborted.
+        until: The end condition; None if the run ends when the root has succeeded or failed.
+        scripts: The steps of scripted leaves; other leaves return their default outcomes.
         expect: The expectations.
         seed: The seed of all random choices.
-        unusual: The probability with which an unscripted leaf returns another outcome than its default.
-        warnings: Findings about its file that do not prevent the run.
+        unusual: The probability with which an unscripted leaf returns another outcome than its default outcome.
+        warnings: Findings about the scenario file that do not prevent the run.
     """
 
     name: str = "as usual"
@@ -147,7 +147,7 @@ class Scenario:
 
 
 def read_expectations(value: Value | None, words: LeafVocabulary) -> Expectations:
-    """Read the expectations of a scenario; report impossible ones."""
+    """Read the expectations of a scenario; report impossible expectations."""
     document, parts = words.document, {} if value is None else value.mapping
     plain = {} if value is None else value.data
     ticks, limit_sec = _tick_window(parts["within"]) if "within" in parts else (None, None)
@@ -168,7 +168,7 @@ def read_expectations(value: Value | None, words: LeafVocabulary) -> Expectation
 
 
 def _lines(document: Document, parts: Mapping[str, Value]) -> Iterator[tuple[str, int]]:
-    """Yield the names, contents and lines of the expectations."""
+    """Yield the keys of `Expectations.lines`, each with its line."""
     for name, value in parts.items():
         yield name, document.source.position_of(value.start)[0]
         below = [key for key, _ in value.entries] if value.entries is not None else value.as_list
@@ -186,7 +186,7 @@ def _facts(document: Document, value: Value, known: Mapping[str, Fact]) -> dict[
     for key, inner in value.entries or ():
         name = key.text or ""
         if name not in known:
-            message = f"there is no fact '{name}' (known: {', '.join(known) or 'none'})"
+            message = f"unknown fact '{name}' (known: {', '.join(known) or 'none'})"
             document.report("unknown-fact", message, key, suggestion=nearest(name, known))
         else:
             facts[name] = inner.data
@@ -207,9 +207,9 @@ def _counts(value: Value, words: LeafVocabulary) -> tuple[tuple[EventPattern, Bo
     return tuple(counts)
 
 
-def _parse_bounds(said: float | str) -> Bounds:
-    """Read `2`, `at least 2` or `at most 2`."""
-    *which, number = said.split() if isinstance(said, str) else [said]
+def _parse_bounds(text: float | str) -> Bounds:
+    """Parse bounds such as `2`, `at least 2` or `at most 2`."""
+    *which, number = text.split() if isinstance(text, str) else [text]
     return Bounds(0 if "most" in which else int(number), None if "least" in which else int(number))
 
 
@@ -217,9 +217,9 @@ _ALWAYS = "always"
 
 
 def read_scripts(value: Value, words: LeafVocabulary) -> dict[StubLeaf, tuple[OutcomeStep, ...]]:
-    """Return the steps of each leaf that a scenario scripts.
+    """Return the steps of each scripted leaf.
 
-    If several keys name a leaf, its path precedes its name, and its name precedes its tag.
+    If several keys name a leaf, a path precedes a name, and a name precedes a tag.
     """
     scripts: dict[StubLeaf, tuple[OutcomeStep, ...]] = {}
     ranks: dict[StubLeaf, int] = {}
@@ -276,7 +276,7 @@ def _times(value: Value) -> int | None:
 def _check_running(document: Document, value: Value, leaves: Sequence[StubLeaf]) -> None:
     for leaf in leaves:
         if all(outcome.status != "RUNNING" for outcome in leaf.outcomes):
-            message = f"'{leaf.name}' returns at once and never runs, so it cannot have a time"
+            message = f"'{leaf.name}' never returns RUNNING, so it cannot have a running time"
             document.report("wrong-value", message, value, hint="omit 'after'")
 
 
@@ -285,14 +285,14 @@ _EMPTY_HINT = "write leaves: with their outcomes, and expect: with the expected 
 
 @dataclass(eq=False, repr=False)
 class ScenarioStage:
-    """A tree file for the simulation of scenarios.
+    """A tree file on which scenarios are simulated.
 
     Attributes:
-        forest: The file and what it includes.
-        registry: The registered tags.
+        forest: The tree file and the files that it includes.
+        registry: The registered nodes.
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
-        tree_id: The tree to simulate if a scenario names none; by default the one that the file executes.
-        start: Returns the start values of a tree's runs from a mission's parameters.
+        tree_id: The ID of the tree to simulate if a scenario names none; by default the tree that the file executes.
+        start: Returns the start values of a bound tree's runs from the mission's parameters.
     """
 
     forest: Forest
@@ -303,17 +303,17 @@ class ScenarioStage:
     _bindings: dict[str | None, Binding] = field(default_factory=dict, init=False)
 
     def with_controls(self, document: Document, controls: Value, tree_id: str | None) -> Binding:
-        """Return a tree of the file with a scenario's controls and decorators; see `binding`."""
+        """Return a bound tree of the file with a scenario's replacements for controls and decorators."""
         binding = bind_main(self.forest, self.registry, tree_id or self.tree_id, self.palettes)
         files = (*self.palettes, *self.forest.files)
         apply_controls(document, controls, binding, self.registry, files)
         return binding
 
     def binding(self, tree_id: str | None = None) -> Binding:
-        """Return a tree of the file, bound.
+        """Return a bound tree of the file.
 
         Raises:
-            TreeError: If there is none, or it has an error.
+            TreeError: If the file does not contain the tree, or the tree has an error.
         """
         wanted = tree_id or self.tree_id
         if wanted not in self._bindings:
@@ -321,11 +321,11 @@ class ScenarioStage:
         return self._bindings[wanted]
 
     def play(self) -> "ScenarioSimulation":
-        """Return the tree without a scenario, so that every leaf returns its default outcome.
+        """Simulate the tree without a scenario, so that every leaf returns its default outcome.
 
         Raises:
             TreeError: If the tree cannot be used.
-            DisputedFactError: If its leaves start a fact with different values.
+            DisputedFactError: If leaves declare different initial values for a fact.
         """
         binding = self.binding()
         start = self.start(binding)
@@ -336,10 +336,10 @@ class ScenarioStage:
 
 @dataclass(frozen=True)
 class ScenarioSimulation:
-    """A tree, simulated for a scenario.
+    """A simulated tree with a scenario.
 
     Attributes:
-        simulated: The tree.
+        simulated: The tree, with the assumptions of the scenario.
         scenario: The scenario.
     """
 
@@ -348,20 +348,20 @@ class ScenarioSimulation:
 
 
 def read_scenario(path: str | Path, stage: ScenarioStage) -> ScenarioSimulation:
-    """Read a scenario.
+    """Read a scenario file, and return the simulated tree and the scenario.
 
     Raises:
         UnreadableFileError: If the file is missing or cannot be read.
-        TreeError: If anything is wrong with it, or with the tree; carries all the findings.
+        TreeError: If the scenario or the tree has errors; contains all findings.
     """
     return load_scenario(read_yaml(path, SCENARIO, _EMPTY_HINT), stage)
 
 
 def load_scenario(document: Document, stage: ScenarioStage) -> ScenarioSimulation:
-    """Read a scenario file, and return the tree and the scenario.
+    """Convert a document to a scenario, and return the simulated tree and the scenario.
 
     Raises:
-        TreeError: If anything is wrong with it, or with the tree; carries all the findings.
+        TreeError: If the scenario or the tree has errors; contains all findings.
     """
     parts = document.validate("scenario").mapping
     with document.prefer_findings():
@@ -406,8 +406,8 @@ def _simulate(
     parameters: Mapping[str, object],
     assumptions_for: Callable[[SimulatedTree], Assumptions],
 ) -> SimulatedTree:
-    """Compile the tree for simulation, with its assumptions."""
-    # The possible assumptions depend on the leaves, so the tree is analysed first.
+    """Compile a bound tree with stub leaves, with the assumptions that are returned for the tree."""
+    # Which assumptions are possible depends on the leaves, so the tree is first compiled without assumptions.
     plain = compile_simulated(binding, parameters)
     assumed = assumptions_for(plain)
     return plain if assumed == Assumptions() else compile_simulated(binding, parameters, assumed)

@@ -1,4 +1,4 @@
-"""Run a tree by a scenario on a simulated clock: scripted leaves, expectations, and coverage."""
+"""Runs of a tree according to a scenario on a simulated clock, with expectations and coverage."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -39,7 +39,7 @@ class RunVariables(FactVariables):
     """The read-only variables of a scenario's conditions.
 
     Attributes:
-        now: The values for the names of the run itself.
+        now: The current values of the run itself, by name (`OWN`).
     """
 
     def __init__(self, simulated: SimulatedTree) -> None:
@@ -48,7 +48,7 @@ class RunVariables(FactVariables):
         self._simulated = simulated
 
     def read(self, name: str) -> ScriptValue:
-        """Return a value; see `Variables`. Errors suggest the probable name."""
+        """Return the value of a variable; see `Variables`. An error about an unknown name suggests a similar name."""
         if name in self.now:
             return self.now[name]
         try:
@@ -63,13 +63,13 @@ class ScriptedError(SarError):
 
 
 class DrawnChoice(NamedTuple):
-    """A choice for a leaf.
+    """A choice of a leaf's outcome.
 
     Attributes:
         leaf: The leaf.
         outcome: The label or the status of the outcome.
-        after_sec: The running time before it, seconds.
-        usual: Whether it is the leaf's default outcome.
+        after_sec: The time for which the leaf runs before the outcome, in seconds.
+        usual: Whether the outcome is the leaf's default outcome.
     """
 
     leaf: StubLeaf
@@ -79,12 +79,12 @@ class DrawnChoice(NamedTuple):
 
 
 class ScenarioPolicy:
-    """Chooses the outcomes of leaves by a scenario; other leaves use their probabilities, or the default.
+    """Chooses outcomes according to a scenario. Unscripted leaves use their probabilities or their default outcomes.
 
     Args:
-        scenario: The outcomes of leaves, step by step, and the seed of random choices.
-        variables: The variables for the conditions of steps.
-        clock: The clock for times.
+        scenario: The scenario, with the steps of scripted leaves and the seed of random choices.
+        variables: The variables of the steps' conditions.
+        clock: The clock of running times.
 
     Attributes:
         choices: The choices so far, in order.
@@ -96,22 +96,22 @@ class ScenarioPolicy:
         self._unusual = scenario.unusual
         scripts = scenario.scripts.items()
         self._clock = clock
-        self._plans: dict[StubLeaf, _Plan | _RandomOutcomes] = {
-            leaf: _Plan(leaf, [*map(_RemainingUses, steps)], self._random, variables, clock)
+        self._choosers: dict[StubLeaf, _ScriptedOutcomes | _RandomOutcomes] = {
+            leaf: _ScriptedOutcomes(leaf, [*map(_RemainingUses, steps)], self._random, variables, clock)
             for leaf, steps in scripts
         }
 
     def choose(self, leaf: StubLeaf, options: Sequence[Outcome]) -> Outcome:
-        """Return the scenario's outcome, or the default one.
+        """Return the outcome of a leaf in the current tick, which must be one of *options*.
 
         Raises:
-            ScriptedError: If the leaf cannot return that outcome now.
+            ScriptedError: If the leaf cannot return the scripted outcome now.
         """
-        plan = self._plans.get(leaf)
-        if plan is None and leaf.is_random:
-            plan = self._plans[leaf] = _RandomOutcomes(leaf, self._random, self._clock)
-        if plan is not None:
-            return plan.choose(options, self.choices)
+        chooser = self._choosers.get(leaf)
+        if chooser is None and leaf.is_random:
+            chooser = self._choosers[leaf] = _RandomOutcomes(leaf, self._random, self._clock)
+        if chooser is not None:
+            return chooser.choose(options, self.choices)
         outcome = usual = nominal(options)
         if self._unusual and self._random.random() < self._unusual:
             others = [each for each in options if each.status != "RUNNING" and each != usual]
@@ -122,7 +122,7 @@ class ScenarioPolicy:
 
 @dataclass(eq=False)
 class _RandomOutcomes:
-    """Chooses a leaf's outcome and time at its start, from known probabilities and times."""
+    """Chooses an unscripted leaf's outcome and running time at its start, from known probabilities and times."""
 
     leaf: StubLeaf
     random: Random
@@ -152,7 +152,9 @@ class _RandomOutcomes:
 
 
 @dataclass(eq=False)
-class _Plan:
+class _ScriptedOutcomes:
+    """Chooses a scripted leaf's outcomes from the remaining steps of its script."""
+
     leaf: StubLeaf
     steps: "Sequence[_RemainingUses]"
     random: Random
@@ -164,7 +166,7 @@ class _Plan:
     def choose(self, options: Sequence[Outcome], choices: list[DrawnChoice]) -> Outcome:
         """Return the leaf's next outcome, and record the choice."""
         if self.leaf.status is not Status.RUNNING:
-            self._current = None  # an interrupted step counts as done
+            self._current = None  # a halted step is not repeated
         if self._current is None:
             self._current = self._next(options)
             self._since = self.clock.now()
@@ -177,7 +179,7 @@ class _Plan:
         return nominal(options) if at_once else self._named_outcome(choice.outcome, options)
 
     def _next(self, options: Sequence[Outcome]) -> DrawnChoice:
-        """Return the choice from the remaining steps, or the default one."""
+        """Return the choice of the first usable step, or of the default outcome if no step is usable."""
         step = next((left.step for left in self.steps if left.use(self._holds, self.random)), None)
         usual = nominal(options)
         if step is None:
@@ -186,17 +188,17 @@ class _Plan:
         if step.longest_sec > after_sec:
             after_sec = round(self.random.uniform(after_sec, step.longest_sec), 3)
         return DrawnChoice(
-            self.leaf, step.outcome, after_sec, _default_outcomes(step.outcome, options)[:1] == [usual]
+            self.leaf, step.outcome, after_sec, _outcomes_with_name(step.outcome, options)[:1] == [usual]
         )
 
     def _named_outcome(self, name: str, options: Sequence[Outcome]) -> Outcome:
-        found = _default_outcomes(name, options)
+        found = _outcomes_with_name(name, options)
         if found:
             return found[0]
         leaf = self.leaf
         conditions = [a.when for a in leaf.outcomes if name in (a.label, a.status) and a.when]
         raise ScriptedError(
-            f"'{leaf.name}' cannot return '{name}' here, which needs {' or '.join(conditions)}. It can return "
+            f"'{leaf.name}' cannot return '{name}' here, because that requires {' or '.join(conditions)}. It can return "
             f"{', '.join(outcome.name for outcome in options)}"
         )
 
@@ -209,8 +211,8 @@ class _Plan:
             raise ScriptedError(f"'{self.leaf.name}': when '{step.when.script.text}': {error}") from error
 
 
-def _default_outcomes(name: str, options: Sequence[Outcome]) -> list[Outcome]:
-    """Return the outcomes with a label or a status, those with the label first."""
+def _outcomes_with_name(name: str, options: Sequence[Outcome]) -> list[Outcome]:
+    """Return the outcomes whose label or status is *name*; outcomes with the label come first."""
     labelled = [outcome for outcome in options if outcome.label == name]
     return labelled + [outcome for outcome in options if outcome.status == name]
 
@@ -224,14 +226,14 @@ class _RemainingUses:
     def __init__(self, step: OutcomeStep) -> None:
         self.step = step
         self._left = step.times
-        self._probabilities = 0
+        self._opportunities = 0
 
     def use(self, holds: _Holds, random: Random) -> bool:
-        """Use the step if possible now."""
+        """Use the step if it can be used now; return whether it was used."""
         if self._left == 0 or not holds(self.step):
             return False
-        self._probabilities += 1
-        if self._probabilities % self.step.every:
+        self._opportunities += 1
+        if self._opportunities % self.step.every:
             return False
         if self.step.probability < 1.0 and random.random() >= self.step.probability:
             return False
@@ -249,15 +251,15 @@ class UntilError(SarError):
 
 @dataclass
 class ScenarioRun:
-    """A run so far.
+    """A run, as far as it was played.
 
     Attributes:
         simulated: The tree.
         scenario: The scenario.
-        ticks: Its ticks.
-        ended: Whether the end condition has been met.
-        trouble: The reason why it was aborted; empty if it was not.
-        is_undecided: Whether that reason is an unknown value.
+        ticks: The ticks of the run.
+        ended: Whether the end condition was met.
+        trouble: The error that aborted the run; empty for none.
+        is_undecided: Whether an unknown value caused the error.
     """
 
     simulated: SimulatedTree
@@ -279,22 +281,22 @@ class ScenarioRun:
 
     @property
     def time_sec(self) -> float:
-        """The time of the last tick, seconds from the first one."""
+        """The time of the last tick, in seconds since the first tick."""
         return self.ticks[-1].time_sec if self.ticks else 0.0
 
 
 class Player:
-    """Ticks a simulated tree by a scenario, tick by tick.
+    """Plays a run of a simulated tree according to a scenario.
 
     Args:
         simulated: The tree.
         scenario: The scenario.
-        variables: The variables of its conditions.
-        tick_tree: Ticks the tree, and returns the number of the outcome.
+        variables: The variables of the scenario's conditions.
+        tick_tree: Ticks the tree once, and returns the number of the root's status.
 
     Attributes:
         run: The run so far.
-        scripted: The choices of outcomes.
+        scripted: The policy that chooses the outcomes.
     """
 
     def __init__(
@@ -314,10 +316,10 @@ class Player:
         simulated.policy = self.scripted
 
     def tick(self) -> TickRecord:
-        """Tick the tree once, a period after the last time.
+        """Tick the tree once, a period after the last tick, and return the result.
 
         Raises:
-            Exception: Whatever a node raises.
+            Exception: Any exception that a node raises.
         """
         simulated, run = self._simulated, self.run
         if run.ticks:
@@ -335,14 +337,14 @@ class Player:
         return run.ticks[-1]
 
     def _record(self, events: tuple[Event, ...]) -> TickRecord:
-        """Return the result of a tick in which leaves had events."""
+        """Return the record of a tick with its events."""
         return TickRecord(events, {}, {})
 
     def is_over(self) -> bool:
         """Return whether the end condition is met now.
 
         Raises:
-            UntilError: If it cannot be evaluated.
+            UntilError: If the end condition cannot be evaluated.
         """
         try:
             self.run.ended = self._until.holds(self._variables)
@@ -351,21 +353,21 @@ class Player:
         return self.run.ended
 
     def run_to_end(self, is_spent: Callable[[], bool] = lambda: False) -> ScenarioRun:
-        """Tick until the end, an error, or an exhausted budget, which is checked before each tick."""
+        """Tick until the end condition is met, an error occurs, or *is_spent* returns True before a tick."""
         run = self.run
         try:
             while len(run.ticks) < run.scenario.max_ticks and not is_spent():
                 self.tick()
                 if self.is_over():
                     break
-        except Exception as error:  # noqa: BLE001 - whatever a user's decorator raises ends a real run as well
+        except Exception as error:  # noqa: BLE001 - any exception of a user's node would also end a real run
             run.trouble = self._simulated.explain(error)
             run.is_undecided = unknown_value_of(error) is not None
         return run
 
 
 class ScenarioPlayer(Player):
-    """Ticks a tree that was compiled for one run, and records all changes.
+    """Plays a run of a tree that was compiled for this run only, and records all changes.
 
     Args:
         simulated: The tree.
@@ -391,7 +393,7 @@ class ScenarioPlayer(Player):
 
 
 def _keys(simulated: SimulatedTree) -> Mapping[str, object]:
-    """Return the entries of the tree's blackboard by key; a subtree's keys have its path as prefix."""
+    """Return the values of the tree's blackboard by key; the keys of a subtree begin with the subtree's path."""
     return simulated.compiled.board.values()
 
 
@@ -400,9 +402,9 @@ class Failure:
     """A violated expectation.
 
     Attributes:
-        expected: The word of the expectation in a scenario; `run` for a run that could not be finished.
+        expected: The name of the expectation in a scenario; `run` for a run that could not be finished.
         message: The actual result.
-        line: Its line in the scenario; 0 for none.
+        line: The line of the expectation in the scenario file; 0 for none.
     """
 
     expected: str
@@ -411,7 +413,7 @@ class Failure:
 
 
 def failures(run: ScenarioRun) -> list[Failure]:
-    """Return the violated expectations of a run's scenario, excluding the trace."""
+    """Return the violated expectations of a run's scenario, except for an expected trace."""
     if run.trouble:
         return [Failure("run", f"tick {len(run.ticks)} could not be finished: {run.trouble}")]
     lines = run.scenario.expect.lines
@@ -422,7 +424,7 @@ def failures(run: ScenarioRun) -> list[Failure]:
 
 
 def _failed_expectations(run: ScenarioRun) -> Iterator[tuple[str, str]]:
-    """Yield the key of each failed expectation in `Expectations.lines`, and the actual result."""
+    """Yield the key of each violated expectation in `Expectations.lines`, and the actual result."""
     expect = run.scenario.expect
     yield from _end_mismatches(run)
     if expect.root is not None and run.root != expect.root:
@@ -434,15 +436,18 @@ def _failed_expectations(run: ScenarioRun) -> Iterator[tuple[str, str]]:
                 f"facts {name}",
                 f"the fact '{name}' is {values.get(name)!r} at the end, expected {fact!r}",
             )
-    yield from _order(run)
-    for deed in expect.never:
-        event = next(filter(deed.matches, run.events), None)
+    yield from _order_mismatches(run)
+    for pattern in expect.never:
+        event = next(filter(pattern.matches, run.events), None)
         if event is not None:
-            yield f"never {deed.text}", f"'{deed.text}' happens in tick {event.tick} ({event.time_sec:g} s)"
-    for deed, bounds in expect.counts:
-        number = sum(map(deed.matches, run.events))
+            yield (
+                f"never {pattern.text}",
+                f"'{pattern.text}' happens in tick {event.tick} ({event.time_sec:g} s)",
+            )
+    for pattern, bounds in expect.counts:
+        number = sum(map(pattern.matches, run.events))
         if number < bounds.least or (bounds.most is not None and number > bounds.most):
-            yield f"count {deed.text}", f"'{deed.text}' {_times(number)}, expected {bounds}"
+            yield f"count {pattern.text}", f"'{pattern.text}' {_frequency_text(number)}, expected {bounds}"
 
 
 def _end_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
@@ -456,36 +461,36 @@ def _end_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
         else:
             yield "ends", f"the run has not ended by {last}: {what} not {how} yet"
     elif run.ended and expect.within_ticks is not None and len(run.ticks) > expect.within_ticks:
-        yield "within", f"the run ends with {last}, not by tick {expect.within_ticks}"
+        yield "within", f"the run ends with {last}, expected by tick {expect.within_ticks}"
     elif run.ended and expect.within_sec is not None and run.time_sec > expect.within_sec:
-        yield "within", f"the run ends with {last}, not by {expect.within_sec:g} s"
+        yield "within", f"the run ends with {last}, expected by {expect.within_sec:g} s"
 
 
-def _order(run: ScenarioRun) -> Iterator[tuple[str, str]]:
-    """Search for the events of an order, one after the other."""
+def _order_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
+    """Yield the first event of the expected order that does not happen after the previous event of the order."""
     events = run.events
     before: EventPattern | None = None
-    for deed in run.scenario.expect.order:
-        if not any(map(deed.matches, events)):
+    for pattern in run.scenario.expect.order:
+        if not any(map(pattern.matches, events)):
             place = f" after '{before.text}'" if before else ""
-            yield f"order {deed.text}", f"'{deed.text}' does not happen{place}"
+            yield f"order {pattern.text}", f"'{pattern.text}' does not happen{place}"
             return
-        before = deed
+        before = pattern
 
 
-def _times(number: int) -> str:
+def _frequency_text(number: int) -> str:
     return "never happens" if not number else f"happens {'once' if number == 1 else f'{number} times'}"
 
 
 @dataclass
 class NodeCoverage:
-    """The observed outcomes of one node of the file, in all instances of its tree.
+    """The observed outcomes of a node of a tree file, in all instances of the node's tree.
 
     Attributes:
         bound: The node.
-        ticked: Whether it was ever ticked.
-        outcomes: All possible outcomes of a leaf: the names of its outcomes.
-        seen: The observed outcomes.
+        ticked: Whether any run has ticked the node.
+        outcomes: The names of all possible outcomes; empty if the node is not a leaf.
+        seen: The names of the observed outcomes.
     """
 
     bound: BoundNode
@@ -495,7 +500,7 @@ class NodeCoverage:
 
     @property
     def unseen_outcomes(self) -> list[str]:
-        """The outcomes that were not seen."""
+        """The possible outcomes that were not observed."""
         return [outcome for outcome in self.outcomes if outcome not in self.seen]
 
 
@@ -507,7 +512,7 @@ class OutcomeCoverage:
 
     @property
     def nodes(self) -> list[NodeCoverage]:
-        """The nodes, file by file, in the order of each."""
+        """The nodes, sorted by file and location."""
         return [self._nodes[place] for place in sorted(self._nodes)]
 
     @property
@@ -517,17 +522,17 @@ class OutcomeCoverage:
 
     @property
     def nodes_with_unseen_outcomes(self) -> list[NodeCoverage]:
-        """The ticked leaves with outcomes that no run has shown."""
+        """The ticked leaves with outcomes that no run has returned."""
         return [node for node in self.nodes if node.ticked and node.unseen_outcomes]
 
     def add(self, run: ScenarioRun) -> None:
-        """Add the outcomes that a run has shown."""
+        """Add the ticked nodes and the outcomes of a run."""
         origins = run.simulated.compiled.origins
         nodes: dict[UUID, NodeCoverage] = {}
         leaves = {leaf.number: leaf.id for leaf in run.simulated.leaves}
         for behaviour in run.simulated.root.iterate():
             bound = origins[behaviour.id].bound
-            # The wrappers of a node (conditions, a OneShot) have other names, and are not the node.
+            # The wrappers of a node (conditions, a OneShot) have other names than the node.
             if behaviour.name == bound.name:
                 covered = nodes[behaviour.id] = self._nodes.setdefault(
                     _location_key(bound), NodeCoverage(bound)

@@ -1,4 +1,4 @@
-"""Monte Carlo runs: the success rate of a mission for each combination of varied values."""
+"""Monte Carlo runs, which estimate the success rate of a mission for each combination of varied values."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -16,8 +16,8 @@ class Interval(NamedTuple):
     """An interval of probabilities.
 
     Attributes:
-        low: Its lower bound.
-        high: Its upper bound.
+        low: The lower bound.
+        high: The upper bound.
     """
 
     low: float
@@ -30,11 +30,11 @@ class Interval(NamedTuple):
 
 
 def wilson(successes: int, runs: int, confidence: float) -> Interval:
-    """Return Wilson's score interval of a success rate, which is also accurate near 0 and 1.
+    """Return the Wilson score interval of a success rate, which is also accurate near 0 and 1.
 
     Args:
         successes: The number of runs that have succeeded.
-        runs: The number of runs; without any, the interval is all probabilities.
+        runs: The number of runs; for 0, the interval contains all probabilities.
         confidence: The probability with which such an interval contains the true rate, between 0 and 1.
     """
     if not runs:
@@ -47,8 +47,8 @@ def wilson(successes: int, runs: int, confidence: float) -> Interval:
     return Interval(low, 1.0 if successes == runs else centre + spread)
 
 
-# How often workers may terminate during one batch.
-_MOST_ATTEMPTS = 4
+# The number of times that workers can terminate during the same batch until the sweep ends.
+_MAX_ATTEMPTS = 4
 
 
 class SweepError(SarError):
@@ -59,11 +59,11 @@ class RunResultSample(NamedTuple):
     """The result of one run.
 
     Attributes:
-        seed: Its seed.
-        failure: The unmet expectation; empty if it has succeeded.
-        time_sec: Its duration, in seconds of its clock.
-        counts: The number of each counted event, by its name.
-        size: The distance of the run from a default one: a smaller one is easier to understand.
+        seed: The seed of the run.
+        failure: The unmet expectations; empty if the run has succeeded.
+        time_sec: The duration of the run, in seconds of simulated time.
+        counts: The number of times that each counted event happened, by event name.
+        size: The distance of the run from a default run; the smaller it is, the easier the run is to understand.
     """
 
     seed: int
@@ -74,18 +74,18 @@ class RunResultSample(NamedTuple):
 
 
 PlayRuns = Callable[[Sequence[int]], list[RunResultSample]]
-"""Plays a run for each of some seeds. It can be pickled, and gives the same results in any process."""
+"""Plays a run for each seed. The function can be pickled, and returns the same results in any process."""
 
 
 @dataclass(frozen=True)
 class StoppingRule:
-    """The condition that ends the runs of a combination.
+    """The condition that ends the runs of a row.
 
     Attributes:
-        runs: The largest number of runs.
-        half_width: It is met once half the width of the confidence interval is no more than this.
+        runs: The maximum number of runs.
+        half_width: The half-width of the confidence interval at which the runs end.
         confidence: The confidence of the interval, between 0 and 1.
-        batch: The number of runs between two checks of this condition.
+        batch: The number of runs between two checks of the condition.
     """
 
     runs: int
@@ -98,20 +98,20 @@ class StoppingRule:
         return wilson(sum(not each.failure for each in outcomes), len(outcomes), self.confidence)
 
     def is_enough(self, outcomes: Sequence[RunResultSample]) -> bool:
-        """Return whether the runs suffice."""
+        """Return whether the runs of a row can end."""
         return len(outcomes) >= self.runs or self.interval(outcomes).half_width <= self.half_width
 
 
 @dataclass(eq=False)
 class SweepRow:
-    """One combination of the varied values.
+    """A combination of the varied values, with the results of its runs.
 
     Attributes:
-        labels: The values, by the names of the variables.
-        play: Plays it.
-        outcomes: The results of its runs, in the order of their seeds.
-        is_done: Whether it was played often enough.
-        asked: The number of runs requested from workers.
+        labels: The values as text, by the name of the varied item.
+        play: Plays runs of the combination.
+        outcomes: The results of the runs, in the order of their seeds.
+        is_done: Whether no more runs are needed.
+        asked: The number of runs that were requested from workers.
     """
 
     labels: Mapping[str, str]
@@ -122,7 +122,7 @@ class SweepRow:
     _early: dict[int, list[RunResultSample]] = field(default_factory=dict)
 
     def needs_no_more_runs(self, rule: StoppingRule) -> bool:
-        """Return whether all runs of the row were requested from workers."""
+        """Return whether no more runs of the row must be requested from workers."""
         return self.is_done or self.asked >= rule.runs
 
     def next_batch(self, rule: StoppingRule, seed: int) -> "_Batch":
@@ -131,7 +131,7 @@ class SweepRow:
         return _Batch(self, first, range(seed + first, seed + self.asked))
 
     def add(self, first: int, outcomes: list[RunResultSample], rule: StoppingRule) -> None:
-        """Add the results of a batch; later batches wait for it."""
+        """Add the results of a batch, once the results of all earlier batches are known."""
         self._early[first] = outcomes
         while not self.is_done and len(self.outcomes) in self._early:
             self.outcomes += self._early.pop(len(self.outcomes))
@@ -151,24 +151,24 @@ ShowRows = Callable[[Sequence[SweepRow]], object]
 def sweep(
     rows: Sequence[SweepRow], rule: StoppingRule, seed: int, workers: ReplaceableExecutor, report: ShowRows
 ) -> None:
-    """Play all rows until each meets its stopping rule.
+    """Play runs of all rows until every row meets the stopping rule.
 
     Args:
-        rows: The rows, whose outcomes are filled in.
-        rule: The end condition of a row.
-        seed: The seed of the first run of each row; the next ones have the next numbers.
-        workers: The executor.
-        report: Called after each batch.
+        rows: The rows, to which the results are added.
+        rule: The stopping rule.
+        seed: The seed of the first run of each row; the following runs have the following numbers.
+        workers: The executor of the runs.
+        report: Called with the rows after each batch.
 
     Raises:
         SweepError: If workers terminate repeatedly during the same runs.
-        Exception: Whatever a run raises.
+        Exception: Any exception that a run raises.
     """
     waiting: dict[Future[list[RunResultSample]], _Batch] = {}
     again: list[_Batch] = []
     attempts: Counter[_Batch] = Counter()
     while True:
-        while len(waiting) < workers.ahead and (batch := _next(rows, rule, seed, again)) is not None:
+        while len(waiting) < workers.ahead and (batch := _next_batch(rows, rule, seed, again)) is not None:
             waiting[workers.submit(batch.row.play, batch.seeds)] = batch
         if not waiting:
             return
@@ -178,15 +178,17 @@ def sweep(
                 batch.row.add(batch.first, future.result(), rule)
             except BrokenExecutor as error:
                 attempts[batch] += 1
-                if attempts[batch] == _MOST_ATTEMPTS:
-                    message = f"workers have terminated {_MOST_ATTEMPTS} times while they played {_batch_label(batch)}"
+                if attempts[batch] == _MAX_ATTEMPTS:
+                    message = f"workers have terminated {_MAX_ATTEMPTS} times while they played {_batch_label(batch)}"
                     raise SweepError(message) from error
                 again.append(batch)
         report(rows)
 
 
-def _next(rows: Sequence[SweepRow], rule: StoppingRule, seed: int, again: list[_Batch]) -> _Batch | None:
-    """Return the next batch: a lost one, or one of the row with the fewest runs."""
+def _next_batch(
+    rows: Sequence[SweepRow], rule: StoppingRule, seed: int, again: list[_Batch]
+) -> _Batch | None:
+    """Return the next batch to play: a batch of a terminated worker, or a batch of the row with the fewest runs."""
     if again:
         return again.pop(0)
     row = min(

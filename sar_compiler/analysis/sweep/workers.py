@@ -1,4 +1,4 @@
-"""Workers for the runs of a sweep: this process, or processes on all cores."""
+"""Workers for the runs of a sweep: the current process, or several worker processes."""
 
 import multiprocessing
 import os
@@ -15,10 +15,10 @@ _Result = TypeVar("_Result")
 
 
 class InlineExecutor(Executor):
-    """Executes tasks immediately in this thread."""
+    """Executes tasks immediately in the calling thread."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
-        """Return the result in a future that is done."""
+        """Execute a task, and return a completed future with the result."""
         future: Future[Any] = Future()
         future.set_result(fn(*args, **kwargs))
         return future
@@ -29,7 +29,7 @@ class ReplaceableExecutor:
 
     Args:
         make: Creates an executor.
-        count: The number of its parallel tasks.
+        count: The number of tasks that the executor runs in parallel.
         stop: Stops an executor, and drops tasks that have not started.
 
     Attributes:
@@ -72,10 +72,10 @@ class ReplaceableExecutor:
 
 
 def worker_processes(count: int) -> ReplaceableExecutor:
-    """Return worker processes; a single worker is this process."""
+    """Return an executor with worker processes; a single worker is the current process."""
     if count == 1:
         return ReplaceableExecutor(InlineExecutor, 1)
-    # Each is started afresh, on every platform: a copy of this process would have its threads' locks.
+    # Spawned, because a forked process would copy locks that this process's threads hold.
     context = multiprocessing.get_context("spawn")
     return ReplaceableExecutor(lambda: ProcessPoolExecutor(count, context, live_with_parent), count)
 
