@@ -307,7 +307,7 @@ def test_a_limit_that_a_condition_goes_on_exceeding_is_spent_all_the_same_by_a_s
     taken(watch, (1, "SUCCESS"))
     watch.end_tick("RUNNING")
     (told,) = taken(watch, (1, "FAILURE", "lost"))
-    assert told.endswith("away is 0, left is 0")
+    assert told.endswith("(away is 0, left is 0)")
 
 
 def test_what_a_condition_finds_again_after_a_tick_without_it_takes_again():

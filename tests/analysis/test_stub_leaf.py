@@ -154,7 +154,7 @@ def test_an_answer_can_be_that_the_leaf_is_skipped(made):
 def test_a_leaf_without_a_possible_answer_says_what_each_would_need(made, facts):
     facts.resolve("left").write(-1)
     with pytest.raises(
-        StubLeafError, match=r"'Go' \(Drive\) has no possible outcome .*'arrived' when left > 0; 'nowhere'"
+        StubLeafError, match=r"'Go' \(Drive\) has no possible outcome .*'arrived' when left > 0, 'nowhere'"
     ):
         made(ARRIVED, NOWHERE).tick_once()
 

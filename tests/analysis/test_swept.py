@@ -71,7 +71,7 @@ def outcomes_alone(play, seeds):
 
 def test_a_tree_that_remembers_too_much_is_made_anew(monkeypatch):
     expected = outcomes_alone(runs(), range(5))
-    monkeypatch.setattr(reused_tree, "_MOST_CHOICES", 1)
+    monkeypatch.setattr(reused_tree, "_MAX_CHOICES", 1)
     _cached_runs.cache_clear()
     assert runs()(range(5)) == expected
 

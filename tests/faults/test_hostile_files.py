@@ -303,7 +303,7 @@ SURFACES = {
         ("journal/refused_start.py:read_refusal",),
         under("none.journal-refused", lambda: journal_command(["why", "none.journal"])), "json", is_sought=True,
     ),
-    "an approval": Surface(("analysis/approval.py:_read", "analysis/approval.py:_records"), approved, "json"),
+    "an approval": Surface(("analysis/approval.py:_read_record", "analysis/approval.py:_record_paths"), approved, "json"),
     "a module that is trusted": Surface(("project/trust.py:ConfigurationCode.from_configuration",), trusted, "python", is_sought=True),
     "a module of a package": Surface(("nodes/registry.py:_submodules_with_leaves",), package, "python", is_sought=True),
     "the metadata of a package": Surface(("nodes/installed.py:_metadata_in",), metadata, "toml", is_sought=True),
