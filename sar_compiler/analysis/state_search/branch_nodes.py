@@ -1,11 +1,11 @@
-"""Branches of parallel nodes that are replaced by automata, which describe only the results of their ticks.
+"""Automata that replace branches below parallel nodes, and describe only the results of the branches' ticks.
 
 A branch below a parallel node that shares nothing with the rest of the tree is first ticked on its own (`AloneNode`).
-Its behaviour as its parent observes it is an `Automaton`, and a `BranchNode` replays the automaton in place of the
-branch.
+The results of its ticks, which are all that its parent observes, form an `Automaton`. A `BranchNode` then plays the
+automaton in place of the branch.
 
-Fairness: a branch is replaced only if every fair run of it ends. So a fair run of the tree ends the branch or halts
-it, and the branch is waited for from its start to that tick, as a single leaf is.
+Fairness: a branch is only replaced if every fair run of the branch ends. So a fair run of the tree ends the branch or
+halts it. From its start until then, the tree waits for the branch as it waits for a single leaf.
 """
 
 from collections.abc import Mapping
@@ -21,15 +21,15 @@ from sar_compiler.runtime.kernel.tree import FlatTree, children_of, flat_tree
 from sar_compiler.runtime.kernel.tree_nodes import ChoosingNode, DecoratorNode, NodeBuilder, Ticker, TreeNode
 
 BranchResult = tuple[int, int]
-"""The outcome of a tick, INVALID if the branch was halted, and the state after it."""
+"""The outcome of a branch's tick (INVALID if the branch was halted) and the automaton's state after the tick."""
 
 
 class Automaton(NamedTuple):
     """The possible results of a branch's ticks.
 
     Attributes:
-        ticks: The possible results of a tick in each state.
-        halts: The possible results of halting it in each state; none if it does not run.
+        ticks: The possible results of a tick, by state.
+        halts: The possible results of a halt, by state; no results if the branch does not run in the state.
         start: The state before the first tick.
     """
 
@@ -42,9 +42,9 @@ class BranchDeed(NamedTuple):
     """The result of a replaced branch in a tick.
 
     Attributes:
-        number: Its index in the tree.
-        first: The number of choices before it.
-        behind: The number of choices after it.
+        number: The index of the branch in the tree.
+        first: The number of choices in the tick before the branch was ticked.
+        behind: The number of choices in the tick after the branch was ticked.
         result: The result.
     """
 
@@ -58,10 +58,10 @@ class BranchNode(ChoosingNode):
     """A branch that is replaced by an automaton.
 
     Args:
-        part: Its builder.
+        part: The builder of the node.
         leaves: Makes the choices, and records the waits.
-        automaton: The possible results of its ticks.
-        told: The list that receives its results, if events are kept.
+        automaton: The automaton.
+        told: The list to which the node's results are appended while events are kept.
 
     Attributes:
         place: The cell with the state of the automaton.
@@ -77,7 +77,7 @@ class BranchNode(ChoosingNode):
         self._ticks, self._halts = automaton.ticks, automaton.halts
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return the number of possible results of a tick now."""
+        """Return the number of possible results of a tick in the current state."""
         return len(self._ticks[ticker.cells[self.place]])
 
     def begin(self, ticker: Ticker) -> int:
@@ -111,11 +111,11 @@ class BranchNode(ChoosingNode):
 
 
 class AloneNode(DecoratorNode):
-    """Ticks a branch repeatedly, or halts it between two ticks, like a parallel node around it.
+    """Ticks a branch on its own, and may halt it between two ticks, as a parallel node can.
 
     Args:
-        part: Its builder.
-        choices: Decide whether it is halted.
+        part: The builder of the node.
+        choices: Decide whether the branch is halted.
     """
 
     def __init__(self, part: NodeBuilder, choices: Choices) -> None:
@@ -123,7 +123,7 @@ class AloneNode(DecoratorNode):
         self._choices = choices
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return 2 if the branch can be halted."""
+        """Return 2 if the branch can be halted, otherwise 1."""
         return 2 if ticker.cells[self.child.status_cell] == RUNNING else 1
 
     def begin(self, ticker: Ticker) -> int:
@@ -134,27 +134,27 @@ class AloneNode(DecoratorNode):
         return self.tick_child(self.child, ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - it has no status of its own
-        """Pass on the outcome."""
+        """Pass on the child's outcome."""
         return outcome
 
 
 class AllNode(ParallelNode):
-    """A Parallel that needs all of its children, some of which were joined, so that its behaviour has more."""
+    """A Parallel node that requires all children to succeed, and has fewer children because some were joined."""
 
-    def threshold(self, port: str, wanted: int) -> int:  # noqa: ARG002 - it is that of more children
-        """Return that all must succeed, and none may fail."""
+    def threshold(self, port: str, wanted: int) -> int:  # noqa: ARG002 - it refers to the children before the join
+        """Return the number of children for `success_count`, and 1 for `failure_count`."""
         return len(self.children) if port == "success_count" else 1
 
 
 class FlatComposition:
-    """A tree, or a branch that is ticked on its own, with some branches replaced by automata.
+    """A tree, or a branch that is ticked on its own, in which branches are replaced by automata.
 
     Args:
-        root: Its root.
-        automata: The automata of these branches, by their roots.
+        root: The root of the tree or of the branch.
+        automata: The automata that replace branches, by the root of the branch.
         joined: The remaining children of each parallel node whose neighbouring branches were joined.
         around: The behaviour that ticks a branch on its own; None for a tree.
-        told: The list that receives the results of the branches.
+        told: The list to which the results of replaced branches are appended.
     """
 
     def __init__(
@@ -169,7 +169,7 @@ class FlatComposition:
         self._automata, self._joined = automata, joined
 
     def flat(self, leaves: LeafNodes) -> FlatTree:
-        """Convert it to flat form, given a builder of the other nodes."""
+        """Convert the composition to flat form, given the builder of all other nodes."""
         root = self._root if self._around is None else self._around
         return flat_tree(root, lambda part: self._node_of(part, leaves), self._ticked_children)
 

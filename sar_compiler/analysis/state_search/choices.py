@@ -1,4 +1,4 @@
-"""The possible results of one tick: every combination of choices, one after another."""
+"""The enumeration of all combinations of choices in a tick."""
 
 from sar_compiler.errors import UnsteadyError
 
@@ -6,9 +6,9 @@ from sar_compiler.errors import UnsteadyError
 class Choices:
     """Enumerates the combinations of choices in a tick in order, like the digits of a number.
 
-    Each time the tick, or the rest of it, is played again, it calls `pick` on its way. The first results are those of
-    the current combination, and after its end the first option is taken. That is right only if the same choices lead
-    to the same questions, which `pick` checks.
+    Each time the tick, or the rest of it, is played again, its nodes call `pick`. The calls return the options of the
+    current combination. After the end of the combination they return the first option. This is right only if the same
+    options always lead to the same further choices, which `pick` checks.
     """
 
     def __init__(self) -> None:
@@ -18,16 +18,16 @@ class Choices:
 
     @property
     def path(self) -> tuple[int, ...]:
-        """The options picked so far in this tick, without those of questions with one option."""
+        """The options picked so far in this tick; choices with only one option are left out."""
         return tuple(self._path[: self._asked])
 
     @property
     def choice_count(self) -> int:
-        """The number of choices so far in this tick."""
+        """The number of choices so far in this tick, without choices with only one option."""
         return self._asked
 
     def begin(self, path: tuple[int, ...] = ()) -> None:
-        """Start with the first combination; with *path* the first one that begins with these options."""
+        """Start with the first combination, or with the first combination that begins with the options *path*."""
         self._path = list(path)
         self._counts = [0 for _ in path]
         self._asked = 0
@@ -36,7 +36,7 @@ class Choices:
         """Return the option to take, from 0 to *count* - 1.
 
         Raises:
-            UnsteadyError: If there was another number of options after the same choices.
+            UnsteadyError: If there was a different number of options after the same earlier choices.
         """
         if count == 1:
             return 0
@@ -58,7 +58,7 @@ class Choices:
     def advance(self) -> int:
         """Advance to the next combination; return the index of the changed choice, -1 after the last combination."""
         path, counts = self._path, self._counts
-        # The rest of a longer combination was not requested this time.
+        # Nodes requested fewer choices than the combination has.
         while len(path) > self._asked:
             path.pop()
             counts.pop()
@@ -72,5 +72,5 @@ class Choices:
         return len(path) - 1
 
     def rewind(self, asked: int) -> None:
-        """Return to an earlier number of choices; the next choice is one of those that follow."""
+        """Return to an earlier choice, given the number of choices before it."""
         self._asked = asked

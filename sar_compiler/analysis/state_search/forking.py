@@ -1,40 +1,41 @@
-"""Ticks that continue in every possible way.
+"""All possible ticks of a state, which share their common parts.
 
-A ticked leaf may have several outcomes, and a timer may have expired or not. If k nodes of a tick choose among n ways
-each, there are n^k ticks. If each were played from its beginning, the nodes before the last choice would be ticked
-again and again. So a tick is saved just before a node that may continue in several ways (a `Fork`). The next tick
-starts there, and only the difference is played.
+A ticked leaf may have several outcomes, and a timer may have expired or not. If k nodes of a tick choose among n
+options each, there are n^k ticks. If each were played from its beginning, the nodes before the last choice would be
+ticked again and again. So a tick is saved just before a node that may continue in several ways (a `Fork`). The next
+tick starts there, and only the difference is played.
 
-Why before the node: it has done nothing yet, so there is nothing to undo. A fork is a copy of the lists that make up
-a tree (cells, values, entries, the waiting nodes) and of the records of the tick, and restoring is copying them back.
-A node is never in the middle of its own `begin` or `resume`, because these return between two children. That is why
-nodes are not functions that call each other.
+Why a fork is before the node: the node has done nothing yet, so there is nothing to undo. A fork is a copy of the lists
+that make up a tree (cells, values, entries, the waiting nodes) and of the records of the tick, and restoring a fork
+copies them back. A node is never in the middle of its own `begin` or `resume`, because these return between two
+children. For this reason, nodes are not functions that call each other.
 
-Why ticks may merge: two ticks that reach the same node with the same cells, values and entries continue alike,
-whatever led there, and from whatever state. So only the first one is continued. Such a place is an *intermediate
-state* (`middle` in the code), and the rest of the tick belongs to it, not to the state in which the tick has started:
-k branches that each continue in n ways are k times n steps and not n^k ticks. The following must be equal:
+Why ticks may merge: two ticks that reach the same node with the same cells, values and entries continue in the same
+way, whatever happened before and whatever their initial states are. So only the first of them is continued. Such a
+place is an *intermediate state* (`middle` in the code), and the rest of the tick belongs to the intermediate state, not
+to the tick's initial state. So k branches that each continue in n ways are k times n steps and not n^k ticks. The
+following must be equal:
 
-- the node, and with it the waiting nodes, since a node has one parent;
+- the node, and with it the waiting nodes, since a node has only one parent;
 - the statuses of the children of these nodes, even if a *state* forgets them: between two ticks no node reads how a
-  child has ended, but in the middle of a tick its parent may be about to read it;
-- the state of the properties and whether one is violated, because the events before the merge are not seen again.
+  child has ended, but in the middle of a tick the child's parent may be about to read it;
+- the state of the properties and their violations, because the events before the merge are not seen again.
 
-The leaves and timers that are still waited for may differ. The effect of a part of a tick on them is stored with the
-part (`Trail.waits`), and fairness is decided for whole ticks, which are composed of parts (`liveness`).
+The leaves and timers for which the tree still waits may differ. The effect of a part of a tick on the waits is stored
+with the part (`Trail.waits`), and fairness is decided for whole ticks, which are composed of parts (`liveness`).
 
-The *events* may differ as well. Two ticks that merge may have had different events, and only those of the first are
+The *events* may differ as well. Two ticks that merge may have had different events, and only the first of them is
 continued to the end. The graph stores no events, so the search loses nothing. When a tick is played again for a
-report, ticks of its state merge as well, but only if they also wait for the same leaves and timers. A caller that
-needs all events, such as the counterfactual search, switches merging off.
+report, ticks of its state also merge, but only if they wait for the same leaves and timers. A caller that needs all
+events, such as the counterfactual search, switches merging off.
 
 Why an intermediate state is registered when it is left, and not when it is reached: a tick never reaches the same
-place twice, or it would not end, so no tick looks it up in between. But the next tick may look it up at once. So it
-has its number before that tick is played (`searching.LEFT`); otherwise it would be played and numbered twice.
+place twice, or it would not end, so no tick looks it up in between. But the next tick may look it up immediately. So
+it gets its number before that tick is played (`searching.LEFT`). Otherwise it would be played and numbered twice.
 
-Why an unforeseen choice is no error: `ways` may return 1 although the node calls `Choices`. Then there is no fork at
-that choice, and the next combination is played from the last fork before it. That is slower but equally right,
-provided that the same choices lead to the same questions. `Choices.pick` checks that, since a node with a hidden
+Why an unforeseen choice is not an error: `branch_count` may return 1 although the node calls `Choices`. Then there is
+no fork at that choice, and the next combination is played from the fork before it. That is slower but equally right,
+provided that the same options lead to the same further choices. `Choices.pick` checks this, since a node with a hidden
 state would violate it.
 """
 
@@ -49,9 +50,9 @@ from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.tree_nodes import Ticker, TreeNode
 
 KNOWN: Final = 6
-"""In place of an outcome: the tick has reached a place where another one was before, and everything after it is known."""
+"""Returned instead of an outcome: the tick has reached a place that another tick has reached before."""
 ENTERED: Final = 7
-"""In place of an outcome: the tick has reached a new intermediate state, and continues there."""
+"""Returned instead of an outcome: the tick has reached a new intermediate state, from which it will be continued."""
 
 
 class Fork:
@@ -59,8 +60,8 @@ class Fork:
 
     Args:
         ticker: Ticks the nodes.
-        node: The next node; its ancestors wait.
-        is_middle: Whether it is an intermediate state of ticks.
+        node: The next node, whose ancestors are waiting.
+        is_middle: Whether the fork is at an intermediate state.
     """
 
     def __init__(self, ticker: "ForkingTicker", node: TreeNode, *, is_middle: bool) -> None:
@@ -76,7 +77,7 @@ class Fork:
         self.watched, self.broken = trail.watched, trail.broken
 
     def restore(self, ticker: "ForkingTicker") -> None:
-        """Restore the tick."""
+        """Restore the ticker at this fork."""
         trail = ticker.trail
         ticker.cells = self.cells[:]
         ticker.values = self.values[:]
@@ -88,9 +89,7 @@ class Fork:
 
 
 class ForkingTicker(Ticker):
-    """Plays every possible tick of a state: each one starts at the last choice of the previous one.
-
-    A node without a fork, because its choice was unforeseen, is played again from the fork before it.
+    """Plays all possible ticks of a state; each tick starts at the last fork of the previous tick.
 
     Args:
         first: A ticker of the same tree that has not ticked yet; its cells and timers are used.
@@ -100,9 +99,9 @@ class ForkingTicker(Ticker):
         meets: Whether ticks that reach the same place are merged from there on.
 
     Attributes:
-        middles: The intermediate states that ticks have reached; None if those of a state are played separately.
-        middle: The intermediate state that a tick has reached last.
-        waits: The effect of the part of the tick up to there, or to its end, on the waits.
+        middles: The intermediate states that ticks have reached; None if the ticks of a state are played separately.
+        middle: The last intermediate state that a tick has reached.
+        waits: The effect on the waits of the part of the tick that ends at `middle` or at the end of the tick.
     """
 
     def __init__(
@@ -117,27 +116,26 @@ class ForkingTicker(Ticker):
         self.middle = b""
         self.waits: Waits = (0, 0, 0)
         self._meets = meets
-        # In the middle of a tick the last status of a node matters, because its parent may be about to read it.
+        # In the middle of a tick, the last status of a node matters because its parent may be about to read it.
         self._code = StateCode(self.cells, self.values, [])
         self._forks: list[Fork] = []
         self._seen: set[tuple[bytes, Waits]] = set()
         self._forgotten: list[bool] = []
         self._none: list[int] = []
-        # By the parent of the next node: the nodes whose statuses may be read in the middle of a tick, although
-        # states forget them.
+        # By the parent of the next node: the nodes whose forgotten statuses may be read in the middle of a tick.
         self._shown: dict[int, list[int]] = {}
 
     def ignore_statuses(self, forgotten: list[bool]) -> None:
-        """Set for each node whether its last status makes no difference while it does not run.
+        """Set for each node whether states forget its last status, because it makes no difference between ticks.
 
-        In the middle of a tick the statuses of the children of ticked nodes matter, because their parents may be
+        In the middle of a tick, the statuses of the children of ticked nodes still matter, because their parents may be
         about to read them.
         """
         self._code = StateCode(self.cells, self.values, forgotten)
         self._forgotten = forgotten
 
     def begin(self, root: TreeNode, watched: int, path: tuple[int, ...] = ()) -> None:
-        """Start with the first tick of the state in the cells and entries.
+        """Start with the first tick of the state that the cells and entries contain.
 
         Args:
             root: The node to tick.
@@ -150,7 +148,7 @@ class ForkingTicker(Ticker):
         self._forks = [Fork(self, root, is_middle=False)]
 
     def play(self) -> int:
-        """Tick from the last fork on; return the outcome, KNOWN or ENTERED."""
+        """Tick from the last fork on; return the root's outcome, KNOWN or ENTERED."""
         node = self._forks[-1].node
         is_new = False
         while True:
@@ -173,7 +171,7 @@ class ForkingTicker(Ticker):
             node = called
 
     def next_fork(self) -> int:
-        """Return to the last fork with a remaining way; return the number of intermediate states left, -1 without a fork."""
+        """Restore the last fork with a remaining option; return the number of intermediate states left, -1 for none."""
         choice = self.choices.advance()
         if choice < 0:
             return -1
@@ -184,7 +182,7 @@ class ForkingTicker(Ticker):
         return left
 
     def _look_up_visit(self, node: TreeNode) -> int:
-        """Return KNOWN if a tick was here with no difference since; else ENTERED in an intermediate state, or CALLED."""
+        """Return KNOWN if a tick has reached an equal place before; else ENTERED at an intermediate state or CALLED."""
         trail, entries = self.trail, self.entries
         entries.update_contents()
         shown = self._shown_at(node) if self._forgotten else self._none
@@ -205,7 +203,7 @@ class ForkingTicker(Ticker):
         return CALLED
 
     def _shown_at(self, node: TreeNode) -> list[int]:
-        """Return the forgotten nodes whose last statuses matter while a node is next."""
+        """Return the nodes whose forgotten statuses matter while *node* is the next node."""
         around = node.parent
         if around is None:
             return []

@@ -1,4 +1,4 @@
-"""The states of a tree and the ticks between them, in arrays, so that a million states fit into memory."""
+"""The states of a tree and the ticks between them, stored in arrays so that a million states fit into memory."""
 
 from dataclasses import dataclass, field
 from typing import Final
@@ -10,17 +10,17 @@ from sar_compiler.analysis.state_search.numbering import StateStore
 from sar_compiler.analysis.state_search.trail import Waits
 
 Edge = tuple[int, int]
-"""A tick: the number of the state to which it leads, and the leaves and timers for which it continues to wait, as bits."""
+"""A tick: the number of the state after it, and the leaves and timers for which it continues to wait, as bits."""
 
 
 @dataclass(frozen=True)
 class Breach:
-    """The first tick with a violation, at the least distance from the start.
+    """The first tick with a violation, which is at the least distance from the start.
 
     Attributes:
-        source: The state in which the tick starts.
-        path: The choices of the tick; None if the state itself is the violation.
-        error: The error that it raised, if any.
+        source: The number of the state in which the tick starts.
+        path: The choices of the tick; None if the state itself violates the rule.
+        error: The error that the tick raised; None if it raised no error.
     """
 
     source: int
@@ -29,7 +29,7 @@ class Breach:
 
 
 class Numbers:
-    """An array of numbers with two bytes each, or four or eight as soon as one of them needs more."""
+    """An array of numbers with two bytes each, or with four or eight bytes once a number requires them."""
 
     def __init__(self) -> None:
         self._short = vec[i16]()
@@ -42,7 +42,7 @@ class Numbers:
         return i64(self._long[at]) if len(self._long) else self._longest[at]
 
     def append(self, number: i64) -> None:
-        """Add a number."""
+        """Append a number."""
         if len(self._longest):
             self._longest = append(self._longest, number)
         elif number > _LONG:
@@ -60,7 +60,7 @@ class Numbers:
 
 
 def _longer(short: vec[i16], long: vec[i32], number: i64) -> vec[i64]:
-    """Return the numbers of the two arrays, of which one is empty, and one more."""
+    """Return an array with the numbers of two arrays, at least one of which is empty, and a further number."""
     longest = vec[i64]()
     for held in short:
         longest = append(longest, i64(held))
@@ -74,12 +74,11 @@ _LONG: Final = (1 << 31) - 1
 
 
 class Steps:
-    """The steps from places of one kind, place after place.
+    """The steps from all states, or from all intermediate states, in the order of their numbers.
 
     Attributes:
-        targets: The target of each step: the number of a state, or of an intermediate state, below 0 and counted from
-            -1.
-        waits: The effect of each step on the waits, as a number of `Graph.waits`.
+        targets: The target of each step: the number of a state, or -1 minus the number of an intermediate state.
+        waits: The effect of each step on the waits, as an index of `Graph.waits`.
     """
 
     def __init__(self) -> None:
@@ -93,7 +92,7 @@ class Steps:
         return self._count
 
     def step_range(self, place: i64) -> tuple[i64, i64]:
-        """Return the number of the first step from a place, and the number after its last one."""
+        """Return the index of the first step from a place, and the index after the last step."""
         return self._ends[place - 1] if place else 0, self._ends[place]
 
     def step_count(self, place: i64) -> i64:
@@ -116,22 +115,22 @@ class Steps:
 class Graph:
     """The states of a tree and the steps between them; states are numbered in the order in which they were found.
 
-    A step is a tick, or a part of one if several ticks reach the same place on their way (an *intermediate state*,
+    A step is a tick, or a part of a tick if several ticks reach the same place on their way (an *intermediate state*,
     see `forking`). From an intermediate state, steps lead to states and to intermediate states with lower numbers.
 
     Attributes:
-        states: The states themselves; the first one is the start.
-        origins: The state from which each was found; 0 for the first.
+        states: The encoded states by number; the first state is the start.
+        origins: The state from which each state was found; 0 for the first state.
         steps: The steps from each explored state.
         middles: The steps from each intermediate state.
         waits: The different effects of steps on the waits.
         ends: 1 for each state in which the run is over.
         pending: The pending obligations of each state, as bits.
-        levels: The first state of each distance: the least number of ticks that lead to it.
-        breaches: The first violation of each rule, by the rule's number.
-        error: The first tick that raised; None if there is none.
+        levels: The first state at each distance, which is the minimum number of ticks that lead to a state.
+        breaches: The first violation of each rule, by rule number.
+        error: The first tick that raised an error; None if no tick raised an error.
         complete: Whether every state was explored.
-        stopped: Whether the search was stopped before that.
+        stopped: Whether the search was stopped before every state was explored.
     """
 
     states: StateStore
@@ -149,7 +148,7 @@ class Graph:
 
     @property
     def expanded_count(self) -> int:
-        """The number of expanded states: those with lower numbers."""
+        """The number of expanded states, which have the lowest numbers."""
         return len(self.steps)
 
     @property
@@ -159,7 +158,7 @@ class Graph:
 
     @property
     def depth(self) -> int:
-        """The number of ticks for which every run was explored."""
+        """The number of ticks up to which every run was explored."""
         return len(self.levels) - 1
 
     @property
@@ -168,7 +167,7 @@ class Graph:
         return len(self.states) + len(self.middles)
 
     def leading_from(self, place: i64) -> tuple[Steps, i64, i64]:
-        """Return the steps from a place: the first number, and the number after the last. An unexplored state has none."""
+        """Return the steps from a place, as the array of steps, the first index, and the index after the last step."""
         states: i64 = len(self.states)
         steps = self.steps if place < states else self.middles
         number = place if place < states else place - states
@@ -178,11 +177,11 @@ class Graph:
         return steps, first, behind_last
 
     def target_place(self, target: i64) -> i64:
-        """Return the place of a step's target."""
+        """Return the place to which a step with a target leads."""
         return target if target >= 0 else len(self.states) - 1 - target
 
     def ticks(self, state: int) -> list[Edge]:
-        """Return the different ticks of a state, in order."""
+        """Return the different ticks of a state, in the order in which they were found."""
         found: dict[Edge, None] = {}
         states, seen = len(self.states), set()
         waiting = self._tick_targets(state, 0, 0)
@@ -196,7 +195,7 @@ class Graph:
         return list(found)
 
     def _tick_targets(self, place: int, going_on: int, changed: int) -> list[tuple[int, int, int]]:
-        """Return the targets of the steps from a place, with the tick's waits; the last step first."""
+        """Return the targets of the steps from a place, last step first, with the tick's waits up to the target."""
         steps, first, end = self.leading_from(place)
         return [
             (
@@ -207,14 +206,14 @@ class Graph:
         ]
 
     def stem(self, state: int) -> list[int]:
-        """Return the states on a shortest path from the first one to another, both included."""
-        way = [state]
-        while way[-1]:
-            way.append(self.origins[way[-1]])
-        return way[::-1]
+        """Return the states on a shortest path from the first state to *state*, both included."""
+        path = [state]
+        while path[-1]:
+            path.append(self.origins[path[-1]])
+        return path[::-1]
 
 
 def append_waits(going_on: int, changed: int, waits: Waits) -> tuple[int, int]:
-    """Return the waits of a tick, given those of its first part and of the following part."""
+    """Combine the waits of the first part of a tick with the waits of the following part."""
     goes_on, changes, settled = waits
     return going_on & ~settled | goes_on & (settled | ~changed), changed & ~settled | changes

@@ -1,41 +1,42 @@
 """Liveness: events that must eventually happen (the end of the run, pending obligations), and runs without them.
 
-There are finitely many states, so an endless run stays in one strongly connected component from some tick on. Not
-every component is one in which a run can stay. The search lets a leaf return RUNNING forever and a timer never
-expire, which no robot does: then no run could be proved to end. So only *fair* runs are considered: everything that a
-run waits for eventually happens. Waiting means that one activation of a leaf or timer lasts through a whole tick. A
-leaf that is halted and restarted in each tick is not waited for: a reactive branch that restarts its leaf forever is
-a true livelock, and the one in which users are most often interested. A leaf that fails whenever it is tried is not
-waited for either, because nothing guarantees that it ever succeeds.
+There are finitely many states, so an endless run stays in one strongly connected component from some tick on. But not
+every component can contain an endless run. The search allows a leaf to return RUNNING forever and a timer never to
+expire, which does not happen on a robot, and because of which no run could be proved to end. So only *fair* runs are
+considered, in which everything that the run waits for eventually happens. A run waits for a leaf or timer if one
+activation of it lasts through a whole tick. A run does not wait for a leaf that is halted and restarted in each tick: a
+reactive branch that restarts its leaf forever is a true livelock, which users want to find most often. A run does not
+wait for a leaf that fails on every attempt either, because nothing guarantees that the leaf ever succeeds.
 
-Why one check of each component is enough: give every leaf and timer that can be waited for a bit. A run is unfair if
-from some tick on one bit is set in every tick. So "some fair run stays here" means: for each bit, a tick without it
-occurs repeatedly. That is the acceptance condition of a generalised Buechi automaton, with one set of *ticks* for
-each bit. In a strongly connected component it can be met if and only if every bit is missing in some tick of the
-component, because one loop can contain all ticks. `is_fair` therefore searches for bits that are set in all ticks
-inside. If there is one, every run that stays here waits for it forever, and so does a run that stays in a part of the
-component, in which only more bits are set. So no component is split further.
+Why one check of each component is enough: every leaf and timer has a bit, which is set in the ticks that wait for it. A
+run is unfair if from some tick on one bit is set in every tick. So a fair run stays in a component if, for each bit,
+ticks without the bit occur repeatedly. That is the acceptance condition of a generalised Buechi automaton, with one set
+of *ticks* for each bit. In a strongly connected component the condition can be met if and only if every bit is missing
+in some tick of the component, because one loop can contain all ticks. So `is_fair` searches for bits that are set in
+all ticks of the component. If there is such a bit, every run that stays in the component waits for it forever. So does
+a run that stays in a part of the component, in which only more bits are set. So no component is split further.
 
 This is weak fairness. Strong fairness ("repeated attempts eventually succeed") would promise more than a robot
 achieves: a goal beyond a wall is tried forever and never reached. It would also hide the livelock of a robot that
-oscillates between a goal and its base. And its components would have to be split repeatedly (Streett acceptance).
+oscillates between a goal and its base. And components would have to be split repeatedly (Streett acceptance).
 
-Why the bits are on ticks and not on states: two consecutive states may both have a leaf RUNNING, in one activation or
-in two, if the branch was halted in between and restarted. The states are equal; only the tick shows the difference.
-If states had the bits, every reactive restart would look like waiting, and the livelocks that users want to find
-would be considered unfair and not reported.
+Why ticks have the bits, and not states: a leaf may be RUNNING in two consecutive states in one activation, or in two
+activations if its branch was halted in between and restarted. The states are equal, and only the tick shows the
+difference. If states had the bits, every reactive restart would look like waiting, and the livelocks that users want to
+find would be considered unfair and not reported.
 
-Why `endings` has two results: a *stuck* state is one from which no end can be reached at all, so that fairness does
-not matter. In a *circling* component an end may be reachable, and a fair run can still avoid it. Neither implies the
-other, and a stuck state is easier to understand. Ends are excluded from the components, because a run is over there.
-Whether further ticks after an end lead to another end is decided separately.
+Why `endings` has two results: from a *stuck* state no end can be reached at all, so fairness does not matter. In a
+*circling* component an end may be reachable, but a fair run can avoid it. Neither implies the other, and a stuck state
+is easier to understand. Ends are excluded from the components, because the run is over. Whether further ticks after an
+end lead to another end is decided separately.
 
-Why an unexplored state is treated as one that can end: the search may have stopped early. Then nothing is proved, and
-the verdict says so, but a loop that was found is real. Unexplored states must not create a loop that may not exist.
+Why an unexplored state is treated as a state from which a run can end: the search may have stopped early. Then nothing
+is proved, which the verdict says, but a loop that was found is real. Unexplored states must not create a loop that may
+not exist.
 
-Why a counterexample is searched for separately: the loop that a person reads should be short, and a shortest loop
-back to a state may be unfair, since waiting for one leaf forever is the shortest loop of all. `_round` searches over
-states together with the bits that were set in every tick so far. These sets only shrink on the way, so there are few
+Why a counterexample is searched separately: the loop that is shown to the user should be short, but a shortest loop
+back to a state may be unfair, since waiting for one leaf forever is the shortest loop. `_round` searches over states
+together with the bits that were set in every tick so far. These sets of bits only shrink along a path, so there are few
 of them for each state.
 """
 
@@ -54,9 +55,8 @@ class Endings:
     """Whether the runs end.
 
     Attributes:
-        stuck: The first state from which no end can be reached, whether it is an end itself or not; None if there is
-            none.
-        circling: The states of the first component in which a run can stay forever without an end; None if there is
+        stuck: The first state, possibly an end itself, from which no end can be reached; None if there is none.
+        circling: The places of the first component in which a run can stay forever without an end; None if there is
             none.
     """
 
@@ -65,16 +65,16 @@ class Endings:
 
 
 def endings(graph: Graph) -> Endings:
-    """Find the first state that cannot end, and the first component that need not.
+    """Find the first state from which no end can be reached, and the first component in which a run can stay forever.
 
-    An unexplored state is treated as one that can end.
+    From an unexplored state, an end is assumed to be reachable.
     """
     can_end, ends = vec[u8](bytes(graph.places)), vec[u8](graph.ends)
     stuck: int | None = None
     circling: list[int] | None = None
     for component in components(graph, graph.ends):
-        # Components are in reverse topological order: the ones that this one reaches are decided already.
-        if _any_goes_on(graph, component, can_end, ends):
+        # In reverse topological order: the components that this component reaches are already decided.
+        if _can_any_end(graph, component, can_end, ends):
             for place in component:
                 can_end[place] = 1
         else:
@@ -83,7 +83,7 @@ def endings(graph: Graph) -> Endings:
         if is_fair(graph, component):
             circling = _earlier_component(component, circling)
     for state in range(len(graph.states) if stuck is None else stuck):
-        if ends[state] and not _any_goes_on(graph, [state], can_end, ends):
+        if ends[state] and not _can_any_end(graph, [state], can_end, ends):
             return Endings(state, circling)
     return Endings(stuck, circling)
 
@@ -93,7 +93,7 @@ def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
 
     Args:
         graph: The graph.
-        debt: The obligation: its bit in `pending`.
+        debt: The bit of the obligation in `Graph.pending`.
     """
     excluded = bytearray(
         not graph.pending[state] & debt or graph.ends[state] for state in range(len(graph.states))
@@ -105,11 +105,11 @@ def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
     return circling
 
 
-def _any_goes_on(graph: Graph, places: list[int], can_end: vec[u8], ends: vec[u8]) -> bool:
-    """Return whether a step from one of some places leads to a place from which a run can end."""
+def _can_any_end(graph: Graph, places: list[int], can_end: vec[u8], ends: vec[u8]) -> bool:
+    """Return whether a step from one of the places leads to a place from which a run can end."""
     for place in places:
         steps, step, behind_last = graph.leading_from(place)
-        # An unexplored place may end; one that only raises has ended.
+        # From an unexplored place an end may be reachable. If all steps raise errors, the run has ended.
         if step == behind_last:
             return True
         while step < behind_last:
@@ -121,7 +121,7 @@ def _any_goes_on(graph: Graph, places: list[int], can_end: vec[u8], ends: vec[u8
 
 
 def _earlier_component(component: list[int], known: list[int] | None) -> list[int]:
-    """Return the component with the state that was found first."""
+    """Return the component that contains the state that was found first."""
     return component if known is None or min(component) < min(known) else known
 
 
@@ -129,16 +129,16 @@ _NEW: Final = 0
 
 
 def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
-    """Yield the strongly connected components of a graph, each after all that can be reached from it.
+    """Yield the strongly connected components of a graph, each after all components that can be reached from it.
 
-    Tarjan's algorithm in Pearce's form ("A space-efficient algorithm for finding strongly connected components",
-    Information Processing Letters 116, 2016): one number for each place. Its recursion is as deep as the longest
-    path, which may be a million places. So the path is a stack, and `_DepthFirst` stores the next step of each place
-    on it.
+    This is Tarjan's algorithm in Pearce's form ("A space-efficient algorithm for finding strongly connected
+    components", Information Processing Letters 116, 2016), which needs one number for each place. A recursion would be
+    as deep as the longest path, which may contain a million places. So the path is a stack, and `_DepthFirst` stores
+    the next step of each place.
 
     Args:
         graph: The graph.
-        excluded: 1 for each state that is treated as missing.
+        excluded: 1 for each state that is ignored, 0 for each other state.
     """
     walk = _DepthFirst(graph, excluded)
     path = _Stack()
@@ -162,7 +162,7 @@ def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
 
 
 class _Stack:
-    """A stack of places. A list would take 40 bytes for each of them, and a path may be as long as there are places."""
+    """A stack of places, which needs less memory than a list, because a path may contain all places."""
 
     def __init__(self) -> None:
         self._places = vec[i32]()
@@ -187,13 +187,13 @@ class _Stack:
 
 
 class _DepthFirst:
-    """The state of the search for each place.
+    """The state of the depth-first search.
 
     Attributes:
-        numbers: Its number in the order of the search, or that of an earlier place to which it leads back. If its
-            component is known, one that is above all of these.
-        leads_back: 1 if it leads back to an earlier place.
-        waiting: The places that do, and whose component is not known yet.
+        numbers: By place: its number in the order of the search, or the number of an earlier place to which it leads
+            back; or, once its component is known, a number above all of these.
+        leads_back: By place: 1 if it leads back to an earlier place.
+        waiting: The places that lead back to an earlier place, and whose component is not known yet.
     """
 
     def __init__(self, graph: Graph, excluded: bytearray) -> None:
@@ -203,16 +203,16 @@ class _DepthFirst:
         self._done = vec[i32](zeros)
         self._graph = graph
         self._excluded = vec[u8](excluded)
-        # The next numbers: of a place, counted up, and of a component, counted down.
+        # The next number of a place, which counts up, and the next number of a component, which counts down.
         self._number, self._of_component = 1, graph.places
 
     def begin(self, place: int) -> None:
-        """Assign a number to a place."""
+        """Assign the next number to a place."""
         self.numbers[place] = i32(self._number)
         self._number += 1
 
     def enter(self, place: int) -> int:
-        """Continue through the steps of a place; return the first new place, -1 at the end."""
+        """Continue through the steps of a place; return the next new place, or -1 after the last step."""
         numbers, excluded, graph = self.numbers, self._excluded, self._graph
         steps, first, stop = graph.leading_from(place)
         targets = steps.targets
@@ -222,7 +222,7 @@ class _DepthFirst:
             target = graph.target_place(i64(targets[step]))
             if target >= len(excluded) or not excluded[target]:
                 if numbers[target] == _NEW:
-                    # Checked again after it is finished.
+                    # The step is checked again after the new place is finished.
                     found = target
                     break
                 if numbers[target] < least:
@@ -233,7 +233,7 @@ class _DepthFirst:
         return int(found)
 
     def component(self, first: int) -> list[int]:
-        """Remove the component of which this place is the earliest."""
+        """Remove and return the component whose earliest place is *first*."""
         component = [first]
         while self.waiting.height and self.numbers[self.waiting.top()] >= self.numbers[first]:
             component.append(self.waiting.pop())
@@ -247,13 +247,13 @@ class _DepthFirst:
 def is_fair(graph: Graph, component: list[int]) -> bool:
     """Return whether a fair run can stay in a component forever.
 
-    It can if there is nothing for which every tick in the component waits: in a strongly connected component one loop
-    can contain all of the ticks. Otherwise every loop waits for it, so no run can stay.
+    It can if there is no leaf or timer for which every tick in the component waits, because in a strongly connected
+    component one loop can contain all ticks. Otherwise every loop waits for that leaf or timer, so no run can stay.
 
-    The ticks may be too many to enumerate. So each step is visited once, from the states on, with the three possible
-    records of each bit up to there.
+    The ticks may be too many to enumerate. So each step is visited once, states first, with the three possible records
+    of each bit in the ticks up to the step.
     """
-    if len(component) == 1 and not _goes_round(graph, component[0]):
+    if len(component) == 1 and not _has_self_loop(graph, component[0]):
         return False
     inside, states = set(component), len(graph.states)
     notes: dict[int, tuple[int, int, int]] = {}
@@ -283,7 +283,7 @@ def is_fair(graph: Graph, component: list[int]) -> bool:
     return found and free == _ALL
 
 
-def _goes_round(graph: Graph, place: int) -> bool:
+def _has_self_loop(graph: Graph, place: int) -> bool:
     """Return whether a step leads from a place to itself."""
     steps, step, behind_last = graph.leading_from(place)
     while step < behind_last:
@@ -298,10 +298,10 @@ _ALL: Final = -1
 
 @dataclass(frozen=True)
 class Lasso:
-    """A path and a loop.
+    """A path from the start to a loop, and the loop.
 
     Attributes:
-        stem: The states on the path, from the first one to the first of the loop.
+        stem: The states on the path, from the first state to the first state of the loop.
         loop: The ticks of the loop.
     """
 
@@ -310,7 +310,7 @@ class Lasso:
 
 
 def lasso(graph: Graph, component: list[int]) -> Lasso:
-    """Return a short fair run into a component and once around a loop in it.
+    """Return a short fair run that leads into a component and once around a loop in it.
 
     Args:
         graph: The graph.
@@ -321,15 +321,15 @@ def lasso(graph: Graph, component: list[int]) -> Lasso:
 
 
 _Moment = tuple[int, int, int, int]
-"""A place, the bits for which every tick so far has waited (-1: all), and the current tick's continuing and changed bits."""
+"""A place, the bits that were set in every tick so far (-1: all), and the current tick's waits (`append_waits`)."""
 
 
 def _round(graph: Graph, entry: int, inside: set[int]) -> list[Edge]:
-    """Return the ticks of a shortest fair loop from a state back to it."""
-    # A shortest loop back to the state may be unfair. So the search is breadth first, tick by tick, over places
-    # together with the bits for which every tick so far has waited; the loop must end with 0.
+    """Return the ticks of a shortest fair loop from a state back to the state."""
+    # A shortest loop may be unfair. So the search is breadth first, tick by tick, over places together with the bits
+    # that were set in every tick so far. At the end of the loop there must be no such bits.
     start, states = (entry, _ALL, 0, 0), len(graph.states)
-    ways: dict[_Moment, tuple[_Moment, int]] = {}
+    origins: dict[_Moment, tuple[_Moment, int]] = {}
     tick = [start]
     while tick:
         following: list[_Moment] = []
@@ -343,11 +343,11 @@ def _round(graph: Graph, entry: int, inside: set[int]) -> list[Edge]:
                 after = append_waits(going_on, changed, graph.waits[steps.waits[step]])
                 is_end = target < states
                 reached = (target, waiting & after[0], 0, 0) if is_end else (target, waiting, *after)
-                if reached in ways:
+                if reached in origins:
                     continue
-                ways[reached] = moment, after[0]
+                origins[reached] = moment, after[0]
                 if reached == (entry, 0, 0, 0):
-                    return _path_back(ways, start, reached, states)
+                    return _path_back(origins, start, reached, states)
                 # An intermediate state belongs to the tick that reaches it.
                 (following if is_end else tick).append(reached)
         tick = following
@@ -356,13 +356,13 @@ def _round(graph: Graph, entry: int, inside: set[int]) -> list[Edge]:
 
 
 def _path_back(
-    ways: dict[_Moment, tuple[_Moment, int]], start: _Moment, end: _Moment, states: int
+    origins: dict[_Moment, tuple[_Moment, int]], start: _Moment, end: _Moment, states: int
 ) -> list[Edge]:
-    way: list[Edge] = []
+    path: list[Edge] = []
     moment = end
     while moment != start:
-        before, waits = ways[moment]
+        before, waits = origins[moment]
         if moment[0] < states:
-            way.append((moment[0], waits))
+            path.append((moment[0], waits))
         moment = before
-    return way[::-1]
+    return path[::-1]

@@ -1,4 +1,4 @@
-"""Numbers of states, in the order in which they are found."""
+"""Numbering of states in the order in which they are found."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -11,19 +11,19 @@ _FREE: Final = 0
 _BITS_OF_NUMBER: Final = 32
 _NUMBER: Final = (1 << _BITS_OF_NUMBER) - 1
 _HASH: Final = (1 << 31) - 1
-"""The number of bits of a hash in the table, and the maximum size of the table."""
+"""The mask for the bits of a hash that the table stores, which also limits the size of the table."""
 _STRETCH: Final = 1 << 12
-"""The number of states in a stretch. They take less than the 2^31 bytes that 32-bit numbers address: 500,000 states."""
-_ROOM: Final = 1 << 15
-"""An intermediate state is kept until ticks have reached this many others: 6 MB in all for any search."""
+"""The number of states in a stretch. The states of a stretch must take less than 2^31 bytes, 500,000 bytes each."""
+_KEPT_MIDDLES: Final = 1 << 15
+"""The minimum number of other intermediate states that ticks reach before one is forgotten; about 6 MB in total."""
 
 
 class StateStore:
-    """The states, as bytes, by their numbers.
+    """The encoded states, by number.
 
-    They are stored consecutively: an object for each would take 50 bytes more. They are divided into stretches, which
-    are not copied when the next one is created: a growing array exists twice while it is copied, and leaves a hole in
-    the memory.
+    States are stored consecutively, because a separate object for each state would take 50 bytes more. They are divided
+    into stretches, which are not copied when the next stretch is created. A single growing array would exist twice
+    while it is copied, and would leave a hole in the memory.
     """
 
     def __init__(self) -> None:
@@ -40,11 +40,11 @@ class StateStore:
         return iter(self.states_between(0, len(self)))
 
     def states_between(self, first: int, end: int) -> list[bytes]:
-        """Return the states from one number up to, but not including, another."""
+        """Return the states with the numbers from *first* to *end* - 1."""
         return [self[number] for number in range(first, end)]
 
     def append(self, state: bytes) -> None:
-        """Store a state with the next number."""
+        """Store a state under the next number."""
         if self._count % _STRETCH == 0:
             self._stretches.append(_Stretch())
         self._stretches[-1].append(state)
@@ -52,15 +52,15 @@ class StateStore:
 
 
 class _Stretch:
-    """Some consecutive states."""
+    """Consecutive states."""
 
     def __init__(self) -> None:
         self._written = vec[u8]()
-        # The end of each, where the next one begins.
+        # The end of each state, which is also the start of the next state.
         self._ends = vec[i32]([0])
 
     def state_at(self, place: int) -> bytes:
-        """Return the state at an index."""
+        """Return the state at an index of the stretch."""
         return bytes(self._written[self._ends[place] : self._ends[place + 1]])
 
     def append(self, state: bytes) -> None:
@@ -72,22 +72,22 @@ class _Stretch:
 class Numbering:
     """Numbers states from 0 on.
 
-    A dictionary would take 90 bytes more for each. States are found by a hash table of their numbers, which takes 12
-    to 24 bytes.
+    The number of a state is found with a hash table of numbers, which takes 12 to 24 bytes for each state. A dictionary
+    would take 90 bytes more.
 
     Attributes:
-        states: The states, by their numbers.
+        states: The states, by number.
     """
 
     def __init__(self) -> None:
         self.states = StateStore()
-        # The hash of a state and one more than its number, at the slot of the hash or after it; the size is a power
-        # of two.
+        # Each slot contains a state's hash and its number plus 1, at the index of the hash or after it. The size is a
+        # power of two.
         self._table = vec[i64](bytes(_FIRST_SIZE))
         self._mask: i64 = _FIRST_SIZE - 1
 
     def find(self, state: bytes) -> int:
-        """Return the number of a state; -1 if it has none."""
+        """Return the number of a state; -1 if the state has no number."""
         table, mask = self._table, self._mask
         hashed = i64(hash(state)) & _HASH
         at = hashed & mask
@@ -95,13 +95,13 @@ class Numbering:
             slot = table[at]
             if slot == _FREE:
                 return -1
-            # Few states have the same hash, and comparing one means copying it.
+            # The hash is compared first, because comparing a state requires a copy of it.
             if slot >> _BITS_OF_NUMBER == hashed and self.states[int(slot & _NUMBER) - 1] == state:
                 return int(slot & _NUMBER) - 1
             at = (at + 1) & mask
 
     def add(self, state: bytes) -> int:
-        """Return a new number for a state."""
+        """Store a state, and return its new number."""
         number = len(self.states)
         self.states.append(state)
         if 3 * number > 2 * self._mask:
@@ -129,22 +129,23 @@ class Numbering:
 
 
 class Middles:
-    """Numbers intermediate states of ticks from 0 on, and forgets those that no tick has reached lately.
+    """Numbers intermediate states of ticks from 0 on, and forgets intermediate states that no tick has reached lately.
 
-    An intermediate state takes as much memory as a state, and there are several for each. But ticks that merge start
-    in states that are found at about the same time. A forgotten one gets another number when a tick reaches it again.
+    An intermediate state takes as much memory as a state, and there are several for each state. But ticks that merge
+    start in states that are found at about the same time. A forgotten intermediate state gets another number when a
+    tick reaches it again.
 
     Args:
-        room: The number of others that ticks reach before one is forgotten; some are kept up to twice as long.
+        room: The minimum number of other intermediate states that ticks reach before one is forgotten.
     """
 
-    def __init__(self, room: int = _ROOM) -> None:
+    def __init__(self, room: int = _KEPT_MIDDLES) -> None:
         self._room = room
         self._lately, self._before = _Recent(), _Recent()
         self._count = 0
 
     def find(self, middle: bytes) -> int:
-        """Return the number of an intermediate state; -1 if it has none."""
+        """Return the number of an intermediate state; -1 if it has no number or was forgotten."""
         number = self._lately.find(middle)
         if number < 0:
             number = self._before.find(middle)
@@ -153,7 +154,7 @@ class Middles:
         return number
 
     def add(self, middle: bytes) -> int:
-        """Return a new number for an intermediate state."""
+        """Store an intermediate state, and return its new number."""
         number = self._count
         self._store(middle, number)
         self._count = number + 1
@@ -166,7 +167,7 @@ class Middles:
 
 
 class _Recent:
-    """Some intermediate states with their numbers."""
+    """Recent intermediate states with their numbers."""
 
     def __init__(self) -> None:
         self._numbering = Numbering()

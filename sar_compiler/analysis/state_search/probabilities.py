@@ -1,22 +1,23 @@
-"""Leaves and timers with known probabilities and times: the search of all runs, with nodes that assign probabilities.
+"""Search nodes for leaves and timers with known probabilities and times.
 
 Why time is part of the state: a leaf that runs for forty seconds below a Timeout of a minute always ends in time. A
-probability for each tick could not express that, because it forgets how long the leaf has run. So each running leaf and
-timer has its number of remaining ticks (`TicksLeft`) in a cell.
+probability for each tick could not express this, because it does not depend on how long the leaf has run. So the number
+of remaining ticks (`TicksLeft`) of each running leaf and timer is stored in a cell.
 
-Why a leaf chooses its outcome and duration when it starts: later choices would need the distribution of the rest of its
-duration, which differs in each tick. So there is one choice for each activation, as in `analysis.simulate`. If other
-nodes have changed the facts in between, the chosen outcome may be impossible at its time. Then the leaf chooses among the
-outcomes that are possible now.
+Why a leaf chooses its outcome and duration when it starts: later choices would require the distribution of the leaf's
+remaining duration, which differs in each tick. So there is one choice for each activation, as in `analysis.simulate`.
+If other nodes have changed the facts in between, the chosen outcome may be impossible when it is due. Then the leaf
+chooses among the outcomes that are possible at that time.
 
-Why a weight has two parts: an outcome's probability may only be known within bounds, and the solver varies it
-(`predict.weighed_graph`). The share of each duration among those of the outcome is fixed. So a step has the number of
-a weight, which names the choice and the outcome and contains the share. A step has room for one weight, which suffices
-because a tick is divided at each choice (`forking`). The exception is a choice while a node is halted, which is rejected.
+Why a weight has two parts: the probability of an outcome may only be known within bounds, and the solver varies it
+(`predict.weighed_graph`). The share of each duration in the outcome's probability is fixed. So a step has the number of
+a weight, which names the choice and the outcome and contains the share. A step can have only one weight, which
+suffices because a tick is divided at each choice (`forking`). A choice while a node is halted is an exception, and is
+rejected.
 
-Why ticks in which only time passes are one step: otherwise a minute would take as many states as ticks. They are
-recognised after the fact. If a tick made no choice and changed nothing but the remaining ticks, the next tick does the
-same, until the first of these times expires. So all ticks but the last one before that are skipped.
+Why consecutive ticks in which only time passes are one step: otherwise a minute would take as many states as ticks.
+Such ticks are recognised after a tick was played. If it made no choice and changed only the numbers of remaining
+ticks, the next ticks do the same until the first of these times expires. So all of them except the last are skipped.
 """
 
 import math
@@ -41,10 +42,10 @@ TOLERANCE_SEC: Final = 1e-6
 
 
 class TicksLeft:
-    """A number of ticks until a time expires. Equal ones are the same object, so that states can be compared.
+    """A number of ticks until a time expires. Equal numbers are the same object, so that states can be compared.
 
     Args:
-        ticks: The number.
+        ticks: The number of ticks.
     """
 
     def __init__(self, ticks: int) -> None:
@@ -52,9 +53,9 @@ class TicksLeft:
 
 
 class LimitUse:
-    """Decreases limits once for a situation that a condition finds in several consecutive ticks, such as a paused mission.
+    """Makes conditions decrease limits once if they find the same situation, such as a pause, in consecutive ticks.
 
-    A repeated outcome is possible as it was the first time, and leaves the limits unchanged.
+    A repeated outcome is evaluated with the limits before its first occurrence, and leaves the limits unchanged.
 
     Args:
         conditions: The numbers of the conditions that decrease limits.
@@ -64,20 +65,22 @@ class LimitUse:
     def __init__(self, conditions: set[int], limits: list[Any]) -> None:
         self._conditions = conditions
         self._limits = limits
-        # For each condition that was ticked in the last tick, and in this one: its outcome, and the limits before it.
+        # For each condition of the last tick, and of the current tick: the outcome, and the limits before the outcome.
         self._last: dict[int, tuple[str, list[Any]]] = {}
         self._now: dict[int, tuple[str, list[Any]]] = {}
 
     def begin_tick(self) -> None:
-        """Start a tick, or restart it."""
+        """Start or restart a tick."""
         self._now = {}
 
     def end_tick(self) -> None:
-        """Confirm the results of the tick."""
+        """Store the results of the tick as the results of the last tick."""
         self._last = self._now
 
     def spend(self, index: int, found: str) -> list[Any]:
-        """Return the current limits if a leaf repeats its last outcome, and restore the limits before that outcome.
+        """Set the limits to their values before a repeated outcome; return the current limits, for `restore`.
+
+        For any other outcome, nothing is changed, and the result is empty.
 
         Args:
             index: The number of the leaf.
@@ -95,16 +98,16 @@ class LimitUse:
         return left
 
     def restore(self, left: list[Any]) -> None:
-        """Restore the limits that `spend` has returned."""
+        """Restore the limits that `spend` returned."""
         for limit, value in zip(self._limits, left, strict=False):
             limit.write(value)
 
 
 class CountedTimes(Times):
-    """Timers that expire after a number of ticks, whose tokens are `TicksLeft`.
+    """Timers that expire after a number of ticks; the token of a timer is a `TicksLeft`.
 
     Args:
-        period_sec: The time between two ticks, seconds.
+        period_sec: The time between two ticks, in seconds.
     """
 
     def __init__(self, period_sec: float) -> None:
@@ -112,22 +115,22 @@ class CountedTimes(Times):
         self._known: dict[int, TicksLeft] = {}
 
     def ticks(self, seconds: float) -> int:
-        """Return the number of ticks after which a time has expired."""
+        """Convert a time in seconds to the number of ticks after which it has expired."""
         return max(0, math.ceil((seconds - TOLERANCE_SEC) / self._period_sec))
 
     def seconds(self, ticks: int) -> float:
-        """Return the duration of a number of ticks, seconds."""
+        """Convert a number of ticks to seconds."""
         return ticks * self._period_sec
 
     def remaining_ticks(self, ticks: int) -> TicksLeft:
-        """Return the object for a number of ticks."""
+        """Return the `TicksLeft` object for a number of ticks."""
         known = self._known.get(ticks)
         if known is None:
             known = self._known[ticks] = TicksLeft(ticks)
         return known
 
     def start(self, index: int, seconds: float) -> Any:  # noqa: ARG002 - required by the protocol
-        """Start a timer, in seconds."""
+        """Start a timer with a duration in seconds, and return its token."""
         return self.remaining_ticks(self.ticks(seconds))
 
     def is_up(self, index: int, token: Any) -> bool:  # noqa: ARG002
@@ -142,7 +145,7 @@ class Choice(NamedTuple):
     Attributes:
         leaf: The index of the leaf.
         outcomes: The outcomes.
-        bounds: The least and the greatest probability of each.
+        bounds: The minimum and maximum probability of each outcome.
     """
 
     leaf: int
@@ -151,12 +154,12 @@ class Choice(NamedTuple):
 
 
 class TransitionProbability(NamedTuple):
-    """The weight of one continuation after a choice.
+    """The weight of an option of a choice: a share of an outcome's probability.
 
     Attributes:
         choice: The number of the choice.
-        outcome: The index of its outcome.
-        share: The share of this outcome's probability.
+        outcome: The index of the outcome in the choice.
+        share: The share of the outcome's probability.
     """
 
     choice: int
@@ -165,14 +168,14 @@ class TransitionProbability(NamedTuple):
 
 
 class ChoiceTable:
-    """The choices of leaves in the runs of a tree, with the weights of their continuations.
+    """The choices of leaves in the runs of a tree, with the weights of their options.
 
     Args:
-        times: Counts their ticks.
+        times: Converts durations to numbers of ticks.
 
     Attributes:
-        choices: The choices, by their numbers.
-        weights: The weights, by the number in a step's `going_on`; none has 0.
+        choices: The choices, by number.
+        weights: The weights, by the number in a step's `going_on`. Number 0 is the weight of a step without a choice.
     """
 
     def __init__(self, times: CountedTimes) -> None:
@@ -181,7 +184,7 @@ class ChoiceTable:
         self.weights: list[TransitionProbability] = [TransitionProbability(-1, 0, 1.0)]
 
     def spread(self, sec: tuple[float, float]) -> list[tuple[int, float]]:
-        """Return the possible numbers of ticks of a time that is uniformly distributed between two, each with its share."""
+        """Convert a uniformly distributed duration to numbers of ticks, each with its probability."""
         least, most = sec
         first, last = self.times.ticks(least), self.times.ticks(most)
         if first == last:
@@ -195,12 +198,12 @@ class ChoiceTable:
 
 
 class Option:
-    """A continuation of a leaf: its outcome, and the number of ticks until then.
+    """An option of a leaf at its start: an outcome, and the number of ticks until the outcome.
 
     Args:
         reply: The outcome.
-        ticks: The ticks.
-        weight: The number of its weight.
+        ticks: The number of ticks.
+        weight: The number of the option's weight.
     """
 
     def __init__(self, reply: Reply, ticks: int, weight: int) -> None:
@@ -210,15 +213,15 @@ class Option:
 
 
 class ProbabilisticLeaf(StubNode):
-    """A leaf that chooses its outcome and duration when it starts, and returns RUNNING until then.
+    """A leaf that chooses its outcome and duration when it starts, and returns RUNNING until the outcome is due.
 
-    If the outcome is no longer possible at its time, the leaf chooses again. A leaf that cannot return RUNNING takes
+    If the outcome is no longer possible when it is due, the leaf chooses again. A leaf that cannot return RUNNING takes
     no time.
 
     Args:
-        part: Its builder.
-        leaves: The shared context of the leaves.
-        chances: Receives each choice.
+        part: The builder of the node.
+        leaves: The shared context of all leaves.
+        probabilities: The table to which choices are added.
     """
 
     def __init__(self, part: NodeBuilder, leaves: LeafNodes, probabilities: ChoiceTable) -> None:
@@ -228,7 +231,7 @@ class ProbabilisticLeaf(StubNode):
         self._known: dict[tuple[int, ...], list[Option]] = {}
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return the number of possible continuations; if it cannot be determined, the tick raises the reason."""
+        """Return the number of options; 1 if it cannot be determined, in which case the tick raises the error."""
         try:
             replies = self._possible()
         except SarError:
@@ -236,7 +239,7 @@ class ProbabilisticLeaf(StubNode):
         return 1 if self._has_chosen(ticker, replies) else len(self._options(replies))
 
     def begin(self, ticker: Ticker) -> int:
-        """Start the leaf, unless it runs; return its chosen outcome, or RUNNING until its time."""
+        """Start the leaf unless it is running; return the chosen outcome, or RUNNING until the outcome is due."""
         cells, values, trail = ticker.cells, ticker.values, self._trail
         self._ran.add(self.index)
         if cells[self.status_cell] != RUNNING:
@@ -250,7 +253,7 @@ class ProbabilisticLeaf(StubNode):
         return outcome
 
     def _chosen_reply(self, ticker: Ticker, replies: list[Reply]) -> Reply:
-        """Return the chosen outcome, or RUNNING until its time."""
+        """Return the chosen outcome, or RUNNING until the outcome is due."""
         values = ticker.values
         if not self._has_chosen(ticker, replies):
             self._choose(ticker, self._options(replies))
@@ -261,7 +264,7 @@ class ProbabilisticLeaf(StubNode):
         return chosen
 
     def stop(self, ticker: Ticker) -> None:
-        """Halt the leaf if it runs."""
+        """Halt the leaf if it is running."""
         cells, values = ticker.cells, ticker.values
         if cells[self.status_cell] == RUNNING:
             self._trail.add_event(self._halted)
@@ -269,7 +272,7 @@ class ProbabilisticLeaf(StubNode):
         cells[self.status_cell] = INVALID
 
     def _has_chosen(self, ticker: Ticker, replies: list[Reply]) -> bool:
-        """Return whether there is no choice: the leaf has chosen, and the outcome is possible or not due."""
+        """Return whether the leaf has chosen an outcome that is not yet due, or that is still possible."""
         values = ticker.values
         chosen = values[self._chosen]
         return chosen is not None and (values[self._left].ticks > 0 or chosen in replies)
@@ -288,18 +291,18 @@ class ProbabilisticLeaf(StubNode):
         ticker.values[self._left] = self._probabilities.times.remaining_ticks(option.ticks)
 
     def _options(self, replies: list[Reply]) -> list[Option]:
-        """Return the possible continuations for some outcomes."""
+        """Return the options of the leaf if the given outcomes are possible."""
         place = tuple([reply.event for reply in replies])
         known = self._known.get(place)
         if known is None:
-            known = self._known[place] = self._work_out_options(replies)
+            known = self._known[place] = self._create_options(replies)
         return known
 
     def _ending_replies(self, replies: list[Reply]) -> list[Reply]:
-        """Return the outcomes among which it can choose; a leaf that only ever runs returns RUNNING forever."""
+        """Return the outcomes among which the leaf can choose; RUNNING only if no other outcome is possible."""
         return [reply for reply in replies if reply.outcome != RUNNING] or replies[:1]
 
-    def _work_out_options(self, replies: list[Reply]) -> list[Option]:
+    def _create_options(self, replies: list[Reply]) -> list[Option]:
         ending = self._ending_replies(replies)
         outcomes = tuple([reply.declared for reply in ending])
         given, options = self._probabilities, []
@@ -316,14 +319,14 @@ class ProbabilisticLeaf(StubNode):
 class WeighedSteps(TickSteps):
     """The steps of a tree with known probabilities. Consecutive ticks in which only time passes are one step.
 
-    `waits` is the number of a step's weight. For a step in which only time passes it is the negative number of ticks.
+    `waits` contains the number of a step's weight, or the negative number of ticks if only time passes in the step.
 
     Args:
         flat: The tree.
-        ticker: Ticks it.
+        ticker: Ticks the tree.
         judge: Judges a state.
-        judged_by: The places of the entries that it reads.
-        times: Counts the ticks.
+        judged_by: The places of the entries that *judge* reads.
+        times: Converts durations to numbers of ticks.
     """
 
     def __init__(
@@ -337,7 +340,7 @@ class WeighedSteps(TickSteps):
         self._watched = 0
 
     def enter(self, state: bytes, *, alone: bool = False, path: tuple[int, ...] = ()) -> None:
-        """Restore a state, to play its ticks; see `TickSteps.enter`."""
+        """Restore a state in order to play its ticks; see `TickSteps.enter`."""
         super().enter(state, alone=alone, path=path)
         self._is_over = self.judge(state, None).ends
         ticker = self._ticker
@@ -345,7 +348,7 @@ class WeighedSteps(TickSteps):
         self._watched = ticker.trail.watched
 
     def step(self) -> int:
-        """Play the next step, and return its kind; raises as `TickSteps.step`."""
+        """Play the next step, and return its kind; see `TickSteps.step`."""
         return NOTHING if self._is_over else super().step()
 
     def save_state(self, outcome: int) -> None:
@@ -361,14 +364,14 @@ class WeighedSteps(TickSteps):
             self.waits = -1 - passed, 0, 0
 
     def _pass_by(self, ticks: int) -> None:
-        """Advance the time."""
+        """Decrease the remaining ticks of all running leaves and timers."""
         values = self._ticker.values
         for place, value in enumerate(values):
             if isinstance(value, TicksLeft) and value.ticks:
                 values[place] = self._times.remaining_ticks(value.ticks - ticks)
 
     def _count_waiting_ticks(self) -> int:
-        """Return how many ticks are like the last one, if only time has passed in it; else 0."""
+        """Return the number of following ticks in which only time passes; 0 if more has happened in the last tick."""
         ticker, least = self._ticker, 0
         if ticker.trail.watched != self._watched or ticker.trail.broken:
             return 0
@@ -376,7 +379,7 @@ class WeighedSteps(TickSteps):
             return 0
         for now, before in zip(ticker.values, self._values, strict=True):
             if isinstance(now, TicksLeft) and isinstance(before, TicksLeft):
-                # A timer that had expired before is not read; one that expires now may have an effect.
+                # An expired timer is not read again, but a timer that expires now may have an effect.
                 if now.ticks != before.ticks - 1 and (now.ticks or before.ticks):
                     return 0
                 if before.ticks and (not least or before.ticks < least):

@@ -1,15 +1,16 @@
 """Breadth-first search of the states of a tree.
 
-Why breadth first: the first violation that is found takes the least number of ticks, so the run that a person reads is a
-shortest one. States are numbered as they are found. So the states at one distance have consecutive numbers, those that
-are not expanded yet have the highest ones, and the search needs no queue beside the states themselves.
+Why breadth first: the first violation that is found takes the minimum number of ticks, so the run that is shown is a
+shortest run. States are numbered in the order in which they are found. So the states at the same distance have
+consecutive numbers, and the states that are not expanded yet have the highest numbers. The search needs no other queue.
 
-Why a state is expanded completely or not at all: `liveness` assumes that a state without known steps can end, and trusts
-the steps of every other state. If some steps of a state were missing, a run that ends by one of them would be unknown, and
-a loop could be reported that a run can leave. So if the limit of states is reached within a state, its steps are dropped.
+Why a state is expanded completely or not at all: `liveness` assumes that a state without known steps can end, and
+relies on the steps of every other state. If steps of a state were missing, a run that ends by one of them would be
+unknown, and a loop could be reported that a run can leave. So if the limit of states is reached while a state is
+expanded, the state's steps are dropped.
 
-Why a violation does not end the search: each property is decided separately, and the others may hold. Only the first
-violation of each is recorded, and the search continues for the others.
+Why a violation does not end the search: each property is decided separately, and other properties may hold. Only the
+first violation of each property is recorded.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,19 +24,19 @@ from sar_compiler.analysis.state_search.numbering import Middles, Numbering
 from sar_compiler.analysis.state_search.trail import Waits
 from sar_compiler.budget import Progress
 
-# A report or a stop request is not delayed much by this many ticks.
+# The number of ticks between two reports of the progress, at which the search can be stopped.
 _REPORT_EVERY: Final = 256
-_BITS_OF_WAITS: Final = 28
-_WAITS: Final = (1 << _BITS_OF_WAITS) - 1
-"""A step is one number: its target, as in `Steps.targets`, and in this many bits its effect on the waits."""
-_NOWHERE: Final = (1 << 31) - 1
-"""In place of a target: the tick raises."""
-_SEVERAL: Final = -1
-"""In place of the only state to which a place leads: there are several."""
-_FEW: Final = 32
-"""The number of steps up to which a linear search finds one faster than a set."""
-_NARROW: Final = 20
-"""Three numbers with this many bits fit into one machine number."""
+_WAITS_BITS: Final = 28
+_WAITS: Final = (1 << _WAITS_BITS) - 1
+"""A step is packed into one number: the target, as in `Steps.targets`, and in these bits the effect on the waits."""
+_NO_TARGET: Final = (1 << 31) - 1
+"""Used instead of a target: the tick raises an error."""
+_MANY_TARGETS: Final = -1
+"""Used instead of the only state to which a place leads: the place leads to several states."""
+_LINEAR_LIMIT: Final = 32
+"""The number of steps up to which a linear search is faster than a set."""
+_PACKED_BITS: Final = 20
+"""The number of bits of a number of which three can be packed into a machine number."""
 
 NOTHING: Final = 0
 """There is no further step."""
@@ -44,19 +45,19 @@ A_STATE: Final = 1
 A_MIDDLE: Final = 2
 """A step leads to a known intermediate state."""
 A_NEW_MIDDLE: Final = 3
-"""A step leads to a new intermediate state, and the next ones continue from there until it is left."""
+"""A step leads to a new intermediate state; the next steps continue from there until the intermediate state is left."""
 LEFT: Final = 4
-"""Intermediate states are left, because nothing else continues there. Number them now: the next step may reach them."""
+"""Intermediate states are left because all steps from them were played. They must be numbered before the next step."""
 
 
 class Judgement(NamedTuple):
     """The judgement of a state.
 
     Attributes:
-        ends: Whether the run is over in it.
-        broken: The rules that it violates, as bits.
-        pending: Its pending obligations, as bits.
-        is_open: Whether the judgement changes when it is known whether the state is idle.
+        ends: Whether the run is over in the state.
+        broken: The rules that the state violates, as bits.
+        pending: The pending obligations, as bits.
+        is_open: Whether the judgement may change when it is known whether the state is idle.
     """
 
     ends: bool = False
@@ -67,14 +68,14 @@ class Judgement(NamedTuple):
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Stepper:
-    """The states that can be searched, and the steps between them.
+    """Provides the states to search, and the steps between them.
 
     Attributes:
-        state: The state after the last step that has ended a tick; None if it raised.
+        state: The state after the last step that ended a tick; None if the tick raised an error.
         waits: The effect of the last step on the waits.
-        broken: The rules violated by the tick that it has ended, as bits.
-        error: The error that it raised.
-        middle: The intermediate state to which the last step has led.
+        broken: The rules that were violated by the tick that the last step ended, as bits.
+        error: The error that this tick raised; None if it raised no error.
+        middle: The intermediate state to which the last step led.
         left: The number of intermediate states that were left last.
         middles: The intermediate states that were left recently.
     """
@@ -88,15 +89,15 @@ class Stepper:
         self.middles = Middles()
 
     def start(self) -> bytes:
-        """Return the state before the first step."""
+        """Return the initial state."""
         raise NotImplementedError
 
     def enter(self, state: bytes, *, alone: bool = False) -> None:
-        """Restore a state; with *alone* without known intermediate states."""
+        """Restore a state in order to play its steps; with *alone*, intermediate states of other states are ignored."""
         raise NotImplementedError
 
     def step(self) -> int:
-        """Play the next possible step from the state, and return its kind."""
+        """Play the next possible step from the restored state, and return the kind of step."""
         raise NotImplementedError
 
     def judge(self, state: bytes, idle: bool | None) -> Judgement:
@@ -104,7 +105,7 @@ class Stepper:
 
         Args:
             state: The state.
-            idle: Whether every step leaves it unchanged; None if that is not known yet.
+            idle: Whether every step leaves the state unchanged; None if that is not known yet.
         """
         raise NotImplementedError
 
@@ -118,7 +119,7 @@ Report = Callable[[Progress], bool | None]
 
 
 def report_nothing(progress: Progress) -> None:
-    """Report nothing."""
+    """Ignore the progress."""
 
 
 def explore(
@@ -131,11 +132,11 @@ def explore(
     """Search all reachable states, breadth first.
 
     Args:
-        stepper: Provides the states.
+        stepper: Provides the states and steps.
         max_states: The maximum number of states to find; if there are more, the graph is not complete.
         report: Called with the progress at intervals, and at each violation.
-        names: The names of the properties, by the number of the rule.
-        starts: The initial states, each once; by default the stepper's.
+        names: The names of the properties, by rule number.
+        starts: The distinct initial states; by default the initial state of the stepper.
     """
     return _Exploration(stepper, max_states, report, names).run(starts or [stepper.start()])
 
@@ -153,11 +154,10 @@ class _Exploration:
         self._last_number = 0
         # The only state to which each intermediate state leads.
         self._only = vec[i32]()
-        # 1 for each state whose judgement changes when it is known whether it is idle.
+        # 1 for each state whose judgement may change when it is known whether the state is idle.
         self._open = bytearray()
         self._played = 0
-        # The current place and the enclosing ones in the tick: the steps of each, its intermediate state, and the
-        # part of the tick up to it.
+        # The current state and the intermediate states of the tick that were not left yet.
         self._places: list[_OpenPlace] = []
         self._source = 0
 
@@ -175,39 +175,39 @@ class _Exploration:
         return graph
 
     def _expand(self, index: int) -> None:
-        """Find the successors of a state; it is not expanded if the successors do not all fit."""
+        """Find the successors of a state; if the limit of states is reached, the state is not expanded."""
         stepper = self._stepper
         self._source = index
         self._places = [_OpenPlace(b"", (0, 0, 0))]
         state = self._graph.states[index]
         stepper.enter(state)
         while True:
-            led = stepper.step()
-            if led == NOTHING:
+            kind = stepper.step()
+            if kind == NOTHING:
                 break
-            if led == LEFT:
+            if kind == LEFT:
                 self._store_intermediate_steps(stepper.left)
                 continue
-            if not self._process_step(led):
+            if not self._process_step(kind):
                 return
         self._finish(state)
 
-    def _process_step(self, led: int) -> bool:
+    def _process_step(self, kind: int) -> bool:
         """Process the current step; return False if the search is over."""
         graph, stepper = self._graph, self._stepper
         state, waits, broken = stepper.state, stepper.waits, stepper.broken
-        self._count()
+        self._count_tick()
         if graph.stopped:
             return False
-        if led == A_NEW_MIDDLE:
+        if kind == A_NEW_MIDDLE:
             self._places.append(_OpenPlace(stepper.middle, waits))
             return True
-        if led == A_MIDDLE:
+        if kind == A_MIDDLE:
             self._record_step(-1 - stepper.middles.find(stepper.middle), waits)
             return True
-        target = _NOWHERE
+        target = _NO_TARGET
         if state is None:
-            self._note_error()
+            self._record_error()
         else:
             target = self._numbering.find(state)
             if target < 0:
@@ -216,30 +216,30 @@ class _Exploration:
                     return False
                 target = self._add(state)
             if broken:
-                self._note_breaches(broken)
+                self._record_violations(broken)
         self._record_step(target, waits)
         return True
 
     def _record_step(self, target: int, waits: Waits) -> None:
-        """Record a step from the current place; one that raises has no target, nor has one after which all others raise."""
+        """Record a step from the current place; it has no target if it raises an error, or all steps after it do."""
         goes_on, changed, settled = waits
         if target >= 0:
-            # Leaves and timers that have started in the tick are not waited for.
+            # At the end of a tick, no run waits for leaves and timers that have started in the tick.
             changed = 0
         elif not self._graph.middles.step_count(-1 - target):
-            target = _NOWHERE
+            target = _NO_TARGET
         if len(self._places) == 1:
-            # Nothing was recorded before.
+            # This is the first part of the tick, so there is no earlier record.
             settled = changed
         number = self._number_of(goes_on, changed, settled)
-        self._places[-1].add(i64(target) << _BITS_OF_WAITS | i64(number))
+        self._places[-1].add(i64(target) << _WAITS_BITS | i64(number))
 
     def _number_of(self, goes_on: int, changed: int, settled: int) -> int:
-        """Return the number of a step's effect on the waits."""
+        """Return the index of a step's effect on the waits in `Graph.waits`."""
         if (goes_on, changed, settled) == self._last_waits:
             return self._last_number
-        key: Any = goes_on << 2 * _NARROW | changed << _NARROW | settled
-        if (goes_on | changed | settled) >> _NARROW:
+        key: Any = goes_on << 2 * _PACKED_BITS | changed << _PACKED_BITS | settled
+        if (goes_on | changed | settled) >> _PACKED_BITS:
             key = goes_on, changed, settled
         number = self._known_waits.get(key, -1)
         if number < 0:
@@ -250,7 +250,7 @@ class _Exploration:
         return number
 
     def _store_intermediate_steps(self, count: int) -> None:
-        """Store the steps of that many current intermediate states."""
+        """Store the steps of the last *count* current intermediate states."""
         for _ in range(count):
             place = self._places.pop()
             number = self._stepper.middles.add(place.middle)
@@ -265,14 +265,14 @@ class _Exploration:
         if self._open[index]:
             self._judge_again(index, state, idle=only == index)
 
-    def _count(self) -> None:
+    def _count_tick(self) -> None:
         """Count a tick, and report the progress at intervals."""
         self._played += 1
         if self._played % _REPORT_EVERY == 0:
             self._report_progress()
 
     def _report_progress(self) -> None:
-        """Report the progress; if the search must stop, the graph is not complete."""
+        """Report the progress; stop the search if the receiver requests it."""
         graph = self._graph
         broken = tuple(self._names[rule] for rule in graph.breaches if rule < len(self._names))
         numbers = len(graph.states), graph.expanded_count, graph.step_count, len(graph.levels) - 1
@@ -280,18 +280,18 @@ class _Exploration:
             graph.stopped, graph.complete = True, False
 
     def _write(self, steps: Steps, place: "_OpenPlace") -> int:
-        """Store the steps of a place; return the only state to which they lead, or _SEVERAL."""
-        only: i64 = _NOWHERE
+        """Store the steps of a place; return the only state to which they lead, or _MANY_TARGETS."""
+        only: i64 = _NO_TARGET
         for step in place.steps:
-            target = end = step >> _BITS_OF_WAITS
-            if target == _NOWHERE:
-                end = _SEVERAL
+            target = end = step >> _WAITS_BITS
+            if target == _NO_TARGET:
+                end = _MANY_TARGETS
             else:
                 steps.add(i32(target), int(step & _WAITS))
                 if target < 0:
                     end = i64(self._only[-1 - target])
-            if only not in (_NOWHERE, end):
-                end = _SEVERAL
+            if only not in (_NO_TARGET, end):
+                end = _MANY_TARGETS
             only = end
         steps.finish_place()
         return int(only)
@@ -299,9 +299,9 @@ class _Exploration:
     def _judge_again(self, index: int, state: bytes, *, idle: bool) -> None:
         """Judge a state again after all of its ticks are known.
 
-        Whether a state is idle depends on its ticks, and whether a run ends there may depend on that. When the state
-        is found its ticks are not known, so it is judged twice. Nothing needs its end in between, since `liveness`
-        runs after the search.
+        Whether a state is idle depends on its ticks, and whether a run ends in the state may depend on whether it is
+        idle. The ticks are not known when the state is found, so it is judged twice. Until then its end is not needed,
+        since `liveness` runs after the search.
         """
         graph = self._graph
         judgement = self._stepper.judge(state, idle)
@@ -319,24 +319,24 @@ class _Exploration:
         graph.pending.append(judgement.pending)
         self._open.append(judgement.is_open)
         if judgement.broken:
-            self._note_breaches(judgement.broken)
+            self._record_violations(judgement.broken)
         return number
 
-    def _note_breaches(self, broken: int) -> None:
+    def _record_violations(self, broken: int) -> None:
         """Record that the current step violates rules."""
         for rule in self._new_violations(broken):
             self._graph.breaches[rule] = Breach(self._source, self._stepper.path())
             self._report_progress()
 
     def _new_violations(self, broken: int) -> list[int]:
-        """Return those of some rules, as bits, that were not violated before."""
+        """Return the numbers of the rules in *broken* that were not violated before."""
         return [
             rule
             for rule in range(broken.bit_length())
             if broken >> rule & 1 and rule not in self._graph.breaches
         ]
 
-    def _note_error(self) -> None:
+    def _record_error(self) -> None:
         if self._graph.error is None:
             self._graph.error = Breach(self._source, self._stepper.path(), self._stepper.error)
 
@@ -345,30 +345,30 @@ class _OpenPlace:
     """A state or intermediate state whose steps are being found.
 
     Args:
-        middle: The intermediate state.
-        waits: The effect of the step to it on the waits.
+        middle: The intermediate state; empty for a state.
+        waits: The effect on the waits of the step that led to the intermediate state.
 
     Attributes:
-        steps: The steps: the target of each, and the number of its effect on the waits.
+        steps: The steps, each packed into one number with its target and its effect on the waits.
     """
 
     def __init__(self, middle: bytes, waits: Waits) -> None:
         self.middle = middle
         self.waits = waits
         self.steps = vec[i64]()
-        self._many: set[int] | None = None
+        self._known: set[int] | None = None
 
     def add(self, step: i64) -> None:
-        """Add a step, unless it is known."""
+        """Add a step, unless it was added before."""
         steps = self.steps
-        if len(steps) < _FEW:
+        if len(steps) < _LINEAR_LIMIT:
             for known in steps:
                 if known == step:
                     return
         else:
-            if self._many is None:
-                self._many = {int(known) for known in steps}
-            if int(step) in self._many:
+            if self._known is None:
+                self._known = {int(known) for known in steps}
+            if int(step) in self._known:
                 return
-            self._many.add(int(step))
+            self._known.add(int(step))
         self.steps = append(steps, step)

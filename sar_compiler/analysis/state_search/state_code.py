@@ -7,25 +7,25 @@ from mypy_extensions import i32, i64, u8
 
 from sar_compiler.runtime.kernel.cells import RUNNING
 
-_MORE: Final = 128
-"""Added to a byte of a number that continues."""
-_HALF: Final = 15
-"""The maximum of half a byte; a number of at least this size continues in further bytes."""
+_CONTINUES: Final = 128
+"""Added to each byte of a number except the last byte."""
+_HALF_FULL: Final = 15
+"""The maximum value of half a byte; a number of at least this size continues in further bytes."""
 _LONGEST: Final = 21
-"""The maximum number of bytes of a place and a machine number."""
+"""The maximum number of bytes of a place with its content."""
 
 
 class StateCode:
-    """Encodes states as bytes: only the differences from the initial state, which are few if few nodes run.
+    """Encodes states as bytes, which contain only the differences from the initial state.
 
-    First come the outcome of the last tick and the state of the properties, encoded like numbers in Protocol Buffers:
-    seven bits in a byte. Then comes a byte for each changed place: its distance from the previous one, and its
-    content. A number that does not fit into a half of that byte continues after it.
+    A code begins with the outcome of the last tick and the state of the properties, encoded like numbers in Protocol
+    Buffers, with seven bits in a byte. A byte for each changed place follows, which contains the distance from the
+    previous changed place and the content. A number that does not fit into half a byte continues in further bytes.
 
     Args:
-        cells: The cells with numbers, at the start; no node has ended.
-        values: The cells with other values, at the start.
-        forgotten: For each node whether its last status makes no difference while it does not run.
+        cells: The initial contents of the cells with numbers, before any node has ended.
+        values: The initial contents of the cells with other values.
+        forgotten: For each node, whether states forget its last status, because it makes no difference between ticks.
     """
 
     def __init__(self, cells: vec[i32], values: list[Any], forgotten: list[bool]) -> None:
@@ -40,13 +40,13 @@ class StateCode:
 
     @property
     def value_count(self) -> int:
-        """The number of other values with a number."""
+        """The number of cell values that have a number."""
         return len(self._numbered)
 
     def write(
         self, outcome: int, watched: int, cells: vec[i32], values: list[Any], entries: vec[i32]
     ) -> bytes:
-        """Return a state as bytes.
+        """Encode a state.
 
         Args:
             outcome: The outcome of the last tick.
@@ -69,13 +69,13 @@ class StateCode:
         values: list[Any],
         entries: vec[i32],
     ) -> bytes:
-        """Return an intermediate state of a tick as bytes, which are never decoded.
+        """Encode an intermediate state of a tick; the code is never decoded.
 
         Args:
             node: The next node.
             watched: The state of the properties.
             broken: The violated properties, as bits.
-            shown: Forgotten nodes whose last statuses matter here.
+            shown: The nodes whose forgotten statuses matter at this point of the tick.
             cells: The cells with numbers.
             values: The cells with other values.
             entries: The number of each entry's content.
@@ -93,13 +93,13 @@ class StateCode:
         return written
 
     def _make_room(self, bits: int, places: i64) -> None:
-        """Make room for a head with a number of bits, and for a number of places."""
+        """Enlarge the buffer for a head with a number of bits and for a number of places, if necessary."""
         most = bits + _LONGEST * (places + 3)
         if len(self._room) < most:
             self._room = vec[u8](bytes(most))
 
     def _write(self, at: i64, cells: vec[i32], values: list[Any], entries: vec[i32]) -> bytes:
-        """Return the head, followed by all places."""
+        """Write all places after the head, and return the code."""
         at = self._write_cells(at, cells)
         at = self._write_values(at, len(cells), values)
         at = self._write_entries(at, len(cells) + len(values), entries)
@@ -149,19 +149,19 @@ class StateCode:
         watched, shift, at = 0, 0, 1
         while True:
             byte = code[at]
-            watched |= (byte & (_MORE - 1)) << shift
-            if byte < _MORE:
+            watched |= (byte & (_CONTINUES - 1)) << shift
+            if byte < _CONTINUES:
                 return code[0], watched
             shift += 7
             at += 1
 
     def read(self, code: bytes, values: list[Any], entries: vec[i32]) -> vec[i32]:
-        """Return the contents of the cells in a state.
+        """Decode a state, and return the contents of the cells with numbers.
 
         Args:
-            code: The state.
-            values: The contents of the other cells, which are replaced.
-            entries: 0 for each entry, which is replaced by the number of its content.
+            code: The encoded state.
+            values: The list to which the contents of the cells with other values are written.
+            entries: The array of zeros to which the number of each entry's content is written.
         """
         cells, count, others = self._cells[:], len(self._cells), len(self._values)
         values[:] = self._values
@@ -169,11 +169,11 @@ class StateCode:
         at, end = _skip_number(code, 1), len(code)
         while at < end:
             both: i64 = code[at]
-            step, held = both >> 4, both & _HALF
+            step, held = both >> 4, both & _HALF_FULL
             at += 1
-            if step == _HALF:
+            if step == _HALF_FULL:
                 step, at = _read_rest(code, at)
-            if held == _HALF:
+            if held == _HALF_FULL:
                 held, at = _read_rest(code, at)
             place += step
             if place < count:
@@ -186,21 +186,21 @@ class StateCode:
 
 
 def _write_place(code: vec[u8], at: i64, step: i64, held: i64) -> i64:
-    """Write a place, as its distance from the previous one, with its content; return the next index."""
-    if step < _HALF and held < _HALF:
+    """Write a place, as its distance from the previous place, with its content; return the next index."""
+    if step < _HALF_FULL and held < _HALF_FULL:
         code[at] = u8(step << 4 | held)
         return at + 1
-    code[at] = u8(min(step, _HALF) << 4 | min(held, _HALF))
+    code[at] = u8(min(step, _HALF_FULL) << 4 | min(held, _HALF_FULL))
     at += 1
-    if step >= _HALF:
-        at = _write_number(code, at, step - _HALF)
-    return _write_number(code, at, held - _HALF) if held >= _HALF else at
+    if step >= _HALF_FULL:
+        at = _write_number(code, at, step - _HALF_FULL)
+    return _write_number(code, at, held - _HALF_FULL) if held >= _HALF_FULL else at
 
 
 def _write_number(code: vec[u8], at: i64, number: int) -> i64:
-    """Write a number at an index; return the next index."""
-    while number >= _MORE:
-        code[at] = u8(_MORE | number & (_MORE - 1))
+    """Write a number that begins at index *at*; return the index of the byte after the number."""
+    while number >= _CONTINUES:
+        code[at] = u8(_CONTINUES | number & (_CONTINUES - 1))
         at += 1
         number >>= 7
     code[at] = u8(number)
@@ -208,20 +208,20 @@ def _write_number(code: vec[u8], at: i64, number: int) -> i64:
 
 
 def _skip_number(code: bytes, at: i64) -> i64:
-    """Return the index after the number at an index."""
-    while code[at] >= _MORE:
+    """Return the index of the first byte after the number that begins at *at*."""
+    while code[at] >= _CONTINUES:
         at += 1
     return at + 1
 
 
 def _read_rest(code: bytes, at: i64) -> tuple[i64, i64]:
-    """Return the number whose rest begins at an index, and the index after it."""
-    number: i64 = _HALF
+    """Return the number that continues at *at* after a full half byte, and the index of the first byte after it."""
+    number: i64 = _HALF_FULL
     shift: i64 = 0
     while True:
         byte: i64 = code[at]
         at += 1
-        number += (byte & (_MORE - 1)) << shift
-        if byte < _MORE:
+        number += (byte & (_CONTINUES - 1)) << shift
+        if byte < _CONTINUES:
             return number, at
         shift += 7

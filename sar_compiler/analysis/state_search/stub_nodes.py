@@ -1,4 +1,4 @@
-"""Nodes of stub leaves, and timers, that try every possibility."""
+"""Search nodes for stub leaves and timers, which try every possibility."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Final
@@ -21,11 +21,11 @@ class Reply:
     """An outcome of a leaf.
 
     Attributes:
-        declared: Its declaration.
-        event: The number of its event.
-        outcome: The outcome of the tick.
+        declared: The declared outcome.
+        event: The number of the outcome's event.
+        outcome: The number of the outcome's status.
         change: Changes facts and keys; None if the outcome changes nothing.
-        effect: The cache of these changes.
+        effect: The cache of the changes.
     """
 
     def __init__(self, event: int, leaf: StubLeaf, outcome: Outcome, memo: Callable[..., Memo]) -> None:
@@ -42,14 +42,14 @@ class LeafNodes:
     """Builds the nodes of leaves.
 
     Args:
-        board: The tree's blackboard, numbered.
-        numbers: The number of each event, by the identities of the leaf and of the outcome (or of None).
+        board: A numbered board, whose cells contain all entries.
+        numbers: The number of each event, by the leaf's identity, the kind of event, and the outcome's identity.
         choices: Choose the outcomes.
         trail: Records the events.
-        stub: Builds the node of a stub leaf; by default one that may have any outcome in any tick.
+        stub: Builds the node of a stub leaf; by default a `StubNode`.
 
     Attributes:
-        ran: The indexes of the leaves that were ticked.
+        ran: The indices of the leaves that were ticked.
     """
 
     def __init__(
@@ -68,10 +68,10 @@ class LeafNodes:
         self._stub = stub or StubNode
 
     def node_of(self, part: NodeBuilder) -> TreeNode:
-        """Build the node of a behaviour, whether it is a leaf or not.
+        """Build the node of a behaviour, which need not be a leaf.
 
         Raises:
-            NotFlatError: If its rules are not known.
+            NotFlatError: If no node is known for the behaviour's class.
         """
         behaviour = part.behaviour
         if isinstance(behaviour, StubLeaf):
@@ -85,16 +85,16 @@ class LeafNodes:
                 script.is_remembered = True
                 memo = OutcomeMemo(self.board.cells, self.board.cells.place_of(script.entry.name))
                 return ConditionLeafNode(part, node, self.ran, memo)
-        return NotedNode(part, node, self.ran)
+        return RecordedLeafNode(part, node, self.ran)
 
 
-class NotedNode(ChoosingNode):
-    """A leaf of the language whose ticks are recorded.
+class RecordedLeafNode(ChoosingNode):
+    """A leaf of the tree language that records whether it was ticked.
 
     Args:
-        part: Its builder.
-        node: Ticks it.
-        ran: Receives its index.
+        part: The builder of the node.
+        node: The node that ticks the leaf.
+        ran: The set to which the index of a ticked leaf is added.
     """
 
     def __init__(self, part: NodeBuilder, node: TreeNode, ran: set[int]) -> None:
@@ -104,7 +104,7 @@ class NotedNode(ChoosingNode):
         self.heeds_end = node.heeds_end
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return the number of possible continuations."""
+        """Return the number of options of the leaf's next tick."""
         return self._node.branch_count(ticker)
 
     def begin(self, ticker: Ticker) -> int:
@@ -113,18 +113,18 @@ class NotedNode(ChoosingNode):
         return self._node.tick(ticker)
 
     def stop(self, ticker: Ticker) -> None:
-        """Stop the leaf."""
+        """Halt the leaf."""
         self._node.stop(ticker)
 
 
-class ConditionLeafNode(NotedNode):
-    """A condition on one entry, which is not evaluated again for the same content.
+class ConditionLeafNode(RecordedLeafNode):
+    """A condition that reads a single entry, with a cache of its results by the entry's content.
 
     Args:
-        part: Its builder.
-        node: Ticks it.
-        ran: Receives its index.
-        memo: The cache of its results.
+        part: The builder of the node.
+        node: The node that ticks the leaf.
+        ran: The set to which the index of a ticked leaf is added.
+        memo: The cache of the results.
     """
 
     def __init__(self, part: NodeBuilder, node: TreeNode, ran: set[int], memo: OutcomeMemo) -> None:
@@ -145,16 +145,16 @@ class ConditionLeafNode(NotedNode):
         return outcome
 
     def _tick(self) -> int:
-        assert self._ticker is not None  # noqa: S101 - it is the current ticker
+        assert self._ticker is not None  # noqa: S101 - set by `begin`
         return self._node.tick(self._ticker)
 
 
 class StubNode(ChoosingNode):
-    """A leaf that behaves like `StubLeaf` in `initialise`, `update` and `terminate`.
+    """A leaf that behaves like a `StubLeaf`, and tries every possible outcome in each tick.
 
     Args:
-        part: Its builder.
-        leaves: The shared context of the leaves.
+        part: The builder of the node.
+        leaves: The shared context of all leaves.
     """
 
     def __init__(self, part: NodeBuilder, leaves: LeafNodes) -> None:
@@ -167,9 +167,8 @@ class StubNode(ChoosingNode):
         numbers = leaves.numbers
         self._started = numbers[id(leaf), STARTED, id(None)]
         self._halted = numbers[id(leaf), HALTED, id(None)]
-        # The last status comes first: leaves declare their failures after their successes, and of runs of equal
-        # length those with failures are found first, which are shorter to read. The first outcome of a status is the
-        # usual one.
+        # The statuses are tried in reverse order. Leaves declare failures after successes, so that of runs of equal
+        # length the runs with failures are found first, which are easier to read.
         ranks = {
             status: rank for rank, status in enumerate(dict.fromkeys(each.status for each in leaf.outcomes))
         }
@@ -180,17 +179,17 @@ class StubNode(ChoosingNode):
         conditions = [outcome.when for outcome in leaf.outcomes if outcome.when]
         self._asked: Memo | None = leaves.board.memo(leaf.entries(conditions)) if conditions else None
         # Created once, because each access would create a new method object.
-        self._work: Callable[[], list[Reply]] = self._work_out
+        self._find_possible: Callable[[], list[Reply]] = self._possible_replies
 
     def branch_count(self, ticker: Ticker) -> int:  # noqa: ARG002
-        """Return the number of possible outcomes now; if it cannot be determined, the tick raises the reason."""
+        """Return the number of outcomes that are possible now; 1 if a condition fails, which the tick then raises."""
         try:
             return len(self._possible())
         except SarError:
             return 1
 
     def begin(self, ticker: Ticker) -> int:
-        """Start the leaf, unless it runs, and choose one of its outcomes."""
+        """Start the leaf unless it is running, choose one of its outcomes, and return the outcome's status."""
         cells, trail = ticker.cells, self._trail
         self._ran.add(self.index)
         if cells[self.status_cell] != RUNNING:
@@ -208,7 +207,7 @@ class StubNode(ChoosingNode):
         return outcome
 
     def stop(self, ticker: Ticker) -> None:
-        """Halt the leaf if it runs."""
+        """Halt the leaf if it is running."""
         if ticker.cells[self.status_cell] == RUNNING:
             self._trail.mark_ended(self._bit)
             self._trail.add_event(self._halted)
@@ -225,10 +224,10 @@ class StubNode(ChoosingNode):
         """Return the outcomes that are possible now."""
         if self._asked is None:
             return self._replies
-        possible: list[Reply] = self._asked.call(self._work)
+        possible: list[Reply] = self._asked.call(self._find_possible)
         return possible
 
-    def _work_out(self) -> list[Reply]:
+    def _possible_replies(self) -> list[Reply]:
         possible = self.behaviour.options()
         return [reply for reply in self._replies if any(reply.declared is each for each in possible)]
 
@@ -250,11 +249,11 @@ class ChosenTimes(Times):
         self._trail = trail
 
     def branch_count(self) -> int:
-        """Return 2: it may have expired, or not."""
+        """Return 2, because a timer may or may not have expired."""
         return 2
 
     def start(self, index: int, seconds: float) -> int:
-        """Start a timer; one without a duration expires immediately."""
+        """Start a timer, and return its token; a timer without a duration expires immediately."""
         self._trail.start(self._trail.bit(index))
         return _STARTED if seconds > 0 else _UP
 

@@ -19,9 +19,8 @@ from sar_compiler.runtime.kernel.entry_cells import Memo
 from sar_compiler.runtime.kernel.tree import FlatTree
 
 Judge = Callable[[int, int, bool | None], Judgement]
-"""Judges a state by the outcome of the last tick, the state of the properties, and whether every tick leaves it unchanged.
-
-The latter is None while it is unknown. It reads a fixed set of the blackboard's entries.
+"""Judges a state, given the outcome of the last tick, the state of the properties, and whether every tick leaves the
+state unchanged (None: unknown). The function reads a fixed set of the blackboard's entries.
 """
 
 
@@ -30,13 +29,13 @@ class TickSteps(Stepper):
 
     Args:
         flat: The tree.
-        ticker: Ticks it.
-        forgets: Whether states are equal that differ only in the last statuses of nodes, if these make no difference.
+        ticker: Ticks the tree.
         judge: Judges a state.
-        judged_by: The places of the entries that it reads.
+        judged_by: The places of the entries that *judge* reads.
+        forgets: Whether states forget the last statuses of nodes that make no difference between ticks.
 
     Attributes:
-        outcome: The outcome of the last complete tick; INVALID if it raised.
+        outcome: The outcome of the last complete tick; INVALID if it raised an error.
     """
 
     def __init__(
@@ -55,7 +54,7 @@ class TickSteps(Stepper):
         self._question: tuple[int, int, bool | None] = (0, 0, None)
         self._ask: Callable[[], Judgement] = self._judge_tick
         self._is_fresh = True
-        # The state whose ticks are played, and the values with which it is judged again.
+        # The state whose ticks are played, and the head of its code, with which it is judged again.
         self._entered, self._entered_head = b"", (0, 0)
         self._entries = ticker.entries.now
         self._first = self._write_state(0, 0)
@@ -64,11 +63,11 @@ class TickSteps(Stepper):
 
     @property
     def value_count(self) -> int:
-        """The count of numbered values: a state has the same meaning elsewhere as long as this does not grow."""
+        """The number of numbered values. As long as it does not grow, codes mean the same states in other processes."""
         return self._ticker.entries.known + self._code.value_count + self._ticker.trail.known
 
     def start(self) -> bytes:
-        """Return the state before the first tick."""
+        """Return the initial state."""
         return self._first
 
     def path(self) -> tuple[int, ...]:
@@ -76,13 +75,13 @@ class TickSteps(Stepper):
         return self._ticker.choices.path
 
     def enter(self, state: bytes, *, alone: bool = False, path: tuple[int, ...] = ()) -> None:
-        """Restore a state, to play its ticks.
+        """Restore a state in order to play its ticks.
 
         Args:
             state: The state.
-            alone: Whether to play all of its ticks, even if those of other states have reached the same intermediate
-                states.
-            path: The choices of the first tick; no other ticks are played then.
+            alone: Whether to play all ticks to their ends, even if ticks of other states have reached the same
+                intermediate states.
+            path: The choices of the first tick; if given, no other tick must be played.
         """
         self._entered_head = self.restore(state)
         self._entered, self._entries = state, self._ticker.entries.now[:]
@@ -91,10 +90,10 @@ class TickSteps(Stepper):
         self._is_fresh = True
 
     def step(self) -> int:
-        """Play the next step, and return its kind.
+        """Play the next step, and return the kind of step.
 
         Raises:
-            UndecidableError: If the steps of the tree cannot be known.
+            UndecidableError: If the ticks of the tree cannot be enumerated.
         """
         ticker = self._ticker
         while True:
@@ -126,7 +125,7 @@ class TickSteps(Stepper):
                 return A_NEW_MIDDLE if self._is_fresh else A_MIDDLE
 
     def save_state(self, outcome: int) -> None:
-        """Save the contents of the cells as the state after a tick."""
+        """Encode the current contents of the cells as the state after a tick."""
         ticker = self._ticker
         self.state = self._write_state(outcome, ticker.trail.watched)
         self.outcome, self.waits, self.broken = outcome, ticker.waits, ticker.trail.broken
@@ -136,7 +135,7 @@ class TickSteps(Stepper):
 
         Args:
             state: The state.
-            idle: Whether every tick leaves it unchanged; None if that is not known yet.
+            idle: Whether every tick leaves the state unchanged; None if that is not known yet.
         """
         if state is self.state:
             outcome, watched = self.outcome, self._ticker.trail.watched
@@ -158,7 +157,7 @@ class TickSteps(Stepper):
         return self._judge(outcome, watched, idle)
 
     def restore(self, state: bytes) -> tuple[int, int]:
-        """Restore the tree in a state; return the outcome of the last tick, and the state of the properties."""
+        """Restore a state of the tree; return the outcome of the last tick, and the state of the properties."""
         ticker = self._ticker
         ticker.entries.clear()
         ticker.cells = self._code.read(state, ticker.values, ticker.entries.now)

@@ -1,4 +1,4 @@
-"""The events of a tick, as numbers, and the leaves and timers that are still waited for."""
+"""The events of a tick, as numbers, and the leaves and timers for which a run waits."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,18 +9,18 @@ from mypy_extensions import u8
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 
 Waits = tuple[int, int, int]
-"""The effect of a part of a tick on the waits: `Trail.going_on`, `changed` and `settled` at its end."""
+"""The effect of a part of a tick on the waits: `Trail.going_on`, `changed` and `settled` at the end of the part."""
 
 
 @dataclass(frozen=True)
 class Guarded:
-    """An event that matters only while a condition holds: a second event then accompanies it.
+    """A second event that accompanies a leaf event while a condition holds.
 
     Attributes:
         number: The number of the second event.
         holds: Returns whether the condition holds now.
-        comes_first: Whether the second event precedes the other one, instead of following it. That matters if the
-            other one limits the same property.
+        comes_first: Whether the second event precedes the leaf event, instead of following it. The order matters if the
+            leaf event limits the same property.
     """
 
     number: int
@@ -32,20 +32,20 @@ class Trail:
     """The events of one tick, and their effects on the properties.
 
     Args:
-        guarded: The possible companions of an event, by the event's number.
-        heard: The events that affect a property.
-        after: Returns the state of the properties after an event, given the state before it, and the properties that
-            it violates, as bits.
+        guarded: The second events that may accompany a leaf event, by the leaf event's number.
+        heard: The numbers of the events that affect a property.
+        after: Given the state of the properties and an event, returns the state after the event, and the properties
+            that the event violates, as bits.
         entries: The contents of the blackboard's entries.
 
     Attributes:
-        numbers: The events, in order.
-        keeps: Whether to keep the events with the contents of the entries before each; a search does not need them.
+        numbers: The numbers of the events, in order.
+        keeps: Whether to keep the events and the contents of entries before each event; a search does not need them.
         pasts: The contents of the entries before each event.
-        known: The number of leaves and timers with a bit.
+        known: The number of leaves and timers that have a bit.
         going_on: The leaves that continue to run, and the timers that have not expired, as bits.
         changed: The running leaves and timers that have started in this tick, as bits.
-        settled: Those whose earlier record in the tick makes no difference any more, as bits.
+        settled: The leaves and timers whose earlier record in the tick no longer makes a difference, as bits.
         watched: The state of the properties.
         broken: The violated properties, as bits.
     """
@@ -73,7 +73,7 @@ class Trail:
         self.going_on = self.changed = self.settled = self.watched = self.broken = 0
 
     def bit(self, index: int) -> int:
-        """Return the bit of the leaf or timer of a node, by the node's index."""
+        """Return the bit of the leaf or timer of a node, given the node's index."""
         bits = self._bits
         while len(bits) <= index:
             bits.append(0)
@@ -83,18 +83,18 @@ class Trail:
         return bits[index]
 
     def begin(self, watched: int) -> None:
-        """Start a tick, with the state of the properties."""
+        """Start a tick, given the state of the properties."""
         self.rewind(0)
         self.begin_part()
         self.broken = 0
         self.watched = watched
 
     def begin_part(self) -> None:
-        """Start a part of a tick: what follows is recorded separately from the previous part."""
+        """Start a part of a tick, whose waits are recorded separately from the previous part."""
         self.going_on = self.changed = self.settled = 0
 
     def rewind(self, happened: int) -> None:
-        """Forget all events except the given number of first ones."""
+        """Forget all events except the first *happened* ones."""
         if self.keeps:
             del self.numbers[happened:]
             del self.pasts[happened:]
@@ -107,8 +107,8 @@ class Trail:
     def start(self, bit: int) -> None:
         """Record that a leaf or timer starts.
 
-        One that was halted and restarted in the same tick is not waited for although it runs before and after: it is
-        another activation, with its whole time still to come. See `liveness` for the consequences.
+        A run does not wait for a leaf that was halted and restarted in the same tick, although it runs before and after
+        the tick: this is another activation, with its whole running time still to come. See `liveness`.
         """
         self.going_on &= ~bit
         self.changed |= bit
@@ -122,14 +122,15 @@ class Trail:
     def mark_ended(self, bit: int) -> None:
         """Record that a leaf ends or is halted, or a timer expires.
 
-        Its earlier record in this tick makes no difference any more, so that ticks merge that differ only in it.
+        The earlier record of the leaf or timer in this tick no longer makes a difference, so ticks that differ only in
+        this record merge.
         """
         self.going_on &= ~bit
         self.changed &= ~bit
         self.settled |= bit
 
     def add_event(self, number: int) -> None:
-        """Process an event and its companions."""
+        """Process an event and the second events that accompany it."""
         if number >= self._count or not self._heard[number]:
             if self.keeps:
                 self._store_event(number)
