@@ -38,11 +38,6 @@ class StateCode:
         self._room = vec[u8]()
         self._last: i64 = 0
 
-    @property
-    def value_count(self) -> int:
-        """The number of cell values that have a number."""
-        return len(self._numbered)
-
     def write(
         self, outcome: int, watched: int, cells: vec[i32], values: list[Any], entries: vec[i32]
     ) -> bytes:

@@ -61,11 +61,6 @@ class TickSteps(Stepper):
         self.state = self._first
         self.outcome = 0
 
-    @property
-    def value_count(self) -> int:
-        """The number of numbered values. As long as it does not grow, codes mean the same states in other processes."""
-        return self._ticker.entries.known + self._code.value_count + self._ticker.trail.known
-
     def start(self) -> bytes:
         """Return the initial state."""
         return self._first
