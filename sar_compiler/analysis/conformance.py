@@ -228,7 +228,7 @@ class _ReplayedRun:
         if known is None:
             known = self.runs.stepper.judgement(state)
             if known.is_open:
-                idle = all(way.state == state for way in self.runs.possible_ticks(state))
+                idle = all(option.state == state for option in self.runs.possible_ticks(state))
                 known = self.runs.stepper.judgement(state, idle=idle)
             self._judged[state] = known
         return known
@@ -268,9 +268,9 @@ class _ReplayedRun:
             lost.is_last
             and (len(lost.events) > 1 or bool(recorded))
             and any(
-                way.common(outcomes, lost.told)[0] == len(outcomes) and halted <= ran | way.running
+                option.common(outcomes, lost.observed)[0] == len(outcomes) and halted <= ran | option.running
                 for state in lost.states
-                for way in self.runs.beginnings(state, outcomes, lost.told)
+                for option in self.runs.beginnings(state, outcomes, lost.observed)
             )
         )
 
@@ -278,9 +278,9 @@ class _ReplayedRun:
         """Return the first impossible event of an impossible tick."""
         outcomes = self._recorded_outcomes(lost)
         tried = [
-            _Attempt(state, way, *way.common(outcomes, lost.told))
+            _Attempt(state, option, *option.common(outcomes, lost.observed))
             for state in lost.states
-            for way in self.runs.ticks_like(state, outcomes, lost.told)
+            for option in self.runs.ticks_like(state, outcomes, lost.observed)
         ]
         most = max((each.common for each in tried), default=0)
         best = [each for each in tried if each.common == most]
@@ -301,7 +301,7 @@ class _ReplayedRun:
         own = [
             (each, place)
             for each in best
-            for place, outcome in enumerate(each.way.outcomes[: each.place + 1])
+            for place, outcome in enumerate(each.option.outcomes[: each.place + 1])
             if outcome.number == event.number and (place == each.place or not is_again)
         ]
         if not own:
@@ -312,8 +312,8 @@ class _ReplayedRun:
                 "no possible run ticks this leaf at this point",
             )
         attempt, place = own[0]
-        self.runs.restore_before(attempt.state, attempt.way, place)
-        possible = [event_text(each.way.outcomes[place]) for each, place in own]
+        self.runs.restore_before(attempt.state, attempt.option, place)
+        possible = [event_text(each.option.outcomes[place]) for each, place in own]
         return (
             event.number,
             event_text(event),
@@ -324,17 +324,17 @@ class _ReplayedRun:
     def _missing_outcome(self, lost: LostTick, best: "Sequence[_Attempt]") -> tuple[int, str, list[str], str]:
         """Describe an event that is missing in the record, like `_wrong_outcome`."""
         end, root = lost.events[-1], self.runs.names[0]
-        fitting = [each.way for each in best if each.is_whole and each.way.root == end.status]
+        fitting = [each.option for each in best if each.is_whole and each.option.root == end.status]
         going_on = [each for each in best if not each.is_whole]
         if going_on and not fitting:
-            state, way, _, place = going_on[0]
-            missing, told = way.outcomes[place], lost.told
-            number, was = missing.number, told.statuses.get(missing.number, "")
+            state, option, _, place = going_on[0]
+            missing, observed = option.outcomes[place], lost.observed
+            number, was = missing.number, observed.statuses.get(missing.number, "")
             possible = [each.next for each in going_on]
             if not was:
                 return number, f"no outcome of {missing.leaf}", possible, ""
-            again = missing._replace(status=was, label=told.labels.get(number) or "")
-            self.runs.restore_before(state, way, place)
+            again = missing._replace(status=was, label=observed.labels.get(number) or "")
+            self.runs.restore_before(state, option, place)
             return (
                 number,
                 f"{missing.leaf} still {again.outcome}",
@@ -344,7 +344,7 @@ class _ReplayedRun:
         if not fitting:
             return 0, f"{root} {end.status or 'did not end its tick'}", [each.next for each in best], ""
         stopped = {event.number for event in lost.events if event.what == HALTED} & self._leaves.keys()
-        differing = min((stopped ^ way.halted for way in fitting), key=len)
+        differing = min((stopped ^ option.halted for option in fitting), key=len)
         if not differing:
             return self._wrong_status(lost, fitting)
         number = min(differing)
@@ -357,10 +357,12 @@ class _ReplayedRun:
     ) -> tuple[int, str, list[str], str]:
         """Describe the impossible status of a node in a tick whose outcomes are possible."""
         recorded = lost.events[-1].statuses
-        wrong = [(each, way) for way in fitting if (each := way.other_status(recorded)) is not None]
+        wrong = [(each, option) for option in fitting if (each := option.other_status(recorded)) is not None]
         (number, status), _ = wrong[0]
         name = self.runs.names[number]
-        possible = [f"{name} {way.statuses[number] or 'idle'}" for (node, _), way in wrong if node == number]
+        possible = [
+            f"{name} {option.statuses[number] or 'idle'}" for (node, _), option in wrong if node == number
+        ]
         return number, f"{name} {status}", possible, ""
 
 
@@ -368,21 +370,21 @@ class _Attempt(NamedTuple):
     """The state before a possible tick, the tick, and the result of `PossibleTick.common` with a recorded tick."""
 
     state: bytes
-    way: PossibleTick
+    option: PossibleTick
     common: int
     place: int
 
     @property
     def is_whole(self) -> bool:
         """Whether all outcomes of the possible tick were recorded."""
-        return self.place == len(self.way.outcomes)
+        return self.place == len(self.option.outcomes)
 
     @property
     def next(self) -> str:
         """The next event of the possible tick after the common part."""
         if self.is_whole:
-            return f"the tick ends with {self.way.root}"
-        return event_text(self.way.outcomes[self.place])
+            return f"the tick ends with {self.option.root}"
+        return event_text(self.option.outcomes[self.place])
 
 
 def event_text(event: Event) -> str:
@@ -441,15 +443,15 @@ class _PropertyEvaluation:
         some: dict[bytes, int] = {}
         each: dict[bytes, int] = {}
         events: dict[int, Event] = {}
-        for state, way in moment.ways:
-            judgement = self._compared_run.judgement(way.state)
+        for state, option in moment.matches:
+            judgement = self._compared_run.judgement(option.state)
             self._has_ended |= judgement.ends
             broken = judgement.broken
-            for rule, event in way.broken:
+            for rule, event in option.broken:
                 events.setdefault(rule, event)
                 broken |= 1 << rule
-            some[way.state] = some.get(way.state, 0) | self._some[state] | broken
-            each[way.state] = each.get(way.state, -1) & (self._each[state] | broken)
+            some[option.state] = some.get(option.state, 0) | self._some[state] | broken
+            each[option.state] = each.get(option.state, -1) & (self._each[state] | broken)
         self._last = moment
         self._record_violations(some, each, events)
 

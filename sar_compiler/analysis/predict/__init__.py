@@ -1,7 +1,7 @@
 """Prediction of a tree's runs: probabilities, times and influential leaves.
 
 The tree's states are searched as for a proof, with the known probabilities and times of leaves
-(`state_search.probabilities`). The result is a system of linear equations (`weighed_graph`).
+(`state_search.probabilities`). The graph of states gives a system of linear equations (`weighed_graph`).
 """
 
 import math
@@ -50,11 +50,11 @@ class Influence:
     """The influence of a leaf on success.
 
     Attributes:
-        leaf: Its path.
+        leaf: The path of the leaf.
         derivative: The increase of the success probability per increase of the probability of the leaf's first
-            outcome with SUCCESS, if its other outcomes keep their proportions: 0.3 means 0.3 percentage points per
-            point.
-        if_never_failed: The success probability if the leaf always had that outcome.
+            outcome with SUCCESS, if the other outcomes keep their proportions. 0.3 means 0.3 percentage points per
+            percentage point.
+        if_never_failed: The success probability if the leaf always had this outcome.
     """
 
     leaf: tuple[str, ...]
@@ -69,25 +69,24 @@ class Prediction:
     Attributes:
         success: The probability that a run ends with the root SUCCESS.
         ends: The probability that a run ends.
-        properties: The probability that each property holds, by its name.
-        time_sec: The expected time of the runs that end, seconds; None if that is not known, or none ends. If
-            probabilities are unknown, the times for which success is least and most probable.
-        success_sec: The same for the runs that succeed.
-        distribution: The times at which runs end, seconds, with the probabilities that a run has succeeded and that
-            it has ended by then; empty if the computation would be too large. Here, and for the influences, unknown
-            probabilities are set to the middle of their bounds.
+        properties: The probability that each property holds, by property name.
+        time_sec: The expected duration of the runs that end, in seconds; None if it is unknown, or no run ends. If
+            probabilities are unknown, the bounds are the durations for which success is least and most probable.
+        success_sec: The expected duration of the runs that succeed, like `time_sec`.
+        distribution: The times at which runs end, in seconds, each with the probabilities that a run has succeeded and
+            that it has ended by this time; empty if the computation would be too large. In the distribution and in
+            `influences`, unknown probabilities are set to the middle of their bounds.
         influences: The influential leaves, most influential first.
         unknown: The paths of the leaves without any known probability.
-        states: The number of states found.
-        steps: The number of steps between them.
-        complete: Whether all states were explored; the behaviour after the others is unknown.
-        stopped: Whether it was stopped before that, or before all numbers were computed: missing numbers have the
-            bounds 0 and 1.
-        left_out: The properties that do not apply to this tree.
-        undecided: The reasons why some runs were not explored, or some conditions not evaluated: they need unknown
-            values. The bounds of probabilities hold for all these values; times, the distribution and the
-            influences are not computed.
-        merged: The keys and facts with merged values, because no run can distinguish them.
+        states: The number of states that were found.
+        steps: The number of steps between the states.
+        complete: Whether all states were explored; the behaviour after unexplored states is unknown.
+        stopped: Whether the search or the computation was stopped; numbers that were not computed have the bounds 0
+            and 1.
+        left_out: The properties that do not apply to the tree.
+        undecided: The reasons why runs were not explored, or conditions were not evaluated: they need unknown values.
+            The bounds of probabilities hold for all unknown values. Times, distribution and influences are missing.
+        merged: The keys and facts whose values were merged, because no run can distinguish them.
     """
 
     success: ProbabilityBounds
@@ -107,7 +106,7 @@ class Prediction:
     merged: tuple[MergedValues, ...] = ()
 
     def quantile(self, share: float) -> float | None:
-        """Return the time by which a share of the ending runs has ended, seconds; None if unknown."""
+        """Return the time in seconds by which a share of the ending runs has ended; None if unknown."""
         whole = self.distribution[-1][2] if self.distribution else 0.0
         return next((sec for sec, _, ended in self.distribution if ended >= share * whole - _ROUNDING), None)
 
@@ -126,15 +125,15 @@ def predict(
 
     Args:
         simulated: The tree with stub leaves; not usable afterwards.
-        file: The properties, and the probabilities of outcomes; None for none.
-        tags: The tags of leaves that a tree can have.
-        period_sec: The time between two ticks, seconds.
-        max_states: The maximum number of states to find; the behaviour after the others is unknown.
-        budget: Receives the progress, and ends the search. The result so far is published in it.
+        file: The properties file; None for no properties.
+        tags: The tags of all leaves that a tree may contain.
+        period_sec: The time between two ticks, in seconds.
+        max_states: The maximum number of states to find; the behaviour after unexplored states is unknown.
+        budget: Receives the progress and intermediate results, and can end the search.
         merges: Whether to merge values that no run can distinguish (`verify.slicing`).
 
     Raises:
-        TreeError: If the file contradicts the tree; carries the findings.
+        TreeError: If the properties file contradicts the tree; contains the findings.
         UndecidableError: If the tree's runs cannot be searched, or a tick raises an error for another reason than an
             unknown value.
     """
@@ -153,15 +152,15 @@ def predict(
     found, reasons = search_decidable(properties, search)
     if AN_END in reasons:
         found = replace(found, success=_ANYTHING, ends=_ANYTHING)
-    kept = {name: found.properties.get(name, _ANYTHING) for name in properties.names}
+    bounds = {name: found.properties.get(name, _ANYTHING) for name in properties.names}
     undecided = tuple(dict.fromkeys((*found.undecided, *reasons.values())))
-    return replace(found, properties=kept, undecided=undecided)
+    return replace(found, properties=bounds, undecided=undecided)
 
 
 def _predict_searched(
     properties: Properties, *, prepared: PreparedTree, period_sec: float, max_states: int, budget: Budget
 ) -> Prediction:
-    """Predict the results of a tree's runs; raises `ConditionError` as well."""
+    """Predict the results of a tree's runs; raise a `ConditionError` if a condition cannot be evaluated."""
     simulated, probabilities = prepared.simulated, ChoiceTable(CountedTimes(period_sec))
     stepper = TreeStepper(prepared, _breach_automata(properties.rules), probabilities=probabilities)
     nothing = _unknown_prediction(properties)
@@ -189,40 +188,40 @@ def _predict_searched(
 
 
 def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
-    """Require that every time takes few ticks, because each count of ticks is a separate state.
+    """Require that no time takes too many ticks, because each number of remaining ticks is a separate state.
 
     Raises:
-        UndecidableError: If a time takes too many.
+        UndecidableError: If a time takes too many ticks.
     """
     for name, seconds in _times(simulated):
         if seconds / period_sec > _MOST_TICKS:
             period = _round_up(seconds / _MOST_TICKS)
             raise UndecidableError(
                 f"'{name}' takes {seconds:g} s, which is {seconds / period_sec:.3g} ticks. At most {_MOST_TICKS:,} are supported. "
-                f"Write a longer tick period: --period {period}"
+                f"Use a longer tick period: --period {period}"
             )
 
 
 def _require_no_error(graph: Graph, simulated: SimulatedTree) -> None:
-    """Require that no tick raises an error, because the behaviour after it is unknown.
+    """Require that no tick raises an error, because the behaviour after an error is unknown.
 
     Raises:
-        UndecidableError: If one does.
+        UndecidableError: If a tick raises an error.
     """
     if graph.error is not None and graph.error.error is not None:
         raise UndecidableError(
-            f"a tick raises an error: {simulated.explain(graph.error.error)} (`sar-compile verify` shows the run)"
+            f"a tick raises an error: {simulated.explain(graph.error.error)} (show the run with: sar-compile verify)"
         )
 
 
 def _round_up(seconds: float) -> str:
-    """Return a number of seconds, rounded up to two digits, as the value of an option."""
+    """Return a number of seconds, rounded up to two significant digits, as the value of an option."""
     digits = 1 - math.floor(math.log10(seconds))
     return f"{math.ceil(seconds * 10.0**digits) / 10.0**digits:g}"
 
 
 def _times(simulated: SimulatedTree) -> Iterator[tuple[str, float]]:
-    """Yield the nodes with a constant time limit, and the limit in seconds."""
+    """Yield the names of nodes with a constant duration or time limit, each with the seconds."""
     for behaviour in simulated.root.iterate():
         if isinstance(behaviour, StubLeaf):
             yield from ((behaviour.name, outcome.sec[1]) for outcome in behaviour.outcomes)
@@ -253,7 +252,7 @@ def _unknown_prediction(properties: Properties) -> Prediction:
 
 
 class _ViolationMonitors(MonitorSet):
-    """Monitors that remember their violations as bits of their state.
+    """Monitors that store their violations as further bits of their state.
 
     Args:
         monitors: The wrapped monitors.
@@ -278,7 +277,7 @@ class _ViolationMonitors(MonitorSet):
         return (after & ~(broken | now)) | (broken | now) << self.count, 0
 
     def parts(self, state: int) -> tuple[int, int]:
-        """Return the state of the wrapped monitors, and the violated ones."""
+        """Return the state of the wrapped monitors, and the violated properties, as bits."""
         return state & (1 << self.count) - 1, state >> self.count
 
     def pending_monitors(self, state: int) -> int:
@@ -292,7 +291,7 @@ def _breach_automata(rules: PropertyAutomata) -> PropertyAutomata:
 
 
 class _PredictionSolver:
-    """Computes the prediction from the states that were found."""
+    """Computes a prediction from the graph of states."""
 
     def __init__(
         self,
@@ -314,22 +313,22 @@ class _PredictionSolver:
             self._classify_state(int(state))
 
     def _classify_state(self, state: int) -> None:
-        """Determine which properties a state violates, and whether a run has succeeded in it."""
+        """Determine which properties were violated on the way to a state, and whether a run has succeeded in it."""
         steps, code = self._stepper.steps, self._graph.states[state]
         outcome, watched = steps.restore(code)
         broken = watched >> self._properties.rules.monitors.count
         if self._ends[state]:
             self._succeeded[state] = outcome == SUCCESS
-            broken |= _judge(steps, code).broken
+            broken |= _end_judgement(steps, code).broken
         for rule in range(self._properties.rules.count):
             self._broken[state, rule] = broken >> rule & 1
 
     def prediction(self, found: Prediction, budget: Budget) -> Prediction:
-        """Return the prediction.
+        """Compute all numbers of the prediction.
 
         Args:
-            found: The initial result, in which each number may be anything.
-            budget: The results so far are published in it.
+            found: The initial prediction, in which all numbers are unknown.
+            budget: Receives intermediate results.
         """
         weighed, unknown = self._weighed, self._open
         parts: list[tuple[str, Callable[[], Any]]] = [
@@ -360,7 +359,7 @@ class _PredictionSolver:
         return tuple((self._seconds(each.tick), each.succeeded, each.ended) for each in moments or ())
 
     def _property_bounds(self, rule: int) -> ProbabilityBounds:
-        """Return the probability that a property holds; obligations must be met before a run ends."""
+        """Return the bounds of the probability that a property holds; obligations must be met before a run ends."""
         broken, unknown = self._broken[:, rule], self._open
         if rule in self._properties.owing:
             return self._weighed.bounds(self._ends & ~broken, unknown)
@@ -372,7 +371,7 @@ class _PredictionSolver:
         return None if ticks is None else ProbabilityBounds(*map(self._seconds, ticks))
 
     def _seconds(self, ticks: float) -> float:
-        """Return the time of a tick, seconds from the first one."""
+        """Convert the number of a tick to seconds since the first tick."""
         return (ticks - 1) * self._period_sec
 
     def _influences(self) -> tuple[Influence, ...]:
@@ -397,8 +396,8 @@ class _PredictionSolver:
         return tuple(leaf.path for leaf in self._stepper.leaves if leaf.number in open_)
 
 
-def _judge(steps: TickSteps, code: bytes) -> Judgement:
-    """Return the judgement of a state in which a run ends or idles."""
+def _end_judgement(steps: TickSteps, code: bytes) -> Judgement:
+    """Return the judgement of a state in which a run ends, if necessary because the tree idles."""
     judgement = steps.judge(code, None)
     if not judgement.ends:
         return steps.judge(code, idle=True)

@@ -1,17 +1,17 @@
-"""The graph of a tree's runs with the probability of each step, and quantities computed from it.
+"""The graph of a tree's runs with the probability of each step, and the quantities computed from the graph.
 
-A *place* is a state, or an intermediate state of ticks (`state_search.forking`) in which one leaf has several
-outcomes. If all probabilities are known, the places are a Markov chain. The probability of reaching some states from
-each of them is then the solution of x = A x + b, after removing the places without a path to these states (otherwise
-A has the eigenvalue 1, and the solution is not unique).
+A *place* is a state, or an intermediate state of ticks (`state_search.forking`) in which a leaf has several outcomes.
+If all probabilities are known, the places form a Markov chain. The probabilities of reaching a set of states from each
+place are then the solution of x = A x + b, after the places without a path to these states were removed. Otherwise A
+would have the eigenvalue 1, and the solution would not be unique.
 
-If probabilities are known as intervals, or not at all, the bounds are those over all possible choices of the
-probabilities at each place and each time: a Markov decision process. They are found by improving a choice of the
-probabilities until there is no better one (policy iteration). Two details make that correct. For the largest
-probability, the first choice gives every possible outcome a positive probability, so that every place with a path to
-the goal reaches it. For the least one, the places are removed from which the goal can be avoided forever. The least
-probability there is 0, but the equations alone would not find it, since they hold for every value on a loop that a
-run need not leave.
+If probabilities are only known within bounds, or unknown, the places form a Markov decision process, in which the
+probabilities can be chosen at each place and each time. The bounds of a result are its extremes over all choices. They
+are found by improving a choice of probabilities until there is no better choice (policy iteration). Two details make
+this correct. For the maximum probability, the first choice gives every possible outcome a positive probability, so that
+every place with a path to the goal reaches the goal. For the minimum probability, the places from which the goal can be
+avoided forever are removed. Their minimum probability is 0, but the equations alone would not find it, since they hold
+for every value on a loop that a run need not leave.
 """
 
 from collections import deque
@@ -32,25 +32,25 @@ from sar_compiler.runtime.outcomes import middle
 Flags: TypeAlias = npt.NDArray[Any]
 Indices: TypeAlias = npt.NDArray[Any]
 Reals: TypeAlias = npt.NDArray[Any]
-"""Arrays of bool, int64 and float64 with one number for each place, or for each step."""
+"""Arrays of bool, int64 and float64 with a number for each place or for each step."""
 
 _MOST_ROUNDS = 100
-# The number of rounds that are faster than one pass in Python.
+# The number of rounds of `_improve` that are faster than a pass in Python.
 _FEW_ROUNDS = 5
 _ROUNDING = 1e-9
-# The remaining probability below which a run's time is not computed, and the limit of computed steps: a second or
-# two.
+# The distribution of end times is computed until the remaining probability is below this value, and the number of
+# computed steps is limited to about two seconds.
 _REST = 1e-6
 _MOST_CARRIED = 20_000_000
 _STEPS_OF_A_ROUND = 400
 
 
 class ProbabilityBounds(NamedTuple):
-    """A number that is known by its bounds.
+    """The bounds of a number.
 
     Attributes:
-        low: Its lower bound.
-        high: Its upper bound.
+        low: The lower bound.
+        high: The upper bound.
     """
 
     low: float
@@ -61,9 +61,9 @@ class EndTick(NamedTuple):
     """A tick in which runs can end.
 
     Attributes:
-        tick: Its number, from 0.
-        succeeded: The probability that a run has succeeded by then.
-        ended: The probability that it has ended.
+        tick: The number of the tick, from 0.
+        succeeded: The probability that a run has succeeded by this tick.
+        ended: The probability that a run has ended by this tick.
     """
 
     tick: int
@@ -72,13 +72,13 @@ class EndTick(NamedTuple):
 
 
 class ProbabilityGraph:
-    """The result of a search with the probability of each step.
+    """The graph of a search, with the probability of each step.
 
-    Ticks that need an unknown value have the remaining probability of an outcome.
+    Ticks that need an unknown value have the remaining probability of their outcome.
 
     Args:
-        graph: The states and steps; `going_on` of a step's label contains the number of a weight.
-        chances: The weights.
+        graph: The states and steps; `going_on` of a step's waits contains the number of a weight.
+        probabilities: The choices and weights.
     """
 
     def __init__(self, graph: Graph, probabilities: ChoiceTable) -> None:
@@ -89,11 +89,11 @@ class ProbabilityGraph:
         labels = np.array([waits[0] for waits in graph.waits] or [0])[steps[2]]
         weights = np.array(probabilities.weights)[np.maximum(labels, 0)]
         outcomes, shares = weights[:, 1].astype(np.int64), weights[:, 2]
-        # The last choice is that of a place without a choice.
-        self._low, self._high, self._middle = _tables([choice.bounds for choice in self._choices])
+        # The last row is for places without a choice.
+        self._low, self._high, self._middle = _probability_tables([choice.bounds for choice in self._choices])
         self._choice_at = np.full(self._count, -1)
         self._choice_at[steps[0]] = weights[:, 0]
-        source, outcome, share = self._not_followed(graph, steps[0], outcomes, shares)
+        source, outcome, share = self._unknown_steps(graph, steps[0], outcomes, shares)
         order = np.argsort(np.concatenate([steps[0], source]), kind="stable")
         self._source = np.concatenate([steps[0], source])[order]
         self._target = np.concatenate([steps[1], np.full(len(source), self._count - 1)])[order]
@@ -107,10 +107,10 @@ class ProbabilityGraph:
         wide = self._low < self._high
         self._varying = np.flatnonzero(np.any(wide[self._choice_at], axis=1))
 
-    def _not_followed(
+    def _unknown_steps(
         self, graph: Graph, source: Indices, outcomes: Indices, shares: Reals
     ) -> tuple[Indices, Indices, Reals]:
-        """Return the places and outcomes whose next ticks need an unknown value, with the share of these ticks."""
+        """Return the places and outcomes after which ticks need an unknown value, with the share of these ticks."""
         width = self._low.shape[1]
         followed = np.bincount(source * width + outcomes, shares, self._count * width).reshape(-1, width)
         missing = (self._high[self._choice_at] > 0.0) * (1.0 - followed)
@@ -121,11 +121,11 @@ class ProbabilityGraph:
         return places, found, missing[places, found]
 
     def bounds(self, goal: Flags, unknown: Flags) -> ProbabilityBounds:
-        """Return the bounds of the probability of reaching some states.
+        """Return the bounds of the probability of reaching a set of states.
 
         Args:
-            goal: Which states these are.
-            unknown: The states with unknown behaviour after them.
+            goal: For each state, whether it is in the set.
+            unknown: For each state, whether the behaviour after it is unknown.
         """
         possible = self._place_flags(goal | unknown)
         possible[-1] = True
@@ -133,47 +133,46 @@ class ProbabilityGraph:
         return ProbabilityBounds(float(least[0]), float(most[0]))
 
     def _place_flags(self, states: Flags) -> Flags:
-        """Return flags of places for flags of states."""
+        """Extend flags of states to flags of places, which are False for all other places."""
         return np.concatenate([states, np.zeros(self._count - self._states, bool)])
 
     def _optimum(self, goal: Flags, sign: int) -> tuple[Reals, Reals]:
-        """Return the largest probability of reaching a goal from each place, and the probabilities that lead to it.
+        """Return the optimal probabilities of reaching a goal from each place, and the choice of outcome probabilities.
 
-        If *sign* is negative, return the least one.
+        The optimum is the maximum if *sign* is positive, and the minimum if it is negative.
 
         Raises:
-            UndecidableError: If it is not found. Intermediate results are not always bounds.
+            UndecidableError: If the iteration does not converge. Intermediate results are not always bounds.
         """
         probabilities = self._interior_probabilities()
-        left_out = (
+        excluded = (
             self._avoiding_places(goal) if sign < 0 and len(self._varying) else np.zeros(self._count, bool)
         )
-        values = self._reach(goal, probabilities, left_out)
+        values = self._reach(goal, probabilities, excluded)
         for turn in range(_MOST_ROUNDS):
             better = self._improve(values, probabilities, sign) if len(self._varying) else None
             if better is None:
                 return values, probabilities
             probabilities = (
-                better if turn != _FEW_ROUNDS else self._initial_policy(goal | left_out, values, sign)
+                better if turn != _FEW_ROUNDS else self._initial_policy(goal | excluded, values, sign)
             )
-            values = self._reach(goal, probabilities, left_out)
+            values = self._reach(goal, probabilities, excluded)
         raise UndecidableError(f"the bounds of a probability did not converge in {_MOST_ROUNDS} rounds")
 
     def _interior_probabilities(self) -> Reals:
-        """Return probabilities of the outcomes at each place that are within their bounds, and positive if possible."""
+        """Return outcome probabilities for each place in the middle of their bounds, positive if possible."""
         probabilities: Reals = self._middle[self._choice_at]
         return probabilities
 
     def _initial_policy(self, given: Flags, values: Reals, sign: int) -> Reals:
-        """Return probabilities that are optimal without loops, found in one pass from the last places to the first ones.
+        """Return probabilities that are optimal for a graph without loops, found in one pass from the last places on.
 
-        With loops they are only a good start. Changing one choice at a time, `_improve` would take as many rounds as
-        the longest path.
+        For a graph with loops they are a good start. `_improve` alone would need as many rounds as the longest path.
 
         Args:
-            given: The places whose values are known.
-            values: The values of the others with probabilities within their bounds.
-            sign: Whether the largest or the least value is the best one.
+            given: For each place, whether its value is known.
+            values: The values of the places, for probabilities within their bounds.
+            sign: Positive to maximise the values, negative to minimise them.
         """
         count, width = len(values), self._low.shape[1]
         matrix = sparse.csr_matrix(
@@ -184,7 +183,7 @@ class ProbabilityGraph:
         first = np.searchsorted(self._source, np.arange(count + 1)).tolist()
         target, outcome, share = (each.tolist() for each in (self._target, self._outcome, self._share))
         known, varies = values.tolist(), np.isin(np.arange(count), self._varying).tolist()
-        # The parts are numbered from the last ones on.
+        # The components are numbered in reverse topological order.
         order = np.argsort(parts, kind="stable")
         for place in order[~given[order]].tolist():
             worth = [0.0] * width
@@ -198,7 +197,7 @@ class ProbabilityGraph:
         return probabilities
 
     def _improve(self, values: Reals, probabilities: Reals, sign: int) -> Reals | None:
-        """Return better probabilities for the places with a choice; None if there are none."""
+        """Return better probabilities for the places with variable probabilities; None if no place can be improved."""
         places = self._varying
         worth = self._outcome_values(values)[places]
         low, high = self._low[self._choice_at[places]], self._high[self._choice_at[places]]
@@ -216,22 +215,22 @@ class ProbabilityGraph:
         return found
 
     def _outcome_values(self, values: Reals) -> Reals:
-        """Return the value of each outcome at each place."""
+        """Return the expected value after each outcome at each place."""
         width = self._low.shape[1]
         worth = np.bincount(
             self._source * width + self._outcome, self._share * values[self._target], self._count * width
         )
         return worth.reshape(-1, width)
 
-    def _reach(self, goal: Flags, probabilities: Reals, left_out: Flags) -> Reals:
+    def _reach(self, goal: Flags, probabilities: Reals, excluded: Flags) -> Reals:
         """Return the probability of reaching a goal from each place."""
-        return self._equations(goal, probabilities, left_out).reach(goal)
+        return self._equations(goal, probabilities, excluded).reach(goal)
 
-    def _equations(self, goal: Flags, probabilities: Reals, left_out: Flags) -> "_Equations":
+    def _equations(self, goal: Flags, probabilities: Reals, excluded: Flags) -> "_Equations":
         likely = self._share * probabilities[self._source, self._outcome]
-        likely[goal[self._source] | left_out[self._source]] = 0.0
-        there = self._predecessors(goal, likely > 0.0) & ~goal
-        return _Equations(self._source, self._target, likely, there)
+        likely[goal[self._source] | excluded[self._source]] = 0.0
+        reaching = self._predecessors(goal, likely > 0.0) & ~goal
+        return _Equations(self._source, self._target, likely, reaching)
 
     def _predecessors(self, goal: Flags, used: Flags) -> Flags:
         """Return the places with a path to a goal."""
@@ -252,7 +251,7 @@ class ProbabilityGraph:
         order = np.argsort(self._target, kind="stable")
         ends = np.cumsum(np.bincount(self._target, minlength=self._count))
         sources, outcomes = self._source[order], self._outcome[order]
-        # The outcomes of a place whose steps all avoid the goal, and whether one of these can have probability 1.
+        # For each place, the outcomes whose steps all avoid the goal. A place avoids it if their probability can be 1.
         safe = np.ones((self._count, width), bool)
         waiting = deque(np.flatnonzero(goal))
         while waiting:
@@ -267,21 +266,21 @@ class ProbabilityGraph:
         return avoiding
 
     def ticks(self, goal: Flags, best_for: Flags) -> ProbabilityBounds | None:
-        """Return the expected number of ticks of the runs that reach some states; None if none does.
+        """Return bounds of the expected number of ticks of the runs that reach a goal; None if no run reaches it.
 
         Args:
-            goal: The states.
-            best_for: The states for which unknown probabilities are the worst and the best ones.
+            goal: For each state, whether it is a goal.
+            best_for: The states for which unknown probabilities are chosen as bad and as good as possible.
         """
         found = [
             self._expected_value(self._place_flags(goal), probabilities)
             for probabilities in self._extremes(best_for)
         ]
-        told = [each for each in found if each is not None]
-        return ProbabilityBounds(min(told), max(told)) if told else None
+        known = [each for each in found if each is not None]
+        return ProbabilityBounds(min(known), max(known)) if known else None
 
     def _extremes(self, goal: Flags) -> list[Reals]:
-        """Return the choices' probabilities that minimise and maximise the probability of reaching some states."""
+        """Return the choices of probabilities that minimise and maximise the probability of reaching a goal."""
         signs = (-1, 1) if len(self._varying) else (1,)
         return [self._optimum(self._place_flags(goal), sign)[1] for sign in signs]
 
@@ -293,15 +292,15 @@ class ProbabilityGraph:
         return float(ticks[0] / reached[0]) if reached[0] > 0.0 else None
 
     def influences(self, goal: Flags, usual: Sequence[int]) -> Iterator[tuple[int, float, float]]:
-        """Yield each influential leaf with its derivative, and the goal's probability without the leaf's failures.
+        """Yield each influential leaf with a derivative, and with the goal's probability without the leaf's failures.
 
-        The derivative is that of the probability of reaching the goal with respect to the probability of the leaf's
-        usual outcome, if the others keep their proportions. Unknown probabilities are set to the middle of their
-        bounds.
+        The derivative is the derivative of the goal's probability with respect to the probability of the leaf's usual
+        outcome, if the leaf's other outcomes keep their proportions. Unknown probabilities are set to the middle of
+        their bounds.
 
         Args:
-            goal: The states.
-            usual: Which outcome of each choice is the usual one; -1 for none.
+            goal: For each state, whether it is a goal.
+            usual: The index of the usual outcome of each choice; -1 for none.
         """
         wide, probabilities = self._place_flags(goal), self._interior_probabilities()
         nothing = np.zeros(self._count, bool)
@@ -332,12 +331,12 @@ class ProbabilityGraph:
     def ends(
         self, ends: Flags, goal: Flags, is_spent: Callable[[], bool] = lambda: False
     ) -> list[EndTick] | None:
-        """Return the distribution of end times, tick by tick; None if the computation takes too long.
+        """Return the distribution of the ticks in which runs end; None if the computation takes too long.
 
         Args:
-            ends: The states in which runs end.
-            goal: The states in which they have succeeded.
-            is_spent: Returns whether it has taken too long.
+            ends: For each state, whether runs end in it.
+            goal: For each state, whether runs have succeeded in it.
+            is_spent: Returns whether the computation must stop.
         """
         likely = self._share * self._interior_probabilities()[self._source, self._outcome]
         # A run that can no longer end is not followed, because that would take forever.
@@ -345,7 +344,7 @@ class ProbabilityGraph:
         likely[~can_end[self._target]] = 0.0
         first = np.concatenate([[0], np.cumsum(np.bincount(self._source, minlength=self._count))])
         found, total, good, carried = [], 0.0, 0.0, 0
-        # The probability that a run has not ended yet, and still can.
+        # The probability that a run has not ended yet but can still end.
         left = float(can_end[0])
         moments: dict[int, list[tuple[Indices, Reals]]] = {0: [(np.array([0]), np.array([1.0]))]}
         while moments and left > _REST:
@@ -360,7 +359,7 @@ class ProbabilityGraph:
             places, mass = places[~over], mass[~over]
             while len(places):
                 steps, counts = _ranges(first[places], first[places + 1])
-                # The calls of NumPy in a round take as long as many steps.
+                # The NumPy calls of a round take as long as the computation of this number of steps.
                 carried += len(steps) + _STEPS_OF_A_ROUND
                 if carried > _MOST_CARRIED or is_spent():
                     return None
@@ -381,16 +380,16 @@ class _Equations:
 
     Args:
         source: The source of each step.
-        target: Its target.
-        likely: Its probability.
-        there: Which places these are.
+        target: The target of each step.
+        likely: The probability of each step.
+        reaching: For each place, whether it has a path to the goal.
     """
 
-    def __init__(self, source: Indices, target: Indices, likely: Reals, there: Flags) -> None:
-        self._source, self._target, self._likely, self._count = source, target, likely, len(there)
-        self.places = np.flatnonzero(there)
-        number = np.cumsum(there) - 1
-        inside = there[source] & there[target] & (likely > 0.0)
+    def __init__(self, source: Indices, target: Indices, likely: Reals, reaching: Flags) -> None:
+        self._source, self._target, self._likely, self._count = source, target, likely, len(reaching)
+        self.places = np.flatnonzero(reaching)
+        number = np.cumsum(reaching) - 1
+        inside = reaching[source] & reaching[target] & (likely > 0.0)
         size = len(self.places)
         matrix = sparse.csc_matrix(
             (likely[inside], (number[source[inside]], number[target[inside]])), (size, size)
@@ -398,11 +397,11 @@ class _Equations:
         self._solver = splu(sparse.identity(size, format="csc") - matrix) if size else None
 
     def mean(self, values: Reals) -> Reals:
-        """Return each place's probability-weighted mean of a per-step quantity."""
+        """Return the mean of a quantity of steps for each place, weighted by the probabilities of the steps."""
         return np.bincount(self._source, self._likely * values, self._count)[self.places]
 
     def solve(self, known: Reals) -> Reals:
-        """Return the solution x of x = A x + known, one value for each place."""
+        """Return the solution x of x = A x + known, with a value for each place."""
         return self._solver.solve(known) if self._solver else known
 
     def reach(self, goal: Flags) -> Reals:
@@ -420,7 +419,7 @@ class _Equations:
 
 
 def _steps_of(graph: Graph) -> tuple[Indices, Indices, Indices]:
-    """Return three arrays: the source, the target and the label's number of every step."""
+    """Return three arrays with the source, the target and the waits' index of every step."""
     sources, targets, waits = [], [], []
     for steps, first in ((graph.steps, 0), (graph.middles, len(graph.states))):
         counts = [int(steps.step_count(place)) for place in range(len(steps))]
@@ -435,7 +434,7 @@ def _steps_of(graph: Graph) -> tuple[Indices, Indices, Indices]:
     )
 
 
-def _tables(bounds: Sequence[Sequence[tuple[float, float]]]) -> tuple[Reals, Reals, Reals]:
+def _probability_tables(bounds: Sequence[Sequence[tuple[float, float]]]) -> tuple[Reals, Reals, Reals]:
     """Return the minimum, maximum and middle probability of each outcome of each choice."""
     shape = len(bounds) + 1, max(map(len, bounds), default=1)
     low, high, between = np.zeros(shape), np.zeros(shape), np.zeros(shape)
@@ -458,13 +457,13 @@ def best_probabilities(bounds: Sequence[tuple[float, float]], gains: Sequence[fl
 
 
 def _sum_by_place(parts: Sequence[tuple[Indices, Reals]]) -> tuple[Indices, Reals]:
-    """Return the distinct places, each with the sum of its values."""
+    """Return the distinct places, and the sum of the values of each place."""
     places, inverse = np.unique(np.concatenate([each[0] for each in parts]), return_inverse=True)
     return places, np.bincount(inverse, np.concatenate([each[1] for each in parts]), len(places))
 
 
 def _ranges(begins: Indices, ends: Indices) -> tuple[Indices, Indices]:
-    """Return the concatenated numbers of some ranges, and the length of each."""
+    """Return the concatenated numbers of ranges, and the length of each range."""
     counts = ends - begins
     before = np.concatenate([[0], np.cumsum(counts)[:-1]])
     return np.arange(counts.sum()) + np.repeat(begins - before, counts), counts

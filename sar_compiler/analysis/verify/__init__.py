@@ -40,25 +40,25 @@ def verify(
     plainly: int = 10_000,
     merges: bool = True,
 ) -> Verification:
-    """Search the states of a tree and answer every question.
+    """Search the states of a tree, and return a verdict on every question.
 
-    A larger tree with independent parallel branches is proved branch by branch (`composing`), if that succeeds. A
-    property whose condition needs an unknown value is undecided, and the search continues without it. The same
-    applies to the condition for the end of a run, and to the properties that depend on it.
+    A larger tree with independent parallel branches is proved branch by branch (`composing`), if that is possible. A
+    property whose condition needs an unknown value is undecided, and the search continues without the property. The
+    same applies to the condition for the end of a run, and to the properties that depend on the end.
 
     Args:
         simulated: The tree with stub leaves; not usable afterwards.
-        file: The properties; None for only the questions that are asked of every tree.
-        tags: The tags of leaves that a tree can have.
+        file: The properties file; None for only the general questions about every tree.
+        tags: The tags of all leaves that a tree may contain.
         max_states: The maximum number of states to find.
-        budget: Receives the progress and each violation, and ends the search. The result so far is published in it.
-        forgets: Whether states are equal that differ only in the last statuses of nodes, if these make no difference.
-        plainly: The number of states up to which a tree is searched without branches.
+        budget: Receives the progress, violations and intermediate results, and can end the search.
+        forgets: Whether states forget the last statuses of nodes that make no difference between ticks.
+        plainly: The number of states up to which a tree is searched without replacing branches.
         merges: Whether to merge values that no run can distinguish (`slicing`).
 
     Raises:
-        TreeError: If the file contradicts the tree; carries the findings.
-        UndecidableError: If the tree has a node with unknown rules, or keeps values that cannot be compared; or if a
+        TreeError: If the properties file contradicts the tree; contains the findings.
+        UndecidableError: If the tree contains a node with unknown behaviour or values that cannot be compared, or if a
             condition cannot be evaluated for another reason than an unknown value.
     """
     prepared = PreparedTree.prepare(simulated)
@@ -92,7 +92,7 @@ def _search(
     forgets: bool,
     plainly: int,
 ) -> Verification:
-    """Search the states of a tree, branch by branch if necessary."""
+    """Search the states of a tree, branch by branch if the plain search finds too many states."""
     simulated = prepared.simulated
     stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
     asked = [*questions_of(properties), *([OWN_RECORDS] if stepper.claims else ())]
@@ -119,8 +119,8 @@ def _search(
 def _partial_result(
     asked: Collection[str], progress: Progress, properties: Properties, simulated: SimulatedTree
 ) -> Verification:
-    """Return an intermediate result: the violated properties, without runs."""
-    violated = "it is violated, but the search stopped before a run could be shown"
+    """Return an intermediate result, in which violated properties have no counterexamples."""
+    violated = "the property is violated, but the search stopped before a run could be shown"
     verdicts = tuple(
         Verdict(each, ProofStatus.BROKEN, violated)
         if each in progress.broken
@@ -150,7 +150,7 @@ def _search_whole(
     report: Report,
     budget: Budget,
 ) -> Verification:
-    """Search the states of a tree without composing branches."""
+    """Search the states of a tree without replacing branches."""
     simulated = prepared.simulated
     graph, unknown = explore_decidable(stepper, max_states, report, (*properties.names, OWN_RECORDS))
     plain = plain_stepper(prepared, properties.rules)
@@ -158,7 +158,7 @@ def _search_whole(
     questions = ProofQuestions(space, simulated.explain)
     found = Verification(
         tuple(
-            Verdict(each, ProofStatus.UNDECIDED, "the search stopped before it was evaluated")
+            Verdict(each, ProofStatus.UNDECIDED, "the search stopped before this was evaluated")
             for each in asked
         ),
         len(graph.states),

@@ -1,8 +1,8 @@
 """Independent branches below parallel nodes, and the automata that describe the results of their ticks.
 
-Neighbours that all have to succeed are joined into one branch (`joined`): a parallel node with three such children
-becomes one with two, the first of which is a parallel node with two. The automaton of two branches is minimized
-before a third one is added, so that twenty similar branches have about ten states.
+Neighbouring branches that must all succeed are joined into one branch (`joined`): a parallel node with three such
+children is replaced by a parallel node with two children, the first of which is a parallel node with the other two. The
+automaton of two branches is minimised before a third branch is added. So twenty similar branches have about ten states.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -35,11 +35,11 @@ from sar_compiler.runtime.kernel.counting import CountingNode
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.user_nodes import UserNode
 
-_MOST_STATES = 20_000
-"""The maximum number of states of a branch: a larger one is not a small part of a proof."""
+_MAX_STATES = 20_000
+"""The maximum number of states of a branch. The search of a larger branch could take longer than the proof."""
 _READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.FIXED)
 _OUTSIDE = -1
-"""The number of a user other than a node."""
+"""The number that stands for properties among the users of an entry."""
 
 
 def has_parallels(flat: FlatTree) -> bool:
@@ -49,14 +49,14 @@ def has_parallels(flat: FlatTree) -> bool:
 
 
 class EntrySharing:
-    """The entries that each node of a tree uses.
+    """The blackboard entries and facts that the nodes of a tree use.
 
     Args:
         simulated: The tree.
         read: The names of the entries that properties read.
 
     Attributes:
-        is_open: Whether a node may depend on others in ways that are not visible here.
+        is_open: Whether a node may depend on other nodes by entries or references that are not known.
     """
 
     def __init__(self, simulated: SimulatedTree, read: Iterable[str]) -> None:
@@ -68,7 +68,7 @@ class EntrySharing:
         self._places = PositionFinder(top)
         table = entry_table_of(top)
         self.is_open = table.is_open or any(
-            # An entry that is only removed is not accessed.
+            # The table of accesses does not contain removals of entries.
             any(role.kind is AccessKind.NONE for role in bound.spec.semantics.keys.values())
             or (bound.references and not needs_stub(bound.spec))
             for tree in table.accesses
@@ -91,7 +91,7 @@ class EntrySharing:
                 self._changed.add(entry.name)
 
     def is_apart(self, branch: Behaviour) -> bool:
-        """Return whether a branch shares no changed entry with other nodes."""
+        """Return whether a branch shares no entry that changes with the rest of the tree or with properties."""
         if branch.id not in self._origins:
             return False
         made = self._origins.construction(branch.id)
@@ -103,16 +103,16 @@ class EntrySharing:
 
 @dataclass(frozen=True, eq=False)
 class BranchAssembly:
-    """A tree or a separate branch, with automata in place of some branches.
+    """A tree or a separate branch in which automata replace branches.
 
     Attributes:
-        stepper: Ticks it.
-        told: The results of these branches in the tick that was reported last.
-        branches: The branches, by their indexes in it.
+        stepper: Ticks the tree or branch.
+        results: The results of the replaced branches in the last tick.
+        branches: The replaced branches, by the index of their node in the tree or branch.
     """
 
     stepper: TreeStepper
-    told: list[BranchDeed]
+    results: list[BranchDeed]
     branches: "Mapping[int, Branch]"
 
     @classmethod
@@ -126,23 +126,23 @@ class BranchAssembly:
         around: Behaviour | None = None,
         joined: Mapping[Behaviour, list[Behaviour]] | None = None,
     ) -> "BranchAssembly":
-        """Combine a tree and its branches.
+        """Replace branches of a tree, or of a separate branch, by automata.
 
         Args:
             prepared: The tree.
-            root: Its root, or the branch's.
-            branches: The branches that are replaced by automata.
+            root: The root of the tree or of the separate branch.
+            branches: The branches to replace.
             rules: The monitored properties.
-            around: The behaviour that ticks a branch on its own.
-            joined: The children of parallel nodes that need all of them, if there are fewer than in the tree.
+            around: The behaviour that ticks a separate branch; None for a tree.
+            joined: The remaining children of parallel nodes whose neighbouring branches were joined.
         """
-        known, told = {branch.root: branch for branch in branches}, list[BranchDeed]()
+        known, results = {branch.root: branch for branch in branches}, list[BranchDeed]()
         automata = {root: branch.automaton for root, branch in known.items()}
-        composed = FlatComposition(root, automata, joined or {}, around, told)
+        composed = FlatComposition(root, automata, joined or {}, around, results)
         stepper = TreeStepper(prepared, rules, composed.flat)
         nodes = enumerate(stepper.flat.nodes)
         found = {index: known[node.behaviour] for index, node in nodes if node.behaviour in known}
-        return cls(stepper, told, found)
+        return cls(stepper, results, found)
 
     def start(self) -> "BranchPosition":
         """Return the initial position."""
@@ -155,11 +155,11 @@ class BranchAssembly:
     ) -> "tuple[BranchPosition, tuple[int, ...]]":
         """Play the first wanted tick; return the new position and the choices in the original tree."""
         path = next(step for step in self.stepper.ticks(position.state) if wanted(step)).path()
-        self.told.clear()
+        self.results.clear()
         state = next(self.stepper.ticks(position.state, path)).state or b""
         choices: list[int] = []
         behind, within = 0, dict(zip(self.branches, position.within, strict=True))
-        for index, first, then, result in self.told:
+        for index, first, then, result in self.results:
             within[index], own = self.branches[index].play_tick(within[index], result)
             choices += [*path[behind:first], *own]
             behind = then
@@ -168,11 +168,11 @@ class BranchAssembly:
 
 @dataclass(frozen=True)
 class BranchPosition:
-    """The position in a run composed of the branches' runs.
+    """A position in a run that is composed of runs of branches.
 
     Attributes:
-        state: The state of the whole; empty after an error.
-        within: The positions of the replaced branches.
+        state: The state of the tree with replaced branches; empty after an error.
+        within: The positions in the runs of the replaced branches.
     """
 
     state: bytes
@@ -184,10 +184,10 @@ class Branch:
     """A branch that was searched on its own.
 
     Attributes:
-        root: Its root.
-        parts: Its components.
-        classes: The automaton's state for each of its states.
-        automaton: Its behaviour as its parent observes it.
+        root: The root of the branch.
+        parts: The branch with its own replaced branches.
+        classes: The state of the automaton for each state of the branch.
+        automaton: The automaton, which describes the results that the branch's parent observes.
     """
 
     root: Behaviour
@@ -197,18 +197,18 @@ class Branch:
 
     @property
     def is_never_skipped(self) -> bool:
-        """Whether it is never skipped."""
+        """Whether the branch is never skipped."""
         return all(outcome != SKIPPED for some in self.automaton.ticks for outcome, _ in some)
 
     def play_tick(
         self, position: BranchPosition, result: BranchResult
     ) -> tuple[BranchPosition, tuple[int, ...]]:
-        """Return the position after a tick with a given result, and the choices in the original tree."""
+        """Play a tick with a given result; return the new position and the choices in the original tree."""
         classes, runs = self.classes, self.automaton.halts[self.classes[position.state]]
         after, choices = self.parts.play_tick(
             position, lambda step: (step.outcome, classes[step.state or b""]) == result
         )
-        # The first choice is whether a running branch is halted.
+        # For a running branch, the first choice is whether it is halted.
         return after, choices[1 if runs else 0 :]
 
 
@@ -217,7 +217,7 @@ def branches_of(prepared: PreparedTree, flat: FlatTree, read: Iterable[str]) -> 
 
     Args:
         prepared: The tree.
-        flat: Its flat form.
+        flat: The flat form of the tree.
         read: The names of the entries that properties read.
     """
     sharing = EntrySharing(prepared.simulated, read)
@@ -239,16 +239,16 @@ def search_branch(prepared: PreparedTree, root: Behaviour, pair: Sequence[Branch
     Args:
         prepared: The tree.
         root: The root of the branch.
-        pair: The two branches that it joins, if it is not a branch of the tree.
+        pair: The two branches that a joined branch consists of; empty for a branch of the tree.
     """
     rules, around = without_properties().rules, Running("around")
     try:
         joined = {root: [branch.root for branch in pair]} if pair else {}
         parts = BranchAssembly.from_branches(prepared, root, pair, rules, around=around, joined=joined)
-        graph = explore(parts.stepper.steps, _MOST_STATES)
+        graph = explore(parts.stepper.steps, _MAX_STATES)
     except UndecidableError:
         return None
-    # A branch that is ticked when it is halted may choose then, in the order in which its parent halts.
+    # A branch that ticks leaves when it is halted makes choices whose order depends on the other branches.
     catches = any(isinstance(node, TryCatchNode) for node in parts.stepper.flat.nodes)
     if catches or not graph.complete or graph.error is not None:
         return None
@@ -258,31 +258,30 @@ def search_branch(prepared: PreparedTree, root: Behaviour, pair: Sequence[Branch
     for state in graph.states:
         outcomes.append(steps.restore(state)[0])
         runs.append(parts.stepper.ticker.cells[child.status_cell] == RUNNING)
-    if not _comes_to_its_end(graph, runs):
+    if not _always_ends(graph, runs):
         return None
     results = [[(outcomes[target], target) for target, _ in graph.ticks(state)] for state in range(len(runs))]
-    classes = _classes(results)
+    classes = _bisimulation_classes(results)
     named = dict(zip(graph.states, classes, strict=True))
     return Branch(root, parts, named, _automaton(classes, results))
 
 
-def _comes_to_its_end(graph: Graph, runs: Sequence[bool]) -> bool:
-    """Return whether a branch ends in every fair run, without pending obligations between its runs.
+def _always_ends(graph: Graph, runs: Sequence[bool]) -> bool:
+    """Return whether every fair run of a branch ends, and no tick waits for leaves or timers of an idle branch.
 
-    An obligation that is pending until the branch ends is not pending when it restarts, so runs in which it ends
-    repeatedly are fair.
+    The waits of a branch end with the branch, so runs of the tree in which the branch ends repeatedly are fair.
     """
-    waits_at_rest = any(
+    waits_while_idle = any(
         waits for state in range(len(runs)) if not runs[state] for _, waits in graph.ticks(state)
     )
     rounds = components(graph, bytearray(not each for each in runs))
-    return not waits_at_rest and not any(is_fair(graph, component) for component in rounds)
+    return not waits_while_idle and not any(is_fair(graph, component) for component in rounds)
 
 
-def _classes(results: Sequence[Sequence[BranchResult]]) -> list[int]:
+def _bisimulation_classes(results: Sequence[Sequence[BranchResult]]) -> list[int]:
     """Return the class number of each state in the coarsest bisimulation.
 
-    Only a running branch can be halted, so one that does not run is in another class.
+    Only a running branch can be halted, so states in which the branch runs and does not run have different classes.
     """
     classes, count = [0] * len(results), 0
     while count < len(set(classes)):

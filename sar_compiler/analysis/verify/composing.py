@@ -1,16 +1,16 @@
 """Proofs of trees with independent parallel branches, one branch at a time.
 
 The states of k parallel branches are the product of their states. But the rest of the tree observes only the results
-of a branch's ticks if it shares nothing with the branch. So for each question only the branches that it concerns are searched in full. Automata replace the others (`branches`, `state_search.branch_nodes`):
+of a branch's ticks if it shares nothing with the branch. So for each question, only the branches that the question
+concerns are searched in full, and automata replace all other branches (`branches`, `state_search.branch_nodes`):
 
-- Whether the leaves of a branch can run is decided with this branch in full, and all others replaced.
-- A property is decided with the branches in full whose leaves it names.
-- Errors and ends are decided with all branches replaced. A branch in which a tick can raise is never replaced.
+- Whether the leaves of a branch can run is decided with only this branch in full.
+- A property is decided with the branches in full whose leaves the property names.
+- Errors and ends are decided with all branches replaced. A branch in which a tick can raise an error is never replaced.
 
-The result is exact: a branch and its automaton are bisimilar, tick by tick, and the same obligations are pending in
-both. So the verdicts are those of the plain search, and so are the numbers of ticks that lead to a violation. Only an
-endless loop may be longer: it is shown for the full tree, so its ticks are composed of those of the branches, and
-played in the whole tree.
+The result is exact: a branch and its automaton are bisimilar, tick by tick, and have the same pending obligations. So
+the verdicts and the numbers of ticks to a violation are the same as in a plain search. Only an endless loop may be
+longer, because the ticks of a run are composed of the ticks of the branches and played in the original tree.
 """
 
 import copy
@@ -36,10 +36,10 @@ from sar_compiler.runtime.kernel.tree_nodes import TreeNode
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.walking import pre_order
 
-_MOST_JOINED = 64
-"""The maximum number of neighbours: with more, branches would be nested too deeply."""
-_FEWEST = 2
-"""With one replaceable branch, the search in which it is not replaced is the plain one."""
+_MAX_JOINED = 64
+"""The maximum number of children of a parallel node whose branches are joined. More would be nested too deeply."""
+_MIN_BRANCHES = 2
+"""The minimum number of replaceable branches. With one branch, one of the searches would be the plain search."""
 
 
 def prove_by_branches(
@@ -50,19 +50,19 @@ def prove_by_branches(
     report: Report,
     so_far: Verification,
 ) -> Verification | None:
-    """Answer all questions by searches with replaced branches; return None if that fails.
+    """Answer all questions by searches with replaced branches; return None if this is not possible.
 
     Args:
         prepared: The tree.
-        flat: Its flat form.
-        properties: The questions.
+        flat: The flat form of the tree.
+        properties: The properties of the tree.
         max_states: The maximum number of states to find in each search.
         report: Receives the progress, and each violation.
-        so_far: The result if the search is stopped.
+        so_far: The result of the plain search, on which the final result is based.
     """
     read = {entry.name for condition in properties.conditions for entry in condition.entries}
     branches = [] if properties.asks_for_idle else list(branches_of(prepared, flat, read))
-    if len(branches) < _FEWEST:
+    if len(branches) < _MIN_BRANCHES:
         return None
     asked = _BranchQuestions(prepared, flat, properties, branches)
     for concrete in asked.numbers:
@@ -84,17 +84,17 @@ def prove_by_branches(
 
 
 class _BranchQuestions:
-    """The questions about a tree, each with the branches that must not be replaced for it.
+    """The questions about a tree, grouped by the branches that must not be replaced.
 
     Args:
         prepared: The tree.
-        flat: Its flat form.
-        properties: The questions.
+        flat: The flat form of the tree.
+        properties: The properties of the tree.
         branches: The branches that can be replaced.
 
     Attributes:
-        numbers: The numbers of the properties that are decided with the same branches in full, by these branches.
-        spaces: The states found for each set of branches.
+        numbers: The numbers of the properties of each group, by the roots of the branches that are not replaced.
+        spaces: The states that were found, by the roots of the branches that were not replaced.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class _BranchQuestions:
             self.numbers.setdefault(named, []).append(number)
 
     def search(self, concrete: frozenset[Behaviour], max_states: int, report: Report) -> Graph:
-        """Search the tree without replacing some branches."""
+        """Search the tree without replacing the branches with the roots *concrete*."""
         asked = self._properties.select(self.numbers[concrete])
         parts = self._arrangement.without_branches(concrete, asked.rules)
         graph, unknown = explore_decidable(parts.stepper, max_states, report, asked.names)
@@ -128,7 +128,7 @@ class _BranchQuestions:
         return graph
 
     def verdicts(self) -> Iterator[Verdict]:
-        """Yield the verdicts."""
+        """Yield the verdicts on all questions."""
         explain = self._prepared.simulated.explain
         questions = {concrete: ProofQuestions(space, explain) for concrete, space in self.spaces.items()}
         whole = questions[frozenset()]
@@ -150,11 +150,11 @@ class _BranchQuestions:
 
 
 class BranchArrangement:
-    """The replaced branches, single or joined, for a set of unreplaced branches.
+    """Replaces the branches of a tree, single or joined, except for given branches.
 
     Args:
         prepared: The tree.
-        flat: Its flat form.
+        flat: The flat form of the tree.
         branches: The branches that can be replaced.
     """
 
@@ -165,10 +165,10 @@ class BranchArrangement:
         self._joined: dict[tuple[Behaviour, Behaviour], Branch | None] = {}
 
     def without_branches(self, concrete: Collection[Behaviour], rules: PropertyAutomata) -> BranchAssembly:
-        """Return the tree without replacing some branches.
+        """Return the tree in which all but the given branches are replaced.
 
         Args:
-            concrete: The roots of these branches.
+            concrete: The roots of the branches that are not replaced.
             rules: The monitored properties.
         """
         parts = {root: branch for root, branch in self._branches.items() if root not in concrete}
@@ -182,7 +182,7 @@ class BranchArrangement:
         )
 
     def _join_neighbours(self, parallel: Behaviour, parts: dict[Behaviour, Branch]) -> list[Behaviour]:
-        """Return the children of a parallel node, with neighbouring replaced branches joined."""
+        """Return the children of a parallel node after neighbouring replaced branches were joined."""
         can_join = {root for root, branch in parts.items() if branch.is_never_skipped}
         children: list[Behaviour] = []
         for joins, some in groupby(parallel.children, can_join.__contains__):
@@ -195,8 +195,9 @@ class BranchArrangement:
         return children
 
     def _joined_neighbours(self, parallel: Behaviour, run: list[Branch]) -> list[Branch]:
-        """Join neighbouring branches below a parallel node into as few as possible."""
-        # From the last child backwards, so that a joined branch is reused if only the branch before it differs.
+        """Join neighbouring branches below a parallel node into as few branches as possible."""
+        # A run that does not begin with the first child is joined from the last child backwards. So joined branches are
+        # reused if only the branch before the run differs.
         is_first = run[0].root is parallel.children[0]
         found: list[Branch] = []
         for branch in run if is_first else reversed(run):
@@ -215,9 +216,9 @@ class BranchArrangement:
 
 
 def _needs_all(node: TreeNode) -> bool:
-    """Return whether a parallel node succeeds if all children succeed, and fails if one fails."""
+    """Return whether a parallel node requires all children to succeed, and may have joined children."""
     behaviour, count = node.behaviour, len(node.children)
-    if count > _MOST_JOINED:
+    if count > _MAX_JOINED:
         return False
     if isinstance(node, ParallelAllNode):
         return _constant(behaviour.max_failures) == 1
@@ -228,7 +229,7 @@ def _needs_all(node: TreeNode) -> bool:
 
 
 def _constant(port: Input[int]) -> int:
-    """Return the value of a constant port; 0 for a variable one."""
+    """Return the value of a constant port; 0 for a port that reads an entry."""
     return port.get() if port.entry is None else 0
 
 
@@ -237,8 +238,8 @@ class ComposedSpace(StateSpace):
     """The states of a tree with replaced branches; runs are shown for the original tree.
 
     Attributes:
-        parts: The tree.
-        whole: Ticks it with all branches in full.
+        parts: The tree with replaced branches.
+        whole: Ticks the original tree.
     """
 
     parts: BranchAssembly = field(kw_only=True)
@@ -249,7 +250,7 @@ class ComposedSpace(StateSpace):
         stem = len(wanted) - loop
         for each in wanted[:stem]:
             run.play_tick(each)
-        # The whole tree may need several rounds to return to a state.
+        # The original tree may need several rounds to return to a state.
         known: dict[object, int] = {}
         while loop and run.position not in known:
             known[run.position] = len(run.ticks)
@@ -260,15 +261,15 @@ class ComposedSpace(StateSpace):
 
 
 class _WholeRun:
-    """A run of the original tree that corresponds to a run with replaced branches.
+    """A run of the original tree that corresponds to a run of the tree with replaced branches.
 
     Args:
-        parts: That tree.
-        whole: Ticks the whole one.
+        parts: The tree with replaced branches.
+        whole: Ticks the original tree.
 
     Attributes:
-        ticks: Its ticks so far.
-        found: The results of these ticks.
+        ticks: The ticks so far.
+        found: The choices and results of these ticks.
     """
 
     def __init__(self, parts: BranchAssembly, whole: TreeStepper) -> None:
@@ -280,11 +281,11 @@ class _WholeRun:
 
     @property
     def position(self) -> object:
-        """Its position."""
+        """The current position in the run; at equal positions, runs can continue in the same way."""
         return self._state, self._of_parts
 
     def play_tick(self, wanted: IsWanted) -> None:
-        """Play a wanted tick."""
+        """Play the tick that corresponds to the wanted tick of the tree with replaced branches."""
         whole, parts = self._whole, self._parts
         self._of_parts, choices = parts.play_tick(self._of_parts, wanted)
         step = next(whole.ticks(self._state or b"", choices))

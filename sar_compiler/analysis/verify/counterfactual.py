@@ -1,7 +1,7 @@
-"""Counterfactuals: the smallest change that makes a recorded run succeed, and effects of other outcomes.
+"""Counterfactuals: the smallest change that makes a recorded run succeed, and the effects of other leaf outcomes.
 
-The recorded run is located among all runs of the tree, tick by tick. From the last tick backwards, the search then
-tries other continuations.
+The recorded run is located among all runs of the tree, tick by tick. Then the search tries other continuations, from
+the last tick backwards.
 """
 
 import functools
@@ -17,22 +17,22 @@ from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.kernel.cells import RUNNING, SUCCESS, WORDS
 
 _SUCCESS, _RUNNING = WORDS[SUCCESS], WORDS[RUNNING]
-# The maximum number of unusual outcomes after the change.
-_MOST_UNUSUAL = 2
-# The number of ticks that are explored after a changed outcome.
-_MOST_FOLLOWED = 12
+# The maximum number of unusual outcomes after the changed outcome.
+_MAX_UNUSUAL = 2
+# The maximum number of ticks that are explored after a changed outcome.
+_MAX_FOLLOWED = 12
 
 
 class Counterfactual(NamedTuple):
     """A change of an outcome that makes a run succeed.
 
     Attributes:
-        tick: The number of the last tick that could have been different.
-        time_sec: The time of this tick, seconds since the start of the run.
+        tick: The number of the latest tick in which the outcome could have been different.
+        time_sec: The time of this tick in seconds since the start of the run.
         was: The outcome of the leaf in this tick.
         instead: The changed outcome.
-        then: The outcomes of leaves after that, in order, without those that keep running.
-        unusual: How many of these outcomes are unusual.
+        then: The leaf outcomes after the changed outcome, in order, except for RUNNING.
+        unusual: The number of unusual outcomes in `then`.
     """
 
     tick: int
@@ -49,8 +49,8 @@ class WhatIfResult(NamedTuple):
     Attributes:
         was: The outcome of the leaf.
         instead: The changed outcome.
-        then: The outcomes of leaves after that, usual ones if possible, without those that keep running.
-        root: The final status of the root; RUNNING if the tree continues beyond the explored ticks.
+        then: The leaf outcomes after the changed outcome, usual ones if possible, except for RUNNING.
+        root: The final status of the root; RUNNING if the tree continues after the explored ticks.
     """
 
     was: Event
@@ -62,33 +62,33 @@ class WhatIfResult(NamedTuple):
 def counterfactual(
     simulated: SimulatedTree, record: Iterable[Event] | TickSource, names: Sequence[str]
 ) -> Counterfactual | None:
-    """Return the latest of the smallest changes that make a run succeed; None if none was found.
+    """Return the latest of the smallest changes that make a run succeed; None if no such change was found.
 
-    The change is one leaf's outcome. After it, leaves have their usual outcome, the first possible one, with as few
-    exceptions as possible and at most two.
+    The change is another outcome of one leaf. After the change, leaves return their usual outcomes, which are their
+    first possible outcomes, with as few exceptions as possible and at most two.
 
     Args:
         simulated: The tree with stub leaves; not usable afterwards.
-        record: The run, up to the failure of its root; read once. Outcomes equal to the previous one may be left out,
-            and so may ticks without others.
+        record: The run, up to the failure of its root; read once. Repeated outcomes of a leaf may be missing, and so
+            may ticks without other outcomes.
         names: The names of the nodes that ran, in pre-order.
 
     Raises:
-        UndecidableError: If the tree's runs cannot be searched, or the record is not one of them.
-        OtherTreeError: If the tree has nodes other than those that ran.
+        UndecidableError: If the tree's runs cannot be searched, or the recorded run is not a possible run.
+        OtherTreeError: If the nodes that ran are not the nodes of the tree.
     """
     runs = TreeRuns(simulated, names)
     after = _Continuations(runs)
-    # The possible changes of a tick depend only on its ways: of ticks with equal ways, keep the latest.
+    # The possible changes of a tick depend only on its matches, so only the latest of ticks with equal matches is kept.
     moments: dict[int, FoundTick] = {}
     for moment in reversed(runs.locate_all(record)):
-        moments.setdefault(id(moment.ways), moment)
-    for unusual, moment in itertools.product(range(_MOST_UNUSUAL + 1), moments.values()):
-        for change in _changes(moment, functools.partial(after.ways_to_success, most=unusual)):
-            rest = after.way_to_success(change.way, unusual - change.unusual_count)
+        moments.setdefault(id(moment.matches), moment)
+    for unusual, moment in itertools.product(range(_MAX_UNUSUAL + 1), moments.values()):
+        for change in _changes(moment, functools.partial(after.ticks_to_success, most=unusual)):
+            rest = after.path_to_success(change.tick, unusual - change.unusual_count)
             if rest is not None:
-                later = (outcome for way in rest for outcome in way.outcomes)
-                then = [*change.way.outcomes[change.place + 1 :], *later]
+                later = (outcome for tick in rest for outcome in tick.outcomes)
+                then = [*change.tick.outcomes[change.place + 1 :], *later]
                 ended = tuple(outcome for outcome in then if outcome.status != _RUNNING)
                 return Counterfactual(
                     moment.number, moment.time_sec, change.was, change.instead, ended, unusual
@@ -97,7 +97,7 @@ def counterfactual(
 
 
 class WhatIfSearch:
-    """Answers queries about the effect of another outcome in a run.
+    """Finds the effects of other outcomes of a leaf in a recorded run.
 
     Args:
         simulated: The tree with stub leaves; not usable afterwards.
@@ -105,7 +105,7 @@ class WhatIfSearch:
 
     Raises:
         UndecidableError: If the tree's runs cannot be searched.
-        OtherTreeError: If the tree has nodes other than those that ran.
+        OtherTreeError: If the nodes that ran are not the nodes of the tree.
     """
 
     def __init__(self, simulated: SimulatedTree, names: Sequence[str]) -> None:
@@ -113,14 +113,14 @@ class WhatIfSearch:
         self._after = _Continuations(self._runs)
 
     def consequences(self, record: Iterable[Event], leaf: int) -> list[WhatIfResult]:
-        """Return the consequences of each other outcome of a leaf in a record's last tick.
+        """Return the consequence of each other outcome that a leaf could have had in the last recorded tick.
 
         Args:
-            record: The run up to that tick.
+            record: The recorded run, up to the tick.
             leaf: The leaf's number.
 
         Raises:
-            UndecidableError: If the record is not one of the tree's runs.
+            UndecidableError: If the recorded run is not a possible run of the tree.
         """
         self._runs.renew()
         moments = self._runs.locate_all(record)
@@ -138,47 +138,49 @@ class _OtherOutcome(NamedTuple):
     """An outcome that could have been different.
 
     Attributes:
-        way: The tick with the other outcome.
-        place: The index of the outcome in the tick.
-        was: The leaf's outcome in the run.
+        tick: The tick with the other outcome.
+        place: The index of the other outcome in the tick.
+        was: The leaf's outcome in the recorded run.
     """
 
-    way: PossibleTick
+    tick: PossibleTick
     place: int
     was: Event
 
     @property
     def instead(self) -> Event:
         """The other outcome."""
-        return self.way.outcomes[self.place]
+        return self.tick.outcomes[self.place]
 
     @property
     def unusual_count(self) -> int:
-        """The number of unusual outcomes in the rest of the tick."""
-        return sum(self.way.unusual[self.place :])
+        """The number of unusual outcomes in the tick, from the other outcome on."""
+        return sum(self.tick.unusual[self.place :])
 
 
-def _changes(moment: FoundTick, ways_of: Callable[[bytes], Iterable[PossibleTick]]) -> list[_OtherOutcome]:
-    """Return the outcomes in a tick that could have been different, the last one first.
+def _changes(
+    moment: FoundTick, ticks_of_state: Callable[[bytes], Iterable[PossibleTick]]
+) -> list[_OtherOutcome]:
+    """Return the outcomes in a tick that could have been different, last outcome first.
 
     Args:
-        moment: The tick.
-        ways_of: Returns the other ticks of a state.
+        moment: The recorded tick.
+        ticks_of_state: Returns the ticks of a state that may replace the recorded tick.
     """
     changes = []
-    for state, was in moment.ways:
-        for way in ways_of(state):
-            for place, (one, other) in enumerate(zip(was.outcomes, way.outcomes, strict=False)):
+    for state, was in moment.matches:
+        for tick in ticks_of_state(state):
+            for place, (one, other) in enumerate(zip(was.outcomes, tick.outcomes, strict=False)):
                 if one != other:
-                    # If another leaf follows, a timer caused the difference.
+                    # If the next outcome is of another leaf, a timer caused the difference.
                     if one.number == other.number:
-                        changes.append(_OtherOutcome(way, place, one))
+                        changes.append(_OtherOutcome(tick, place, one))
                     break
     return sorted(changes, key=lambda change: -change.place)
 
 
 class _Continuations:
-    """Continuations of a tree's runs."""
+    """Searches continuations of a tree's runs."""
 
     def __init__(self, runs: TreeRuns) -> None:
         self._runs = runs
@@ -186,45 +188,47 @@ class _Continuations:
         self._successful: dict[tuple[bytes, int], list[PossibleTick]] = {}
 
     def follow(self, change: _OtherOutcome) -> WhatIfResult:
-        """Return the consequence of another outcome: some usual ticks until the tree has ended."""
-        way, outcomes = change.way, list(change.way.outcomes[change.place + 1 :])
-        for _ in range(_MOST_FOLLOWED):
-            ways = self._runs.possible_ticks(way.state) if way.root == _RUNNING else []
-            if not ways:
+        """Return the consequence of another outcome, by playing the most usual ticks until the tree has ended."""
+        tick, outcomes = change.tick, list(change.tick.outcomes[change.place + 1 :])
+        for _ in range(_MAX_FOLLOWED):
+            ticks = self._runs.possible_ticks(tick.state) if tick.root == _RUNNING else []
+            if not ticks:
                 break
-            way = min(ways, key=lambda each: sum(each.unusual))
-            outcomes += way.outcomes
+            tick = min(ticks, key=lambda each: sum(each.unusual))
+            outcomes += tick.outcomes
         then = tuple(outcome for outcome in outcomes if outcome.status != _RUNNING)
-        return WhatIfResult(change.was, change.instead, then, way.root)
+        return WhatIfResult(change.was, change.instead, then, tick.root)
 
-    def ways_to_success(self, state: bytes, most: int) -> list[PossibleTick]:
-        """Return the ticks of a state that can lead to a success of the root.
+    def ticks_to_success(self, state: bytes, most: int) -> list[PossibleTick]:
+        """Return the ticks of a state from which the root can succeed.
 
         Args:
             state: The state.
-            most: The maximum number of unusual outcomes from the last one of the tick on.
+            most: The maximum number of unusual outcomes, from the last outcome of the tick on.
         """
         # Most ticks of a long run lead to few states.
         found = self._successful.get((state, most))
         if found is None:
-            ways = [way for way in self._runs.possible_ticks(state) if way.outcomes]
-            found = [way for way in ways if self.way_to_success(way, most - way.unusual[-1]) is not None]
+            ticks = [tick for tick in self._runs.possible_ticks(state) if tick.outcomes]
+            found = [
+                tick for tick in ticks if self.path_to_success(tick, most - tick.unusual[-1]) is not None
+            ]
             self._successful[state, most] = found
         return found
 
-    def way_to_success(self, way: PossibleTick, most: int) -> list[PossibleTick] | None:
-        """Return the shortest sequence of ticks to a success of the root; None if there is none.
+    def path_to_success(self, tick: PossibleTick, most: int) -> list[PossibleTick] | None:
+        """Return the shortest sequence of ticks after *tick* with which the root succeeds; None if there is none.
 
         Args:
-            way: The tick.
-            most: The maximum number of unusual outcomes in these ticks.
+            tick: The tick.
+            most: The maximum number of unusual outcomes in the sequence.
         """
-        if way.root == _SUCCESS and most >= 0:
+        if tick.root == _SUCCESS and most >= 0:
             return []
-        if most < 0 or way.root != _RUNNING or self._is_hopeless(way.state, most):
+        if most < 0 or tick.root != _RUNNING or self._is_hopeless(tick.state, most):
             return None
         origins: dict[tuple[bytes, int], tuple[tuple[bytes, int], PossibleTick] | None] = {
-            (way.state, 0): None
+            (tick.state, 0): None
         }
         waiting = deque(origins)
         while waiting:
@@ -255,7 +259,7 @@ def _trace_back(
     found = []
     origin = origins[place]
     while origin is not None:
-        place, way = origin
-        found.append(way)
+        place, tick = origin
+        found.append(tick)
         origin = origins[place]
     return found[::-1]

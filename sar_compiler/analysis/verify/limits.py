@@ -1,4 +1,4 @@
-"""Limits: facts that bound how often events occur, which proofs need."""
+"""Limits: facts that bound how often events can happen, which proofs require."""
 
 from collections.abc import Collection
 
@@ -12,13 +12,11 @@ _WITHOUT_END = 1e18
 
 
 def remove_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
-    """Remove the assumed limits on leaf outcomes; return whether there are any.
-
-    The recorded run shows how often each event happened.
+    """Remove the assumed limits of leaf outcomes for a recorded run; return whether there are any.
 
     Args:
         simulated: The tree with stub leaves.
-        known: As for `find_limits`.
+        known: The facts whose initial values the run has recorded.
     """
     limits = find_limits(simulated, known)
     for name in limits:
@@ -27,9 +25,9 @@ def remove_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
 
 
 def find_limits(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
-    """Return the facts that bound how often events occur, such as operator commands.
+    """Return the facts that bound how often events can happen, such as operator commands.
 
-    These are the facts that outcomes only decrease.
+    These are the facts that the outcomes of leaves only decrease.
 
     Args:
         simulated: The tree with stub leaves.
@@ -44,8 +42,7 @@ def find_limits(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
 def spending_conditions(simulated: SimulatedTree, limits: Collection[str]) -> set[int]:
     """Return the numbers of a tree's conditions that decrease limits.
 
-    In a real run, a situation that such a condition finds in several consecutive ticks (a paused mission) has
-    happened once.
+    If such a condition finds the same situation in consecutive ticks, such as a pause, the situation has happened once.
 
     Args:
         simulated: The tree with stub leaves.

@@ -1,4 +1,4 @@
-"""Properties of trees: files, conditions, and monitors that detect violations."""
+"""Properties of trees: properties files, conditions, and monitors that detect violations."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,19 +22,19 @@ from sar_compiler.runtime.outcomes import Fact
 from sar_compiler.runtime.variables import Enums, ScriptValue
 
 ROOT = "root"
-"""The root's status after the last tick."""
+"""The name of the root's status after the last tick, in conditions."""
 IDLE = "idle"
-"""Whether every further tick leaves the tree unchanged."""
+"""The name of the value that says whether every further tick leaves the tree unchanged, in conditions."""
 AFTER_A_TICK = (ROOT, IDLE)
-"""The names that are known only after a tick."""
+"""The names of the values that are only known after a tick."""
 
 
 class ConditionError(UndecidableError):
-    """A condition of a property cannot be evaluated in a reachable state.
+    """A condition cannot be evaluated in a reachable state.
 
     Args:
-        owner: The name of the property.
-        reason: The reason.
+        owner: The name of the condition's property, or `end`.
+        reason: The reason why the condition cannot be evaluated.
     """
 
     def __init__(self, owner: str, reason: str) -> None:
@@ -51,7 +51,7 @@ class PropertyScope(FactVariables):
 
     Args:
         simulated: The tree.
-        keys: The keys, if they are those of another tree.
+        keys: The scope of the keys; by default the scope of the simulated main tree.
     """
 
     def __init__(self, simulated: SimulatedTree, keys: Scope | None = None) -> None:
@@ -63,16 +63,16 @@ class PropertyScope(FactVariables):
 
         Args:
             root: The root's status.
-            idle: Whether every further tick leaves the tree unchanged; None if that is not known yet.
+            idle: Whether every further tick leaves the tree unchanged; None if this is not known yet.
         """
         self._ended[ROOT] = root
         self._ended[IDLE] = None if idle is None else float(idle)
 
     def read(self, name: str) -> ScriptValue:
-        """Return the value of a fact, of a key, or of a part of the last tick's result.
+        """Return the value of a fact, of a key, of `root`, or of `idle`.
 
         Raises:
-            IdleUnknownError: If that is whether the tree idles, and it is not known.
+            IdleUnknownError: If the name is `idle`, and it is not known whether the tree idles.
         """
         ended = self._ended.get(name)
         if ended is None and name in self._ended:
@@ -81,12 +81,12 @@ class PropertyScope(FactVariables):
 
 
 class Condition:
-    """A condition that can be evaluated.
+    """A condition of a property, or for the end of a run.
 
     Args:
-        script: Its script.
-        surroundings: The variables that it reads.
-        owner: The name of its property, for messages.
+        script: The script of the condition.
+        surroundings: The variables that the script reads.
+        owner: The name of the condition's property for messages, or `end`.
     """
 
     def __init__(self, script: Script, surroundings: PropertyScope, owner: str) -> None:
@@ -97,40 +97,40 @@ class Condition:
 
     @property
     def script(self) -> Script:
-        """Its script."""
+        """The script of the condition."""
         return self._program.script
 
     def entry_name(self, name: str) -> str | None:
-        """Return the absolute name of a variable's entry; None for a part of the last tick's result."""
+        """Return the absolute name of a variable's entry; None for `root` and `idle`."""
         return None if name in AFTER_A_TICK else self._surroundings.entry(name).name
 
     @property
     def entries(self) -> list[Entry]:
-        """The entries that it reads."""
+        """The entries that the condition reads."""
         return [self._surroundings.entry(name) for name in self.names.difference(AFTER_A_TICK)]
 
     @property
     def names(self) -> set[str]:
-        """The names in it."""
+        """The names in the condition's script."""
         return {use.name for use in name_uses(self.script)}
 
     def holds(self) -> bool:
-        """Return whether it holds now, in a tick.
+        """Return whether the condition holds now, during a tick.
 
         Raises:
-            ConditionError: If it cannot be evaluated, because a key has no value yet or one of a wrong type.
+            ConditionError: If it cannot be evaluated, because a key has no value yet or a value of the wrong type.
         """
         if self._memo is None:
             return self._holds()
-        held: bool = self._memo.call(self._holds)
-        return held
+        holds: bool = self._memo.call(self._holds)
+        return holds
 
     def after_tick(self, root: str, idle: bool | None) -> bool:
-        """Return whether it holds after a tick; see `PropertyScope.end_tick`.
+        """Return whether the condition holds after a tick; see `PropertyScope.end_tick`.
 
         Raises:
-            ConditionError: As `holds`.
-            IdleUnknownError: If it asks whether the tree idles, and that is not known.
+            ConditionError: As for `holds`.
+            IdleUnknownError: If the condition reads `idle`, and it is not known whether the tree idles.
         """
         self._surroundings.end_tick(root, idle=idle)
         return self._holds()
@@ -150,11 +150,11 @@ class PropertyPattern(Enum):
     NEVER = "never"
     """Absence: the event does not happen."""
     BEFORE = "before"
-    """Precedence: the event happens only after another one (since a third)."""
+    """Precedence: the event happens only after another event (since a third event)."""
     AFTER = "after"
-    """Response: after the event another one happens (before a third)."""
+    """Response: after the event another event happens (before a third event)."""
     AT_MOST_ONCE = "at_most_once"
-    """Bounded existence: the event happens at most once (between two of another)."""
+    """Bounded existence: the event happens at most once (between two occurrences of another event)."""
 
 
 MAIN, OTHER, LIMIT = 1, 2, 4
@@ -163,12 +163,12 @@ MAIN, OTHER, LIMIT = 1, 2, 4
 
 @dataclass(frozen=True)
 class PropertyMonitor:
-    """One property over events.
+    """A monitor of a property over events.
 
     Attributes:
-        form: Its pattern.
-        roles: The roles of each event, as bits; events without a role are left out.
-        owes: Whether the required event can happen at any time, so that it is pending until it happens.
+        form: The pattern of the property.
+        roles: The roles of each event, as bits, by event number; events without a role are missing.
+        owes: Whether the required event has no limit, so that the obligation is pending until the event happens.
     """
 
     form: PropertyPattern
@@ -179,9 +179,9 @@ class PropertyMonitor:
         """Return the flag after an event, and whether the event violates the property.
 
         Args:
-            flag: The state: whether the other event has happened (`BEFORE`), is pending (`AFTER`), or whether the
-                event has happened (`AT_MOST_ONCE`).
-            event: The event.
+            flag: The state of the monitor: whether the required event has happened (`BEFORE`), whether it is pending
+                (`AFTER`), or whether the main event has happened (`AT_MOST_ONCE`).
+            event: The number of the event.
         """
         roles = self.roles.get(event)
         if roles is None:
@@ -193,7 +193,7 @@ def _never_violated(_: bool, roles: int) -> tuple[bool, bool]:
     return False, bool(roles & MAIN)
 
 
-def _check_precedence(flag: bool, roles: int) -> tuple[bool, bool]:
+def _check_before(flag: bool, roles: int) -> tuple[bool, bool]:
     broken = bool(roles & MAIN) and not flag
     return bool(roles & OTHER) or (flag and not roles & LIMIT), broken
 
@@ -211,17 +211,17 @@ def _check_at_most_once(flag: bool, roles: int) -> tuple[bool, bool]:
 
 _RULES: Mapping[PropertyPattern, Callable[[bool, int], tuple[bool, bool]]] = {
     PropertyPattern.NEVER: _never_violated,
-    PropertyPattern.BEFORE: _check_precedence,
+    PropertyPattern.BEFORE: _check_before,
     PropertyPattern.AFTER: _check_response,
     PropertyPattern.AT_MOST_ONCE: _check_at_most_once,
 }
 
 
 class MonitorSet:
-    """Several monitors as one, whose state is a number with a bit for each.
+    """A set of monitors, whose state is a number with a bit for each monitor.
 
     Args:
-        monitors: The monitors; the first has the lowest bit.
+        monitors: The monitors; the first monitor has the lowest bit.
     """
 
     start = 0
@@ -240,7 +240,7 @@ class MonitorSet:
 
     @property
     def relevant_events(self) -> set[int]:
-        """The events that affect at least one of them."""
+        """The numbers of the events that affect at least one monitor."""
         return {event for monitor in self._monitors for event in monitor.roles}
 
     def next_state(self, state: int, event: int) -> tuple[int, int]:
@@ -258,8 +258,8 @@ class MonitorSet:
 
 
 AfterTickCondition = Callable[[str, bool | None], bool]
-"""Returns whether a condition holds after a tick, given the root's status and whether the tree idles: every further tick
-leaves it unchanged. If this is None, which means unknown, it may raise `IdleUnknownError`.
+"""Returns whether a condition holds after a tick, given the root's status and whether the tree idles (None: unknown).
+The function may raise `IdleUnknownError` if it is unknown whether the tree idles.
 """
 
 
@@ -268,11 +268,11 @@ class PropertyAutomata:
     """The properties of a tree as automata.
 
     Attributes:
-        monitors: The properties over events; the first rules.
-        guarded: The events that matter only while a condition holds, by the number of the event without it.
+        monitors: The monitors of the properties over events, which have the lowest rule numbers.
+        guarded: The second events that accompany leaf events while a condition holds, by the leaf event's number.
         ends: Returns whether a run is over.
-        at_end: The conditions that must hold at the end of a run; the rules after those over events.
-        entries: The entries that these conditions and `ends` read.
+        at_end: The conditions that must hold at the end of a run, which have the following rule numbers.
+        entries: The entries that `at_end` and `ends` read.
     """
 
     monitors: MonitorSet
@@ -292,7 +292,7 @@ class PropertyAutomata:
         Args:
             outcome: The outcome of the root, as a number; INVALID before the first tick.
             watched: The state of the monitors.
-            idle: Whether every tick leaves it unchanged; None if that is not known yet.
+            idle: Whether every tick leaves the state unchanged; None if this is not known yet.
         """
         owed = self.monitors.pending_monitors(watched)
         root = WORDS[outcome]
@@ -311,35 +311,35 @@ class PropertyAutomata:
 
 
 def _evaluate_condition(condition: AfterTickCondition, root: str, *, idle: bool | None) -> bool | None:
-    """Return whether a condition holds; None if it depends on an unknown value."""
+    """Return whether a condition holds; None if it depends on whether the tree idles, which is not known yet."""
     try:
         return condition(root, idle)
     except IdleUnknownError:
         return None
 
 
-_EMPTY_HINT = "write properties: and below it a name, and below that never: LEAF OUTCOME"
+_EMPTY_HINT = "write a property, for example: properties: {NAME: {never: LEAF OUTCOME}}"
 # The keys of the main events of a property, of the required events, and of the limiting events.
 _KEYS: Mapping[PropertyPattern, tuple[str, str, str]] = {
     PropertyPattern.AFTER: ("after", "eventually", "before"),
     PropertyPattern.NEVER: ("never", "", ""),
     PropertyPattern.AT_MOST_ONCE: ("at_most_once", "", "per"),
-    # Last, because a required event that follows something may also have to precede something else.
+    # Last, because `before` is also the key of the limiting events of an `after` property.
     PropertyPattern.BEFORE: ("before", "comes", "since"),
 }
 
 
 @dataclass(frozen=True)
 class EventProperty:
-    """A property over events, as it is written.
+    """A property over events, as written in a file.
 
     Attributes:
-        name: Its name.
-        form: Its pattern.
+        name: The name of the property.
+        form: The pattern of the property.
         main: The main events.
         other: The required events.
         limit: The limiting events.
-        condition: The condition under which the main events matter; None for always.
+        condition: The condition under which the main events matter; None if they always matter.
     """
 
     name: str
@@ -355,16 +355,15 @@ class PropertyFile:
     """The content of a properties file.
 
     Attributes:
-        document: The file, with its findings.
-        end: The condition for the end of a run; None if that is the root's success or failure.
+        document: The document, with its findings.
+        end: The condition for the end of a run; None if a run ends when the root has succeeded or failed.
         events: The properties over events.
-        ends: The conditions that must hold at the end of a run, by the names of their properties.
-        facts: The facts that it defines.
-        outcomes: The outcomes of leaves that it defines.
-        parameters: The keys of the root blackboard.
-        controls: The semantics of controls and decorators that only a model describes.
-        if_broken: The reaction of a run to a violation, by the property's name, if it is more than a report: `hold`
-            or `abort`.
+        ends: The conditions that must hold at the end of a run, by property name.
+        facts: The initial values of facts.
+        outcomes: The assumed outcomes of leaves.
+        parameters: The values of keys of the root blackboard.
+        controls: The replacements for controls and decorators of unknown behaviour.
+        if_broken: The reaction of a run to a violation (`hold` or `abort`), by property name; by default only a report.
     """
 
     document: Document
@@ -381,25 +380,25 @@ class PropertyFile:
 def read_property_file(path: str | Path) -> PropertyFile:
     """Read a properties file.
 
-    Its errors are stored in its document. `verify` raises them with those that need a tree.
+    Errors become findings of the document. `verify` raises them together with the errors that depend on a tree.
 
     Raises:
-        UnreadableFileError: If it does not exist or cannot be read.
-        TreeError: If no part of it can be used; carries the findings.
+        UnreadableFileError: If the file does not exist or cannot be read.
+        TreeError: If no part of the file can be used; contains the findings.
     """
     from sar_compiler.documents.yaml_files import read_yaml
 
-    return _understood(read_yaml(path, PROPERTIES, _EMPTY_HINT))
+    return _parse_document(read_yaml(path, PROPERTIES, _EMPTY_HINT))
 
 
 def parse_property_file(text: str, path: str = "<text>") -> PropertyFile:
-    """Parse a properties file in memory; see `read_property_file`."""
+    """Parse the text of a properties file; see `read_property_file`."""
     from sar_compiler.documents.yaml_files import parse_yaml
 
-    return _understood(parse_yaml(text, path, _EMPTY_HINT))
+    return _parse_document(parse_yaml(text, path, _EMPTY_HINT))
 
 
-def _understood(document: Document) -> PropertyFile:
+def _parse_document(document: Document) -> PropertyFile:
     parts = document.validate("properties").mapping
     written = parts["properties"].mapping if "properties" in parts else {}
     return PropertyFile(
@@ -422,7 +421,7 @@ def _events(name: str, parts: Mapping[str, Value]) -> EventProperty:
 
 
 NO_END = "none"
-"""The value of `end` for runs without an end."""
+"""The value of `end` that declares that runs have no end."""
 
 
 @dataclass(frozen=True)
@@ -430,8 +429,8 @@ class InapplicableProperty:
     """A property that does not apply to a tree.
 
     Attributes:
-        name: Its name.
-        missing: The leaves that it names and the tree does not have.
+        name: The name of the property.
+        missing: The leaves that the property names but the tree does not have.
     """
 
     name: str
@@ -444,11 +443,11 @@ class Properties:
 
     Attributes:
         rules: The properties as automata for the search.
-        names: Their names, by the number of the rule.
-        owing: The rules that an endless run can violate, with the events that are then pending.
-        left_out: Those that do not apply to the tree.
-        has_end: Whether runs have an end, so that it is asked whether they reach it.
-        conditions: All conditions in them.
+        names: The names of the properties, by rule number.
+        owing: The numbers of the rules that an endless run can violate, because an obligation stays pending.
+        left_out: The properties that do not apply to the tree.
+        has_end: Whether runs have an end, so that there are questions about the end.
+        conditions: All conditions of the properties.
     """
 
     rules: PropertyAutomata
@@ -464,14 +463,14 @@ class Properties:
         return any(IDLE in condition.names for condition in self.conditions)
 
     def events(self, number: int) -> set[int]:
-        """Return the numbers of the events that a property names."""
+        """Return the numbers of the leaf events that a property names."""
         monitors, guarded = self.rules.monitors, self.rules.guarded
         heard = set(monitors[number].roles) if number < monitors.count else set()
         beside = {event for event, some in guarded.items() if heard & {each.number for each in some}}
         return (heard | beside).difference(each.number for some in guarded.values() for each in some)
 
     def without_owner(self, owner: str) -> "Properties":
-        """Return the properties without one of them, or without those that depend on the end of a run."""
+        """Return the properties without the property *owner*; for `end`, without properties that depend on the end."""
         if owner in self.names:
             return self.select([number for number, each in enumerate(self.names) if each != owner])
         lasting = set(range(self.rules.monitors.count)).difference(self.owing)
@@ -479,14 +478,14 @@ class Properties:
         return replace(others, rules=replace(others.rules, ends=_never_over), has_end=False)
 
     def select(self, numbers: Sequence[int]) -> "Properties":
-        """Return some of the properties, given their ascending numbers."""
+        """Return the properties with the given numbers, which must be in ascending order."""
         rules, count = self.rules, self.rules.monitors.count
         monitors = MonitorSet([rules.monitors[number] for number in numbers if number < count])
         at_end = [rules.at_end[number - count] for number in numbers if number >= count]
         guarded = {
-            event: kept
+            event: selected
             for event, some in rules.guarded.items()
-            if (kept := [each for each in some if each.number in monitors.relevant_events])
+            if (selected := [each for each in some if each.number in monitors.relevant_events])
         }
         owing = tuple(place for place, number in enumerate(numbers) if number in self.owing)
         names = tuple(self.names[number] for number in numbers)
@@ -499,7 +498,7 @@ class Properties:
 
 
 def without_properties() -> Properties:
-    """Return the default properties, without a file: a run ends when the root has succeeded or failed."""
+    """Return the properties without a file, which only define that a run ends when the root has succeeded or failed."""
     return Properties(PropertyAutomata(MonitorSet(()), {}, _root_is_over))
 
 
@@ -509,13 +508,13 @@ def properties_of(
     """Return the properties of a tree that a file defines.
 
     Args:
-        file: The file; None for `without_properties`.
+        file: The properties file; None for `without_properties`.
         prepared: The tree.
-        tags: The tags of leaves that a tree can have.
-        keys: The keys of the main tree, if another tree is monitored.
+        tags: The tags of all leaves that a tree may contain.
+        keys: The scope of the main tree's keys, if another tree is monitored.
 
     Raises:
-        TreeError: If the file contradicts the tree; carries the findings.
+        TreeError: If the properties file contradicts the tree; contains the findings.
     """
     if file is None:
         return without_properties()
@@ -549,8 +548,8 @@ class _PropertyEvents:
     """The events that a property names in one role.
 
     Attributes:
-        numbers: The events.
-        missing: The leaves that the tree does not have.
+        numbers: The numbers of the events.
+        missing: The named leaves that the tree does not have.
     """
 
     numbers: set[int] = field(default_factory=set)
@@ -558,7 +557,7 @@ class _PropertyEvents:
 
     @property
     def cannot_happen(self) -> bool:
-        """Whether all named leaves are missing in the tree."""
+        """Whether the tree has none of the named leaves."""
         return bool(self.missing) and not self.numbers
 
 
@@ -602,7 +601,7 @@ class _PropertyParser:
         self.names.append(written.name)
 
     def condition(self, value: Value, owner: str, *, after_a_tick: bool) -> Condition | None:
-        """Return a condition; None if it is invalid."""
+        """Create a condition; return None if it is invalid."""
         own, later = (AFTER_A_TICK, ()) if after_a_tick else ((), AFTER_A_TICK)
         script = self._words.condition(value, own, later)
         if script is None:
@@ -623,7 +622,7 @@ class _PropertyParser:
         return events
 
     def _missing_leaf(self, text: str) -> str | None:
-        """Return the leaf that a string names if it is missing in this tree."""
+        """Return the tag of the leaf that an event names, if the tree does not have the leaf; otherwise None."""
         words = text.split(" ")
         heads = [" ".join(words[:count]) for count in range(len(words), 0, -1)]
         if any(self._words.leaves_for_key(head) for head in heads):
@@ -631,7 +630,7 @@ class _PropertyParser:
         return next((head for head in heads if head in self._tags), None)
 
     def _guard(self, numbers: set[int], condition: Condition, *, comes_first: bool) -> int:
-        """Return the number of an event that accompanies others while a condition holds."""
+        """Create a second event that accompanies leaf events while a condition holds; return its number."""
         companion = len(self._alphabet.events) + len(self.monitors)
         for number in numbers:
             self.guarded.setdefault(number, []).append(Guarded(companion, condition.holds, comes_first))

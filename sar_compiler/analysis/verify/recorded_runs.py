@@ -1,7 +1,7 @@
-"""Finding a recorded run among all runs of its tree.
+"""Location of a recorded run among all possible runs of its tree.
 
-A record may omit when timers expired and which outcome of a leaf a status stands for. So several ways may match one
-recorded tick.
+A record does not contain when timers expired, and may not contain which outcome a leaf's status stands for. So several
+possible ticks may match a recorded tick.
 """
 
 from array import array
@@ -18,22 +18,22 @@ from sar_compiler.runtime.events import HALTED, RESET, TICKED, Event
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.variables import unknown_value_of
 
-# The maximum number of explored ticks times the nodes of the tree: some seconds.
-_MOST_TICKED = 5_000_000
-# For a state with more ticks, only those are tried that begin like the recorded one.
-_MOST_WAYS = 200
+# The maximum number of explored ticks times the number of nodes, which takes some seconds.
+_MAX_EXPLORED = 5_000_000
+# In a state with more ticks, only ticks that begin like the recorded tick are explored.
+_MAX_TICKS = 200
 _RUNNING, _HALTED, _IDLE, _SKIPPED = "RUNNING", "HALTED", "IDLE", "SKIPPED"
 _ENDS = ("SUCCESS", "FAILURE")
-# The maximum number of different ticks of a record to keep: some ten megabytes.
-_MOST_KEPT = 10_000
-# The maximum number of ticks without entries before one with entries, if a record omits these.
-_MOST_OMITTED = 100
-# The state after a tick that raised.
-_NOWHERE = b""
+# The maximum number of different ticks of a record that are cached, which take some ten megabytes.
+_MAX_CACHED = 10_000
+# The maximum number of consecutive ticks without entries, in a record that omits such ticks.
+_MAX_OMITTED = 100
+# The state after a tick that raised an error.
+_NO_STATE = b""
 
 
 class NotReplayedError(UndecidableError):
-    """A recorded run is not a possible run of the tree with the declared outcomes of its leaves."""
+    """A recorded run is not a possible run of its tree with the declared outcomes of leaves."""
 
 
 class OtherTreeError(UndecidableError):
@@ -55,7 +55,7 @@ def ticks_of(record: Iterable[Event]) -> Iterator[list[Event]]:
 
 
 def recorded_ticks(record: Iterable[Event]) -> Iterator[LoggedTick]:
-    """Yield the ticks of a record; see `ticks_of`."""
+    """Yield the ticks of a record as logged ticks; see `ticks_of`."""
     for tick in ticks_of(record):
         end = tick[-1]
         content = (*[event[1:5] for event in tick], end.statuses)
@@ -66,8 +66,8 @@ class ObservedPrefix(NamedTuple):
     """The results of nodes in a record up to a tick.
 
     Attributes:
-        statuses: The last status of each node; empty for one at rest.
-        labels: The labels of the last outcomes; None if unknown, so that only the status is compared.
+        statuses: The last status of each node, by node number; empty for an idle node.
+        labels: The label of each leaf's last outcome, by node number; None if unknown (only statuses are compared).
     """
 
     statuses: dict[int, str]
@@ -76,13 +76,15 @@ class ObservedPrefix(NamedTuple):
     def with_tick(self, tick: Sequence[Event]) -> "ObservedPrefix":
         """Return the results up to the end of a further tick."""
         *events, end = tick
-        came = [event for event in events if event.outcome]
-        statuses = {**self.statuses, 0: end.status, **{event.number: event.status for event in came}}
+        outcomes = [event for event in events if event.outcome]
+        statuses = {**self.statuses, 0: end.status, **{event.number: event.status for event in outcomes}}
         statuses.update({event.number: "" for event in events if event.what in (HALTED, RESET)})
-        return ObservedPrefix(statuses, self.labels | {event.number: event.label or None for event in came})
+        return ObservedPrefix(
+            statuses, self.labels | {event.number: event.label or None for event in outcomes}
+        )
 
     def is_known(self, outcome: Event) -> bool:
-        """Return whether a result equals the leaf's last one, so that the record may omit it."""
+        """Return whether an outcome equals the leaf's last outcome, so that the record may omit it."""
         return _is_same(outcome, self.statuses.get(outcome.number, ""), self.labels.get(outcome.number))
 
 
@@ -91,17 +93,17 @@ def _is_same(outcome: Event, status: str, label: str | None) -> bool:
 
 
 class PossibleTick(NamedTuple):
-    """A tick from a state.
+    """A possible tick in a state.
 
     Attributes:
-        outcomes: The outcomes of leaves in it.
+        outcomes: The outcomes of leaves in the tick.
         root: The root's status.
-        state: The state after it.
-        unusual: Which of the outcomes are unusual.
-        halted: The leaves that are halted in it, and at rest at its end.
-        running: The numbers of the nodes that run before it.
-        statuses: The status of each node at its end, by its number; empty for a node at rest.
-        broken: The rules that it violates, each with the violating event.
+        state: The state after the tick.
+        unusual: For each outcome, whether it is unusual.
+        halted: The numbers of the leaves that are halted in the tick, and idle at its end.
+        running: The numbers of the nodes that run before the tick.
+        statuses: The status of each node at the end of the tick, by node number; empty for an idle node.
+        broken: The rules that the tick violates, each with the event that violates it.
     """
 
     outcomes: tuple[Event, ...]
@@ -113,22 +115,22 @@ class PossibleTick(NamedTuple):
     statuses: tuple[str, ...] = ()
     broken: tuple[tuple[int, Event], ...] = ()
 
-    def common(self, noted: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
-        """Return how many recorded outcomes this tick has in order, and how many of its own outcomes match.
+    def common(self, recorded: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
+        """Return the numbers of recorded outcomes, and of this tick's outcomes, in their common beginning.
 
-        An outcome that may be that of a leaf's condition is passed over if this tick lacks it.
+        A recorded outcome that may only be the result of a leaf's condition is ignored if this tick lacks it.
 
         Args:
-            noted: The recorded outcomes.
-            before: The state recorded before that tick.
+            recorded: The recorded outcomes.
+            before: The recorded results before the tick.
         """
-        return _common(self.outcomes, noted, before)
+        return _common(self.outcomes, recorded, before)
 
     def other_status(self, recorded: Sequence[tuple[int, str]]) -> tuple[int, str] | None:
-        """Return the first node with a different recorded status, and that status; None if all match.
+        """Return the first node whose recorded status differs, with the recorded status; None if all statuses match.
 
         Args:
-            recorded: The statuses that were recorded in the tick, in their order, each with the node's number.
+            recorded: The recorded statuses of the tick, in order, each with the node's number.
         """
         ran = {number for number, status in recorded if status == _RUNNING}.union(self.running)
         for number, status in dict(recorded).items():
@@ -140,69 +142,69 @@ class PossibleTick(NamedTuple):
         return None
 
     def fits(
-        self, noted: Sequence[Event], halted: Collection[int], before: ObservedPrefix, root: str
+        self, recorded: Sequence[Event], halted: Collection[int], before: ObservedPrefix, root: str
     ) -> bool:
-        """Return whether this tick matches a recorded one.
+        """Return whether this tick matches a recorded tick.
 
         Args:
-            noted: The outcomes recorded in the tick.
-            halted: The leaves that were halted in it.
-            before: The state recorded before it.
-            root: The root's status.
+            recorded: The recorded outcomes.
+            halted: The numbers of the leaves that were halted in the recorded tick.
+            before: The recorded results before the tick.
+            root: The root's recorded status.
         """
         return (
             self.root == root
             and self.halted == halted
-            and self.common(noted, before) == (len(noted), len(self.outcomes))
+            and self.common(recorded, before) == (len(recorded), len(self.outcomes))
         )
 
 
-def _common(outcomes: Sequence[Event], noted: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
-    """Return what `PossibleTick.common` returns for a tick with these outcomes."""
-    told = ObservedPrefix({}, {})
+def _common(outcomes: Sequence[Event], recorded: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
+    """Return the result of `PossibleTick.common` for a tick with the given outcomes."""
+    observed = ObservedPrefix({}, {})
     count = 0
     for place, outcome in enumerate(outcomes):
-        known = told if outcome.number in told.statuses else before
+        known = observed if outcome.number in observed.statuses else before
         following = count
-        while following < len(noted) - 1 and _may_be_missing(outcome, noted[following]):
+        while following < len(recorded) - 1 and _may_be_missing(outcome, recorded[following]):
             following += 1
-        if following < len(noted) and _is_noted(outcome, noted[following]):
-            told.statuses[outcome.number], told.labels[outcome.number] = outcome.status, outcome.label
+        if following < len(recorded) and _is_recorded(outcome, recorded[following]):
+            observed.statuses[outcome.number], observed.labels[outcome.number] = outcome.status, outcome.label
             count = following + 1
         elif not known.is_known(outcome):
             return count, place
-    while count < len(noted) and noted[count].is_unsure:
+    while count < len(recorded) and recorded[count].is_unsure:
         count += 1
     return count, len(outcomes)
 
 
-def _may_be_missing(outcome: Event, noted: Event) -> bool:
-    return noted.is_unsure and not _is_noted(outcome, noted)
+def _may_be_missing(outcome: Event, recorded: Event) -> bool:
+    return recorded.is_unsure and not _is_recorded(outcome, recorded)
 
 
-def _is_noted(outcome: Event, noted: Event) -> bool:
-    return outcome.number == noted.number and _is_same(outcome, noted.status, noted.label or None)
+def _is_recorded(outcome: Event, recorded: Event) -> bool:
+    return outcome.number == recorded.number and _is_same(outcome, recorded.status, recorded.label or None)
 
 
-_FoundWays = list[tuple[bytes, PossibleTick]]
+_Matches = list[tuple[bytes, PossibleTick]]
 
 
 class FoundTick(NamedTuple):
-    """A recorded tick, located among the tree's runs.
+    """A recorded tick that was located among the tree's runs.
 
     Attributes:
-        number: Its number in the run, from 1.
-        time_sec: Its time, seconds since the start of the run.
-        ways: Its possible ways, with their possible initial states; ticks with equal ones share the same object.
+        number: The number of the tick in the run, from 1.
+        time_sec: The time of the tick in seconds since the start of the run.
+        matches: The possible ticks that match, each with its initial state; equal matches are the same object.
     """
 
     number: int
     time_sec: float
-    ways: Sequence[tuple[bytes, PossibleTick]]
+    matches: Sequence[tuple[bytes, PossibleTick]]
 
 
 class FoundTicks:
-    """The located ticks of a record, in order, stored compactly, because a run can have a million.
+    """The located ticks of a record, stored compactly because a run can have a million ticks.
 
     Attributes:
         omitted: The number of ticks that the record omits.
@@ -211,58 +213,56 @@ class FoundTicks:
     def __init__(self) -> None:
         self.omitted = 0
         self._numbers, self._times = array("q"), array("d")
-        self._ways: list[_FoundWays] = []
+        self._matches: list[_Matches] = []
 
     def __len__(self) -> int:
-        return len(self._ways)
+        return len(self._matches)
 
     def __getitem__(self, index: int) -> FoundTick:
-        return FoundTick(self._numbers[index], self._times[index], self._ways[index])
+        return FoundTick(self._numbers[index], self._times[index], self._matches[index])
 
     def __iter__(self) -> Iterator[FoundTick]:
-        return map(FoundTick, self._numbers, self._times, self._ways)
+        return map(FoundTick, self._numbers, self._times, self._matches)
 
     def __reversed__(self) -> Iterator[FoundTick]:
-        return map(FoundTick, reversed(self._numbers), reversed(self._times), reversed(self._ways))
+        return map(FoundTick, reversed(self._numbers), reversed(self._times), reversed(self._matches))
 
-    def append(self, tick: LoggedTick, ways: "_FoundWays") -> None:
-        """Add a tick with its possible continuations."""
+    def append(self, tick: LoggedTick, matches: "_Matches") -> None:
+        """Append a recorded tick with the possible ticks that match."""
         self._numbers.append(tick.number)
         self._times.append(tick.time_sec)
-        self._ways.append(ways)
+        self._matches.append(matches)
 
-    def remove_other_ticks(
-        self, states: Collection[bytes], shared: "Callable[[_FoundWays], _FoundWays]"
-    ) -> None:
-        """Remove the continuations that reach none of the last tick's states."""
+    def remove_other_ticks(self, states: Collection[bytes], shared: "Callable[[_Matches], _Matches]") -> None:
+        """Remove the matches from which none of the states after the last tick can be reached."""
         now = frozenset(states)
-        known: dict[tuple[int, frozenset[bytes]], tuple[_FoundWays, frozenset[bytes]]] = {}
-        for index in range(len(self._ways) - 1, -1, -1):
-            ways = self._ways[index]
-            kept = known.get((id(ways), now))
-            if kept is None:
-                left = shared([(state, way) for state, way in ways if way.state in now])
-                kept = known[id(ways), now] = left, frozenset(state for state, _ in left)
-            self._ways[index], now = kept
+        known: dict[tuple[int, frozenset[bytes]], tuple[_Matches, frozenset[bytes]]] = {}
+        for index in range(len(self._matches) - 1, -1, -1):
+            matches = self._matches[index]
+            reaching = known.get((id(matches), now))
+            if reaching is None:
+                left = shared([(state, option) for state, option in matches if option.state in now])
+                reaching = known[id(matches), now] = left, frozenset(state for state, _ in left)
+            self._matches[index], now = reaching
 
 
 class LostTick(NamedTuple):
     """A recorded tick that is impossible after the previous ticks.
 
     Attributes:
-        number: Its number in the run, from 1.
-        time_sec: Its time, seconds since the start of the run.
-        events: The recorded events; the last one is its end.
-        states: Its possible initial states.
-        told: The state recorded before it.
-        is_last: Whether the record ends with it.
+        number: The number of the tick in the run, from 1.
+        time_sec: The time of the tick in seconds since the start of the run.
+        events: The recorded events; the last event is the end of the tick.
+        states: The possible states before the tick.
+        observed: The recorded results before the tick.
+        is_last: Whether the tick is the last recorded tick.
     """
 
     number: int
     time_sec: float
     events: Sequence[Event]
     states: Sequence[bytes]
-    told: ObservedPrefix
+    observed: ObservedPrefix
     is_last: bool
 
 
@@ -270,40 +270,39 @@ class _RecordPosition:
     """A position in a record, with the possible states and the previous results.
 
     Args:
-        states: The states that the run can be in.
-        told: The recorded results up to here.
+        states: The possible states of the run at this position.
+        observed: The recorded results before this position.
 
     Attributes:
-        states, told: The same.
-        after: The matching ways and the next position, for each content of a next tick that was looked up.
+        after: The matches and the next position for each tick that was located at this position, by tick content.
     """
 
-    def __init__(self, states: frozenset[bytes], told: ObservedPrefix) -> None:
-        self.states, self.told = states, told
-        self.after: dict[Hashable, tuple[_FoundWays, _RecordPosition]] = {}
+    def __init__(self, states: frozenset[bytes], observed: ObservedPrefix) -> None:
+        self.states, self.observed = states, observed
+        self.after: dict[Hashable, tuple[_Matches, _RecordPosition]] = {}
 
     @property
     def key(self) -> Hashable:
         """A key that is equal for equivalent positions."""
-        return self.states, frozenset(self.told.statuses.items()), frozenset(self.told.labels.items())
+        return self.states, frozenset(self.observed.statuses.items()), frozenset(self.observed.labels.items())
 
 
 class TreeRuns:
-    """All runs of a tree, computed lazily.
+    """All possible runs of a tree, computed lazily.
 
     Args:
         simulated: The tree with stub leaves; not usable afterwards.
         names: The names of the nodes that ran, in pre-order.
         rules: The monitored properties; by default none.
-        prepared: The tree, if it is prepared for the search already.
+        prepared: The prepared tree, if it was prepared for searches before.
 
     Raises:
         UndecidableError: If the tree's runs cannot be searched.
-        OtherTreeError: If the tree has nodes other than those that ran.
+        OtherTreeError: If the nodes that ran are not the nodes of the tree.
 
     Attributes:
-        names: The names of its nodes.
-        leaves: The numbers of its stub leaves.
+        names: The names of the tree's nodes, in pre-order.
+        leaves: The numbers of the tree's stub leaves.
         starts: The possible initial states.
     """
 
@@ -314,7 +313,7 @@ class TreeRuns:
         rules: PropertyAutomata | None = None,
         prepared: PreparedTree | None = None,
     ) -> None:
-        # Ticks of a state are distinguished even if they merge again, because their events are needed.
+        # Ticks that reach the same intermediate state are not merged, because the events of each tick are needed.
         self.stepper = TreeStepper(
             prepared or PreparedTree.prepare(simulated), rules or without_properties().rules, meets=False
         )
@@ -325,7 +324,7 @@ class TreeRuns:
         self._known: dict[bytes, list[PossibleTick]] = {}
         self._raising: dict[bytes, list[PossibleTick]] = {}
         self._wide: set[bytes] = set()
-        # For states with a tick that needs an unknown value: the error.
+        # The error of a tick that needs an unknown value, by the state in which the tick starts.
         self._unknown: dict[bytes, Exception] = {}
         self.starts = frozenset({self.stepper.steps.start()})
         # The position at the end of the record that was located last.
@@ -333,8 +332,13 @@ class TreeRuns:
         self.renew()
 
     def renew(self) -> None:
-        """Reset the limit of tried ticks."""
-        self._left = _MOST_TICKED // len(self.names)
+        """Reset the number of ticks that may still be explored."""
+        self._left = _MAX_EXPLORED // len(self.names)
+
+    @property
+    def start(self) -> bytes:
+        """The initial state of the tree."""
+        return self.stepper.steps.start()
 
     @property
     def is_spent(self) -> bool:
@@ -342,74 +346,78 @@ class TreeRuns:
         return not self._left
 
     def possible_ticks(self, state: bytes) -> list[PossibleTick]:
-        """Return the ticks of a state; none once the limit on explored ticks is reached."""
+        """Return the ticks of a state; an empty list once the limit on explored ticks is reached."""
         known = self._known.get(state)
         if known is not None or self.is_spent:
             return known or []
         self._explore_ticks(state, self._left)
         return self._known[state]
 
-    def ticks_like(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[PossibleTick]:
-        """Return the ticks of a state with the recorded outcomes; all ticks if they are few.
+    def ticks_like(
+        self, state: bytes, recorded: Sequence[Event], before: ObservedPrefix
+    ) -> list[PossibleTick]:
+        """Return the ticks of a state that are like a recorded tick; all ticks if the state has few ticks.
 
         Ticks with other outcomes are represented by one tick for each first outcome that differs. So their number
-        grows with the number of ticked leaves, and not with the number of combinations of their outcomes.
+        grows with the number of ticked leaves, and not with the number of combinations of outcomes.
 
         Args:
             state: The state.
-            noted: The outcomes recorded in the tick.
-            before: The statuses before it.
+            recorded: The recorded outcomes.
+            before: The recorded results before the tick.
         """
         if self._has_few_ticks(state):
             return self._known[state]
-        return [way for way in self._play_ticks(state, noted, before) if way.state is not _NOWHERE]
+        return [
+            option for option in self._play_ticks(state, recorded, before) if option.state is not _NO_STATE
+        ]
 
     def _ticks_with(
-        self, state: bytes, noted: Sequence[Event], before: ObservedPrefix
+        self, state: bytes, recorded: Sequence[Event], before: ObservedPrefix
     ) -> Iterable[PossibleTick]:
-        """Return the ticks of a state with exactly the recorded outcomes; all ticks if the state has few."""
+        """Return the ticks of a state with exactly the recorded outcomes; all ticks if the state has few ticks."""
         if self._has_few_ticks(state):
             return self._known[state]
-        ways = self._play_ticks(state, noted, before, is_whole=True)
-        return (way for way in ways if way.state is not _NOWHERE)
+        matches = self._play_ticks(state, recorded, before, is_whole=True)
+        return (option for option in matches if option.state is not _NO_STATE)
 
     def _has_few_ticks(self, state: bytes) -> bool:
-        """Return whether a state has so few ticks that all are known."""
+        """Return whether a state has so few ticks that all of them are stored."""
         if (
             state not in self._known
             and state not in self._wide
-            and not self._explore_ticks(state, _MOST_WAYS)
+            and not self._explore_ticks(state, _MAX_TICKS)
         ):
             del self._known[state]
             self._wide.add(state)
         return state in self._known
 
     def _explore_ticks(self, state: bytes, most: int) -> bool:
-        """Store the ticks of a state; return whether they are complete and few."""
+        """Store at most *most* ticks of a state; return whether these are all ticks of the state."""
         found: dict[PossibleTick, None] = {}
-        for count, way in enumerate(self._play_ticks(state), 1):
-            found[way] = None
+        for count, option in enumerate(self._play_ticks(state), 1):
+            found[option] = None
             if count >= most:
                 break
-        self._known[state] = [way for way in found if way.state is not _NOWHERE]
-        self._raising[state] = [way for way in found if way.state is _NOWHERE]
+        self._known[state] = [option for option in found if option.state is not _NO_STATE]
+        self._raising[state] = [option for option in found if option.state is _NO_STATE]
         return not found or count < most
 
     def _play_ticks(
         self,
         state: bytes,
-        noted: Sequence[Event] | None = None,
+        recorded: Sequence[Event] | None = None,
         before: ObservedPrefix | None = None,
         *,
         is_whole: bool = False,
     ) -> Iterator[PossibleTick]:
-        """Play the ticks of a state until too many were tried.
+        """Play the ticks of a state until the limit on explored ticks is reached.
 
         Args:
             state: The state.
-            noted: Recorded outcomes: only ticks like it are played (see `ticks_like`).
-            before: The statuses before it.
-            is_whole: Whether only ticks with no other outcomes are yielded.
+            recorded: The recorded outcomes, if only ticks like the recorded tick are played (see `ticks_like`).
+            before: The recorded results before the tick.
+            is_whole: Whether only ticks with exactly the recorded outcomes are yielded.
         """
         self.stepper.steps.restore(state)
         running = frozenset(number for number, status in enumerate(self._statuses()) if status == _RUNNING)
@@ -419,27 +427,29 @@ class TreeRuns:
             self._left -= 1
             if step.error is not None and unknown_value_of(step.error) is not None:
                 self._unknown[state] = step.error
-            way: PossibleTick | None = None
+            option: PossibleTick | None = None
             if not is_whole:
-                way = self._last_tick(step.state or _NOWHERE)._replace(running=running)
-            if noted is not None and before is not None:
+                option = self._last_tick(step.state or _NO_STATE)._replace(running=running)
+            if recorded is not None and before is not None:
                 outcomes = self.stepper.outcomes()
-                count, place = _common(outcomes, noted, before)
-                if is_whole and (count, place) == (len(noted), len(outcomes)):
-                    way = self._last_tick(step.state or _NOWHERE)._replace(running=running)
+                count, place = _common(outcomes, recorded, before)
+                if is_whole and (count, place) == (len(recorded), len(outcomes)):
+                    option = self._last_tick(step.state or _NO_STATE)._replace(running=running)
                 if place < len(outcomes):
                     self.stepper.pass_over(place)
-            if way is not None:
-                yield way
+            if option is not None:
+                yield option
 
-    def beginnings(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[PossibleTick]:
-        """Return the ticks of a state as `ticks_like` does, including those in which a node raises."""
+    def beginnings(
+        self, state: bytes, recorded: Sequence[Event], before: ObservedPrefix
+    ) -> list[PossibleTick]:
+        """Return the ticks of a state like `ticks_like`, including ticks that raise errors."""
         if state in self._wide:
-            return [*self._play_ticks(state, noted, before)]
+            return [*self._play_ticks(state, recorded, before)]
         return [*self.possible_ticks(state), *self._raising.get(state, ())]
 
     def _last_tick(self, state: bytes) -> PossibleTick:
-        """Return the last tick, which has not raised an error."""
+        """Return the tick that was played last, given the state after it."""
         statuses = self._statuses()
         tick, broken = self.stepper.tick_record(), self.stepper.violated_properties()
         outcomes = tuple(event for event in tick.events if event.outcome)
@@ -456,66 +466,67 @@ class TreeRuns:
         )
 
     def _statuses(self) -> tuple[str, ...]:
-        """Return the statuses of the nodes from their cells; empty for idle nodes."""
+        """Return the current statuses of the nodes, by node number; empty for idle nodes."""
         cells = self.stepper.ticker.cells
         return tuple(
             WORDS[cells[node.status_cell]] if cells[node.status_cell] else ""
             for node in self.stepper.flat.nodes
         )
 
-    def restore_before(self, state: bytes, way: PossibleTick, place: int) -> None:
-        """Restore the facts and keys before an outcome of a tick, given its index."""
+    def restore_before(self, state: bytes, option: PossibleTick, place: int) -> None:
+        """Restore the facts and keys before the outcome with index *place* of a tick."""
         for step in self.stepper.ticks(state):
-            if self._last_tick(step.state or _NOWHERE)._replace(running=way.running) == way:
+            if self._last_tick(step.state or _NO_STATE)._replace(running=option.running) == option:
                 self.stepper.restore_before_outcome(place)
                 return
 
     def locate(self, record: Iterable[Event] | TickSource) -> tuple[FoundTicks, LostTick | None]:
-        """Find the ticks of a recorded run in the tree, up to the first impossible one.
+        """Locate the ticks of a recorded run, up to the first impossible tick.
 
         Raises:
             UndecidableError: If the tree has too many runs, or a tick depends on an unknown value.
         """
-        found, known = FoundTicks(), dict[tuple[int, ...], _FoundWays]()
+        found, known = FoundTicks(), dict[tuple[int, ...], _Matches]()
 
-        def with_shared_ticks(ways: _FoundWays) -> _FoundWays:
-            # The ways of equal ticks are one object, which is kept.
-            return known.setdefault(tuple(id(way) for _, way in ways), ways)
+        def with_shared_ticks(matches: _Matches) -> _Matches:
+            # Equal matches are replaced by the same object.
+            return known.setdefault(tuple(id(option) for _, option in matches), matches)
 
-        # The ways of a tick depend only on its content and on the position before it. A long run has few different
+        # The matches of a tick depend only on its content and on the position before it. A long run has few different
         # ticks, so the results are cached.
         position = _RecordPosition(self.starts, ObservedPrefix({}, {}))
         positions = {position.key: position}
         waiting = record.read_ticks() if isinstance(record, TickSource) else recorded_ticks(record)
-        kept = 0
+        cached = 0
         for tick in waiting:
             after = position.after.get(tick.content)
             if after is None:
                 events = tick.events()
-                ways = with_shared_ticks(self._find_ways(position, events))
-                if not ways and isinstance(record, TickSource) and record.omits_ticks:
-                    later = self._find_later_ways(position, events)
+                matches = with_shared_ticks(self._find_matches(position, events))
+                if not matches and isinstance(record, TickSource) and record.omits_ticks:
+                    later = self._find_later_matches(position, events)
                     for step in later[:-1]:
                         found.append(tick, step)
                     found.omitted += len(later[:-1])
                     if later:
-                        ways, position = later[-1], _RecordPosition(frozenset(), position.told)
+                        matches, position = later[-1], _RecordPosition(frozenset(), position.observed)
                 if events[-1].status in _ENDS and isinstance(record, TickSource) and record.omits_ticks:
                     ways = with_shared_ticks([*ways, *self._halted_ways(ways)])
-                if not ways:
+                if not matches:
                     lost = self._lost_tick(position, events, is_last=next(waiting, None) is None)
                     found.remove_other_ticks(position.states, with_shared_ticks)
                     return found, lost
                 following = _RecordPosition(
-                    frozenset(way.state for _, way in ways), position.told.with_tick(events)
+                    frozenset(option.state for _, option in matches),
+                    position.observed.with_tick(events),
                 )
-                kept += 1
-                if kept % _MOST_KEPT == 0:
+                cached += 1
+                if cached % _MAX_CACHED == 0:
                     positions.clear()
                     position.after.clear()
-                after = position.after[tick.content] = ways, positions.setdefault(following.key, following)
-            ways, position = after
-            found.append(tick, ways)
+                after = position.after[tick.content] = matches, positions.setdefault(following.key, following)
+            matches, position = after
+            found.append(tick, matches)
         found.remove_other_ticks(position.states, with_shared_ticks)
         self._end = position
         return found, None
@@ -559,54 +570,57 @@ class TreeRuns:
             found |= states
         return frozenset(found)
 
-    def _find_later_ways(self, position: "_RecordPosition", tick: Sequence[Event]) -> list[_FoundWays]:
-        """Return the ways of ticks without any change, and then those of a recorded tick; empty if there are none."""
-        end = Event(tick[-1].path, 0, TICKED, position.told.statuses.get(0, ""))
-        now, steps = position, list[_FoundWays]()
+    def _find_later_matches(self, position: "_RecordPosition", tick: Sequence[Event]) -> list[_Matches]:
+        """Return the matches of omitted ticks without changes, then of a recorded tick; empty if there are none."""
+        end = Event(tick[-1].path, 0, TICKED, position.observed.statuses.get(0, ""))
+        now, steps = position, list[_Matches]()
         seen = {now.states}
-        for _ in range(_MOST_OMITTED):
-            steps.append(self._find_ways(now, [end]))
-            states = frozenset(way.state for _, way in steps[-1])
+        for _ in range(_MAX_OMITTED):
+            steps.append(self._find_matches(now, [end]))
+            states = frozenset(option.state for _, option in steps[-1])
             if not states or states in seen:
                 break
             seen.add(states)
-            now = _RecordPosition(states, position.told)
-            if ways := self._find_ways(now, tick):
-                return [*steps, ways]
+            now = _RecordPosition(states, position.observed)
+            if matches := self._find_matches(now, tick):
+                return [*steps, matches]
         return []
 
-    def _find_ways(self, position: "_RecordPosition", tick: Sequence[Event]) -> _FoundWays:
-        """Return the possible ticks that match a recorded one."""
+    def _find_matches(self, position: "_RecordPosition", tick: Sequence[Event]) -> _Matches:
+        """Return the possible ticks that match a recorded tick, each with its initial state."""
         *events, end = tick
-        noted = [event for event in events if event.outcome and event.number in self.leaves]
+        recorded = [event for event in events if event.outcome and event.number in self.leaves]
         halted = self.leaves.intersection(event.number for event in events if event.what == HALTED)
         return [
-            (state, way)
+            (state, option)
             for state in sorted(position.states)
-            for way in self._ticks_with(state, noted, position.told)
-            if way.fits(noted, halted, position.told, end.status) and way.other_status(end.statuses) is None
+            for option in self._ticks_with(state, recorded, position.observed)
+            if option.fits(recorded, halted, position.observed, end.status)
+            and option.other_status(end.statuses) is None
         ]
 
     def _lost_tick(self, position: "_RecordPosition", tick: Sequence[Event], *, is_last: bool) -> LostTick:
         if self.is_spent:
-            raise UndecidableError("the tree has too many runs to locate this one among them")
+            raise UndecidableError(
+                "the tree has too many possible runs to locate the recorded run among them"
+            )
         end, states = tick[-1], sorted(position.states)
         unknown = next(filter(None, map(self._unknown.get, states)), None)
         if unknown is not None:
             raise UndecidableError(f"tick {end.tick}: {unknown}") from unknown
-        return LostTick(end.tick, end.time_sec or 0.0, tick, states, position.told, is_last)
+        return LostTick(end.tick, end.time_sec or 0.0, tick, states, position.observed, is_last)
 
     def locate_all(self, record: Iterable[Event] | TickSource) -> FoundTicks:
-        """Find all ticks of a recorded run in the tree.
+        """Locate all ticks of a recorded run.
 
         Raises:
-            NotReplayedError: If the run is not one of the tree's runs.
-            UndecidableError: If the tree has too many.
+            NotReplayedError: If the recorded run is not a possible run of the tree.
+            UndecidableError: If the tree has too many runs, or a tick depends on an unknown value.
         """
         moments, lost = self.locate(record)
         if lost is not None:
             raise NotReplayedError(
                 f"the run is not possible in the tree from tick {lost.number} on, {lost.time_sec:.1f} s: "
-                "no declared outcome of a leaf matches it there"
+                "no declared leaf outcomes match this tick"
             )
         return moments

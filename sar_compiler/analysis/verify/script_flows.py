@@ -1,4 +1,4 @@
-"""The use of numbers in scripts: comparisons with constants, and the flow of values as in `y = x + 2`."""
+"""Analysis of the values in scripts: comparisons with constants, and flows of values, as in `y = x + 2`."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -17,24 +17,24 @@ from sar_compiler.runtime.expressions import (
 from sar_compiler.runtime.operators import LONGEST_TEXT
 
 Resolve = Callable[[str], str | None]
-"""Returns the absolute name of the entry to which a name refers; None if it refers to none."""
+"""Returns the absolute name of the entry to which a name refers; None if the name does not refer to an entry."""
 
-_MOST_FORMS = 16
+_MAX_FORMS = 16
 _LONGEST_NUMBER = 330
 """The maximum number of characters of a number that is part of a string."""
 
 
 @dataclass(frozen=True)
 class FlowValue:
-    """The known properties of the value of an expression.
+    """The known properties of an expression's value.
 
     Attributes:
-        forms: Its possible forms: an entry with a constant added to it, or without an entry the constant alone; empty
-            if it may be anything else.
-        types: The types that it can have; an entry stands for its own types.
-        names: The entries that it depends on, unless it only depends on their comparison with constants.
-        is_total: Whether it can be calculated for all numbers in these entries.
-        length: The maximum number of characters, as a string.
+        forms: The possible forms of the value: an entry plus a constant, or a constant (entry None); empty if the value
+            may have other forms.
+        types: The possible types of the value; an entry name stands for the types of the entry.
+        names: The entries on which the value depends, except for entries that are only compared with constants.
+        is_total: Whether the expression can be evaluated for all numbers in these entries.
+        length: The maximum length of the value as a string, in characters.
     """
 
     forms: frozenset[tuple[str | None, float]]
@@ -45,11 +45,11 @@ class FlowValue:
 
     @property
     def is_constant(self) -> bool:
-        """Whether it is one of some constants."""
+        """Whether the value is always a known constant, or one of several."""
         return bool(self.forms) and not self.names
 
     def plus(self, constant: float) -> "FlowValue":
-        """Return it with a constant added."""
+        """Return the properties of the value plus a constant."""
         forms = frozenset((name, offset + constant) for name, offset in self.forms)
         return replace(self, forms=forms, types=_REAL)
 
@@ -63,17 +63,17 @@ _TRUTH = FlowValue(frozenset([(None, 0.0), (None, 1.0)]), _REAL)
 
 @dataclass
 class ScriptFlows:
-    """The effects of some scripts on entries.
+    """The effects of scripts on entries.
 
     Args:
-        enums: The numbers of enumerators, by name.
+        enums: The numbers for which names stand in scripts.
 
     Attributes:
-        fixed: The entries that are used in ways other than those below.
-        tests: The entries that are compared with constants, with these.
-        flows: The entries that are assigned the value of another one, with that one and the constant added to it.
-        results: The entries that are assigned another value, with that value.
-        types: The types of the values assigned to each entry; an entry stands for its own types.
+        fixed: The entries with any use that is not one of the uses below.
+        tests: The comparisons of entries with constants, each as an entry and a constant.
+        flows: The assignments of an entry plus a constant, each as a target, a source and a constant.
+        results: The assignments of other values, each as a target and a value.
+        types: The types of the values assigned to each entry; an entry name stands for the types of the entry.
     """
 
     enums: Mapping[str, int]
@@ -95,12 +95,12 @@ class ScriptFlows:
         }
 
     def add_script(self, script: Script, resolve: Resolve, *, is_condition: bool) -> None:
-        """Add a script.
+        """Add the effects of a script.
 
         Args:
             script: The script.
-            resolve: Resolves its names.
-            is_condition: Whether its value is used, as a truth value.
+            resolve: Resolves the names in the script.
+            is_condition: Whether the script's value is used as a truth value.
         """
         reader = _FlowReader(self, resolve)
         for number, statement in enumerate(script.statements, 1):
@@ -114,7 +114,7 @@ class ScriptFlows:
 
 
 class _FlowReader:
-    """Reads the expressions of a script."""
+    """Evaluates the expressions of a script symbolically, and records their effects."""
 
     def __init__(self, found: ScriptFlows, resolve: Resolve) -> None:
         self._found, self._resolve = found, resolve
@@ -130,7 +130,7 @@ class _FlowReader:
             self._test(self.flow_value(node.condition), 0.0)
             return _join_values(self.flow_value(node.then), self.flow_value(node.otherwise))
         if isinstance(node, Assignment):
-            # Its value is the stored value.
+            # The value of an assignment is the stored value.
             self.assign(node)
             return self._variable(node.target.name)
         return self._calculate(node)
@@ -219,7 +219,7 @@ def _join_values(first: FlowValue, second: FlowValue) -> FlowValue:
         first.forms | second.forms if first.forms and second.forms else frozenset[tuple[str | None, float]]()
     )
     return FlowValue(
-        forms if len(forms) <= _MOST_FORMS else frozenset(),
+        forms if len(forms) <= _MAX_FORMS else frozenset(),
         first.types | second.types,
         first.names | second.names,
         first.is_total and second.is_total,
@@ -228,5 +228,5 @@ def _join_values(first: FlowValue, second: FlowValue) -> FlowValue:
 
 
 def _is_number(value: FlowValue) -> bool:
-    """Return whether a value is a number if the entries that it depends on contain numbers."""
+    """Return whether a value is certainly a number if the entries on which it depends contain numbers."""
     return str not in value.types and object not in value.types

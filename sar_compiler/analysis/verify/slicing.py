@@ -1,28 +1,28 @@
 """Merging of states that differ only in values that no run can distinguish.
 
-A patrol that counts its rounds (`rounds = rounds + 1`) has a state for each number, although nothing depends on it,
-or only on whether it is below 3. So before a search the scripts of a tree, of its leaves' outcomes and of the
+A patrol that counts its rounds (`rounds = rounds + 1`) has a state for each number, although no node depends on the
+number, or only on whether it is below 3. So before a search, the scripts of the tree, of leaf outcomes and of
 properties are analysed:
 
-- A key on which only keys of the same kind depend keeps one value of each type.
-- For a key that is only compared with constants and changed by constants, all values above some number are merged,
-  and all below another one.
+- If only such keys depend on a key, all its values of the same type are merged.
+- If a key is only compared with constants and changed by constants, all values above one number are merged, and all
+  values below another number.
 
-Why that is exact: two states that differ only in such values are bisimilar. Every comparison has the same result in
-both, every script raises in both or in neither, and an assignment of such values results in such values again. The
-last point needs care. If `y` is assigned `x - 2`, the merged values of `x` must be 2 above those of `y`. These
-inequalities are solved here. A key that is decreased *and* compared from above has no solution, and is not merged.
-Errors need more care, because the type of a key's value decides which values can be assigned to it. Only a value is
-replaced, never its type, nor whether there is one:
+Why the merging is exact: two states that differ only in merged values are bisimilar. Every comparison has the same
+result in both, every script raises an error in both or in neither, and assignments turn merged values into merged
+values. The last point needs care. If `y` is assigned `x - 2`, the merged values of `x` must be 2 above the merged
+values of `y`. These inequalities are solved here. A key that is decreased *and* compared from above has no solution,
+and is not merged. Errors need more care, because the type of a key's value decides which values can be assigned to the
+key. So neither the type of a value nor the presence of a value is ever changed:
 
-- A key from which values flow into others is merged only if all of them hold numbers, and then only its integers,
-  unless no integer can get into any of them.
-- A key that is used in another way is never merged: by a port of a control, as a truth value, in a product.
+- A key whose values flow into other keys is only merged if all these keys contain numbers. Then only its integers are
+  merged, unless none of the keys can contain integers.
+- A key with any other use is never merged, such as in a port of a control, as a truth value, or in a product.
 
-Integers raise when they are too large to calculate with, and a merged one never gets there. So it may be changed by
-at most 1,000 in a step: an error of this kind is 10^12 additions away. Numbers above 2^50 are not merged.
+Integers that are too large raise errors in calculations, but a merged integer never grows so large. So an integer may
+be changed by at most 1,000 in a step. Such an error is then 10^12 additions away. Numbers above 2^50 are not merged.
 
-A run that is shown has been played again without merged values (`state_space`).
+Runs are played again without merged values before they are shown (`state_space`).
 """
 
 import math
@@ -49,20 +49,20 @@ _AFTERWARDS = ("_onSuccess", "_onFailure", "_onHalted", "_post")
 
 
 def merge_values(prepared: PreparedTree, properties: Properties) -> None:
-    """Merge, in searches of a tree, values of keys and facts that no run can distinguish.
+    """Let searches of a tree merge the values of keys and facts that no run can distinguish.
 
-    Nothing is merged if a property asks whether the tree idles, that is, whether every value stays unchanged.
+    Nothing is merged if a property asks whether the tree idles, that is, whether all values stay unchanged.
 
     Args:
-        prepared: The tree, before it is ticked.
-        properties: The questions about it.
+        prepared: The tree, before its first tick.
+        properties: The properties of the tree.
     """
     if not properties.asks_for_idle:
         prepared.merge(_mergeable(prepared.simulated, properties))
 
 
 def _mergeable(simulated: SimulatedTree, properties: Properties) -> dict[str, MergedValues]:
-    """Return the values that can be merged, by the absolute names of entries."""
+    """Return the values that can be merged, by the absolute name of the entry."""
     flows = ScriptFlows(simulated.enums)
     for script, resolve, is_condition in (*_scripts_of_nodes(simulated), *_scripts_of_outcomes(simulated)):
         flows.add_script(script, resolve, is_condition=is_condition)
@@ -70,7 +70,7 @@ def _mergeable(simulated: SimulatedTree, properties: Properties) -> dict[str, Me
         flows.add_script(condition.script, condition.entry_name, is_condition=True)
     if not flows.types or not _add_port_accesses(flows, simulated):
         return {}
-    # A name includes its board.
+    # Absolute names begin with the name of the board.
     board = simulated.compiled.board
     start = {name: _types_at_start(board, name) for name in {*flows.types, *flows.read}}
     return _Solution(flows, start).mergeable_values()
@@ -109,7 +109,7 @@ def _scripts_of_outcomes(simulated: SimulatedTree) -> Iterator[_ReadScript]:
 def _add_port_accesses(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
     """Add the reads and writes of ports; return False if a node may use unknown entries.
 
-    The ports of stub leaves read nothing here, and their writes are in the scripts of their outcomes.
+    The ports of stub leaves are ignored: their reads have no effect, and outcome scripts contain their writes.
     """
     table = entry_table_of(simulated.compiled.instance)
     uses = [
@@ -127,7 +127,7 @@ def _add_port_accesses(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
 
 
 def _types_at_start(board: Board, name: str) -> set[object]:
-    """Return the initial types of an entry: its own and that of its value."""
+    """Return the declared type of an entry and the type of its initial value, if they exist."""
     own = {board.kind_of(name)} if board.is_declared(name) else set()
     return {*own, *((type(board.get(name)),) if board.has(name) else ())} - {None}
 
@@ -137,7 +137,7 @@ class _Solution:
 
     Args:
         flows: The effects of scripts.
-        start: The types that each entry has at the start.
+        start: The initial types of each entry.
     """
 
     def __init__(self, flows: ScriptFlows, start: Mapping[str, set[object]]) -> None:
@@ -152,7 +152,7 @@ class _Solution:
         self._follow_flows()
 
     def mergeable_values(self) -> dict[str, MergedValues]:
-        """Return the values that can be merged, by the names of entries."""
+        """Return the values that can be merged, by the absolute name of the entry."""
         found = {}
         for name in sorted(self._flows.types):
             above, below, is_unread = self._above[name], self._below[name], name not in self._read
@@ -165,7 +165,7 @@ class _Solution:
         return self._types[name] <= NUMBERS
 
     def _real_entries(self) -> set[str]:
-        """Return the entries that contain only real numbers, which flow only into such entries."""
+        """Return the entries that contain only real numbers and whose values flow only into such entries."""
         real = {name for name, types in self._types.items() if types == {float}}
         while lost := {
             source for target, source, _ in self._flows.flows if source in real and target not in real
@@ -174,7 +174,7 @@ class _Solution:
         return real
 
     def _fixed_entries(self) -> set[str]:
-        """Return the entries whose reads distinguish all values."""
+        """Return the entries for which reads distinguish all values."""
         flows = self._flows
         fixed = {*flows.fixed, *(name for name in self._read if not self._are_numbers(name))}
         for target, source, offset in flows.flows:
@@ -187,13 +187,13 @@ class _Solution:
         return fixed
 
     def _is_irrelevant(self, target: str, value: FlowValue) -> bool:
-        """Return whether an assigned value is irrelevant, because no node reads the entry and it has one type."""
+        """Return whether an assigned value is irrelevant, because the entry is never read and has only one type."""
         types = self._types[target]
         is_taken = len(types) == 1 and types == value.types and types <= {float, str}
         return target not in self._read and value.is_total and is_taken
 
     def _require(self, name: str, above: float, below: float) -> bool:
-        """Require that values between two bounds are distinguished; return whether that is new."""
+        """Require that values between two bounds are distinguished; return whether the requirement is new."""
         above = above if above <= _LARGEST_LIMIT else math.inf
         below = below if below >= -_LARGEST_LIMIT else -math.inf
         is_new = above > self._above[name] or below < self._below[name]
@@ -202,9 +202,10 @@ class _Solution:
         return is_new
 
     def _follow_flows(self) -> None:
-        """Propagate required distinctions backwards along the flow of values.
+        """Propagate required distinctions backwards along the flows of values.
 
-        These are longest paths: one that still grows after as many steps as there are entries is a cycle.
+        The bounds are the lengths of longest paths. A path that still grows after as many steps as there are entries
+        contains a cycle.
         """
         for turn in count():
             is_new = False
@@ -220,7 +221,7 @@ class _Solution:
 
 
 def _distance(offset: float) -> float:
-    """Return the distance by which a bound moves along a flow."""
+    """Return the distance by which a flow with a constant moves a bound."""
     return max(0.0, offset if offset.is_integer() else math.ceil(offset) + 1.0)
 
 
@@ -229,11 +230,11 @@ def _types_of_all(flows: ScriptFlows, start: Mapping[str, set[object]]) -> dict[
 
     Args:
         flows: The effects of scripts.
-        start: The types at the start; an assigned value may be converted to one of these.
+        start: The initial types, to which an assigned value may be converted.
     """
     types = {name: start.get(name, set()) | flows.types.get(name, set()) for name in {*start, *flows.types}}
     sizes = -1
     while sizes < (sizes := sum(map(len, types.values()))):
-        for held in types.values():
-            held.update(*[types[each] for each in held if isinstance(each, str)])
-    return {name: {each for each in held if not isinstance(each, str)} for name, held in types.items()}
+        for found in types.values():
+            found.update(*[types[each] for each in found if isinstance(each, str)])
+    return {name: {each for each in found if not isinstance(each, str)} for name, found in types.items()}

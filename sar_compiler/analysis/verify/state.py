@@ -1,4 +1,4 @@
-"""The state of a tree between two ticks, and how it is saved and restored."""
+"""The preparation of a tree for searches, and the description of its states between two ticks."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -19,9 +19,9 @@ from sar_compiler.runtime.events import HALTED, RETURNED, STARTED, Event
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.outcomes import Outcome
 
-# The number of states in which growing values are searched, and the number of reported names.
+# The number of last states in which growing values are searched, and the maximum number of reported names.
 _SAMPLE = 5000
-_MOST_GROWING = 3
+_MAX_GROWING = 3
 
 
 class EventAlphabet:
@@ -31,9 +31,9 @@ class EventAlphabet:
         simulated: The tree.
 
     Attributes:
-        events: The event of each number.
-        outcomes: The leaf of each number, and its outcome; None if the event is not an outcome.
-        numbers: The number of each event, by the identities of the leaf and of the outcome (or of None).
+        events: The events, by number.
+        outcomes: The leaf of each event, and the outcome (None if the event is not an outcome), by number.
+        numbers: The number of each event, by the leaf's identity, the kind of event, and the outcome's identity.
     """
 
     def __init__(self, simulated: SimulatedTree) -> None:
@@ -47,7 +47,7 @@ class EventAlphabet:
             self._add(leaf, HALTED)
 
     def _add(self, leaf: StubLeaf, what: str, outcome: Outcome | None = None) -> None:
-        # By identity: two outcomes of a leaf may be equal.
+        # By identity, because two outcomes of a leaf may be equal.
         self.numbers[id(leaf), what, id(outcome)] = len(self.events)
         self.events.append(leaf.event(what, outcome))
         self.outcomes.append((leaf, outcome))
@@ -59,16 +59,16 @@ class EventAlphabet:
 
 @dataclass(frozen=True)
 class PreparedTree:
-    """A tree with stub leaves, prepared for the search.
+    """A tree with stub leaves that is prepared for searches.
 
     Attributes:
         simulated: The tree.
-        alphabet: Its events.
-        entries: The values of its keys and facts.
-        start: The numbers of their initial values.
-        begun: The initial values of the cells of each node, by its behaviour.
-        merged: The keys and facts with values that searches do not distinguish.
-        plain_start: The numbers of the initial values for a run in which they are distinguished.
+        alphabet: The possible events of the tree.
+        entries: The values of keys and facts.
+        start: The numbers of the initial values in `entries`.
+        begun: The initial contents of each node's cells, by the node's behaviour.
+        merged: The keys and facts whose values are merged in searches.
+        plain_start: The numbers of the initial values for a run without merged values.
     """
 
     simulated: SimulatedTree
@@ -81,7 +81,7 @@ class PreparedTree:
 
     @classmethod
     def prepare(cls, simulated: SimulatedTree) -> "PreparedTree":
-        """Prepare a tree.
+        """Prepare a tree for searches.
 
         Raises:
             FrozenValueError: If a key holds a value that can neither be copied nor hashed.
@@ -93,7 +93,7 @@ class PreparedTree:
         return prepared
 
     def merge(self, values: Mapping[str, MergedValues]) -> None:
-        """Merge, in searches, values of entries given by absolute names; call it before the first tick."""
+        """Let searches merge values, given by absolute names of entries; must be called before the first tick."""
         if not values:
             return
         entries, merging = self.entries, ValueMerging(self.entries, values)
@@ -101,7 +101,7 @@ class PreparedTree:
         self.plain_start.extend(entries.now)
         entries.restore(vec[i32](self.start))
         for board in (self.simulated.facts.board, self.simulated.compiled.board):
-            assert isinstance(board, NumberedBoard)  # noqa: S101 - `of` has made it one
+            assert isinstance(board, NumberedBoard)  # noqa: S101 - converted by `prepare`
             board.merge(merging)
         self.start[:] = list(entries.now)
         self.merged.extend(values.values())
@@ -113,8 +113,8 @@ class StateValues:
 
     Attributes:
         simulated: The tree.
-        steps: The steps that have visited its states.
-        own: Returns the memory of the user's controls and decorators in the state that was restored last, by names.
+        steps: The steps that have visited the states.
+        own: Returns the cells of the user's controls and decorators in the last restored state, by name.
     """
 
     simulated: SimulatedTree
@@ -122,25 +122,25 @@ class StateValues:
     own: Callable[[], Mapping[str, object]]
 
     def fact_values(self) -> dict[str, object]:
-        """Return the current facts, by their names."""
+        """Return the current values of the facts, by name."""
         return dict(sorted(self.simulated.fact_values().items()))
 
     def facts_and_keys(self, state: bytes | None = None) -> tuple[dict[str, object], dict[str, object]]:
-        """Return the facts and the keys of the tree, by name, in a state or now."""
+        """Return the values of facts and of keys, each by name, in a state (by default in the current state)."""
         if state is not None:
             self.steps.restore(state)
         return self.fact_values(), dict(sorted(self.simulated.compiled.board.values().items()))
 
     def values_in(self, state: bytes) -> dict[str, object]:
-        """Return the keys of the tree, then the facts, in a state."""
+        """Return the values of keys and facts in a state, by name."""
         facts, keys = self.facts_and_keys(state)
         return {**keys, **facts}
 
     def growing_values(self, states: StateStore) -> tuple[tuple[str, int], ...]:
-        """Return the keys, facts and cells with the most values in the last states, and the numbers of values."""
+        """Return the keys, facts and cells with the most different values in the last states, with these numbers."""
         values: dict[str, set[str]] = {}
         for state in states.states_between(max(len(states) - _SAMPLE, 0), len(states)):
             for name, value in {**self.values_in(state), **self.own()}.items():
                 values.setdefault(name, set()).add(repr(value))
         counts = sorted(((name, len(found)) for name, found in values.items()), key=lambda each: -each[1])
-        return tuple((name, count) for name, count in counts[:_MOST_GROWING] if count > 1)
+        return tuple((name, count) for name, count in counts[:_MAX_GROWING] if count > 1)

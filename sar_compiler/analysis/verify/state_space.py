@@ -1,4 +1,4 @@
-"""The states of a tree and the ticks between them, with replayed runs that lead to them."""
+"""The states that a search has found, and runs that lead to them."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -12,16 +12,16 @@ from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.runtime.events import Event, TickRecord
 
 IsWanted = Callable[[TickSteps], bool]
-"""Returns whether a tick that was just played is the wanted one."""
+"""Returns whether the tick that was just played is the wanted tick."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """A run.
+    """A run of a tree.
 
     Attributes:
-        ticks: Its ticks.
-        loop: How many of its last ticks repeat forever; 0 for a run that is shown to its end.
+        ticks: The ticks of the run.
+        loop: The number of last ticks that repeat forever; 0 for a run without a loop.
     """
 
     ticks: tuple[TickRecord, ...]
@@ -29,7 +29,7 @@ class Trace:
 
     @property
     def events(self) -> Iterator[Event]:
-        """Its events, one by one."""
+        """The events of the run, one by one."""
         return (event for tick in self.ticks for event in tick.events)
 
 
@@ -37,10 +37,10 @@ class PlayedTick(NamedTuple):
     """A tick found in a search.
 
     Attributes:
-        path: Its choices.
-        outcome: Its outcome.
-        broken: The properties that it violates, as bits.
-        raises: Whether it raises.
+        path: The choices of the tick.
+        outcome: The number of the root's status.
+        broken: The properties that the tick violates, as bits.
+        raises: Whether the tick raises an error.
     """
 
     path: tuple[int, ...]
@@ -50,17 +50,17 @@ class PlayedTick(NamedTuple):
 
 
 def replay_ticks(stepper: TreeStepper, ticks: Iterable[PlayedTick]) -> list[TickRecord]:
-    """Play a run from the start by its choices; return its ticks.
+    """Play a run from the start with given choices; return its ticks.
 
     Args:
-        stepper: Plays it.
-        ticks: The ticks that the search has found.
+        stepper: Plays the run.
+        ticks: The ticks of the run that a search has found.
     """
     state, played = stepper.steps.start(), list[TickRecord]()
     for found in ticks:
         step = next(stepper.ticks(state, found.path))
         if PlayedTick(found.path, step.outcome, step.broken, step.error is not None) != found:
-            message = "a run without merged values differs from that of the search"
+            message = "a run without merged values differs from the run of the search"
             raise AssertionError(message)
         played.append(stepper.tick_record(len(played) + 1))
         state = step.state or b""
@@ -69,21 +69,21 @@ def replay_ticks(stepper: TreeStepper, ticks: Iterable[PlayedTick]) -> list[Tick
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """The states found for a tree, and the ticks between them.
+    """The states that a search of a tree has found, and the ticks between them.
 
-    For each tick, the search stores only the states and intermediate states to which it leads, and its pending
-    obligations. The events and changes of a million ticks would not fit into memory. A run is reconstructed from
-    that: each of its ticks is tried in the order of the search until one leads to the next state. Several may. For a
-    path to a state any of them is right, because later ticks depend on the state alone. For a violation it must be
-    the one with the recorded choices, because the events violate the property. In a loop it must be the one with the
-    same pending obligations, or the run that is shown might not be fair.
+    For each tick, the search stores only the state after it, the intermediate states, and the leaves and timers for
+    which it waits. The events and changes of a million ticks would not fit into memory. So a run is reconstructed: the
+    ticks of each state are tried in the order of the search until a tick leads to the next state. On a path to a state
+    any such tick is right, because later ticks only depend on the state. For a violation, the tick must have the
+    recorded choices, because its events violate the property. In a loop, the tick must wait for the same leaves and
+    timers, because otherwise the run might not be fair.
 
     Attributes:
-        stepper: The stepper with which the graph was made.
-        graph: The states, as numbers in the order in which they were found, and the ticks.
-        rules: The names of the properties, by their numbers in the graph.
-        owing: The numbers of those that can have pending obligations.
-        unknown: The first tick that needs an unknown value; None if there is none.
+        stepper: The stepper of the search.
+        graph: The states and the ticks between them.
+        rules: The names of the properties, by rule number.
+        owing: The numbers of the rules that can have pending obligations.
+        unknown: The first tick that needs an unknown value; None if there is no such tick.
         plain: Plays runs without merged values; None if no values are merged.
     """
 
@@ -96,7 +96,7 @@ class StateSpace:
 
     @property
     def tick_error(self) -> Exception | None:
-        """The error of the last tick in the last shown run, if `plain` has played it."""
+        """The error of the last tick that `plain` has played; None if there is no error or no `plain`."""
         return None if self.plain is None else self.plain.steps.error
 
     def trace_to(self, state: int) -> Trace:
@@ -110,7 +110,7 @@ class StateSpace:
         return self._trace([*stem, *last])
 
     def lasso(self, lasso: Lasso) -> Trace:
-        """Return a run into a loop, and once around it."""
+        """Return a run that leads to a loop and once around the loop."""
         states = [lasso.stem[-1], *(target for target, _ in lasso.loop)]
         loop = zip(states, map(self._is_edge, lasso.loop), strict=False)
         return self._trace([*self._stem(lasso.stem), *loop], len(lasso.loop))
@@ -119,7 +119,7 @@ class StateSpace:
         return [(source, self._leads_to(target)) for source, target in pairwise(states)]
 
     def _trace(self, steps: Iterable[tuple[int, IsWanted]], loop: int = 0) -> Trace:
-        """Return a run of ticks, each given by its initial state and a predicate."""
+        """Return the run of the given ticks, each of which is specified by its initial state and a predicate."""
         if self.plain is None:
             played = [self._play(source, wanted, number) for number, (source, wanted) in enumerate(steps, 1)]
         else:

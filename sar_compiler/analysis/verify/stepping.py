@@ -1,4 +1,4 @@
-"""The ticks of a simulated tree from any state, checked against the user's declarations."""
+"""Playing of a simulated tree's ticks from any state, with checks of the user's declarations."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
@@ -38,24 +38,24 @@ from sar_compiler.runtime.variables import UNKNOWN, unknown_value_of
 def check_declarations(
     nodes: Iterable[UserNode], compiled: CompiledTree, deny: Callable[[Behaviour, str], None]
 ) -> bool:
-    """Enable checks of nodes against their declarations; return whether there are any.
+    """Enable checks of nodes against their declarations; return whether any node has declarations.
 
     Args:
         nodes: The nodes.
-        compiled: Their tree.
-        deny: Called with each behaviour that deviates, and a description of the deviation.
+        compiled: The tree of the nodes.
+        deny: Called with each behaviour that deviates from its declarations, and a description of the deviation.
     """
     possible: PossibleOutcomes | None = None
     for node in nodes:
         bound = compiled.origins[node.behaviour.id].bound
-        means, said = bound.spec.semantics, bound.spec.statuses
-        if means.possible is None and not said:
+        semantics, statuses = bound.spec.semantics, bound.spec.statuses
+        if semantics.possible is None and not statuses:
             continue
         possible = possible or PossibleOutcomes(trees_in(compiled.instance.tree))
         outcomes = possible.possible_results(bound)
-        if said:
-            outcomes &= sum(BITS[word] for word in said)
-        goes_on = WORDS.index(WORD_OF.get(means.goes_on, "")) if means.order is Order.IN_ORDER else 0
+        if statuses:
+            outcomes &= sum(BITS[word] for word in statuses)
+        goes_on = WORDS.index(WORD_OF.get(semantics.goes_on, "")) if semantics.order is Order.IN_ORDER else 0
         if outcomes != ALL or goes_on:
             numbers = sum(1 << WORDS.index(word) for word, bit in BITS.items() if outcomes & bit)
             node.claim = Claim(numbers, goes_on, deny)
@@ -68,25 +68,25 @@ class TreeStepper:
     Args:
         prepared: The tree with stub leaves.
         rules: The monitored properties.
-        flattened: Converts it to flat form, given a builder of its leaves; None for the whole tree without changes.
-        forgets: Whether states are equal that differ only in the last statuses of nodes, if these make no difference.
+        flattened: Converts the tree to flat form, given the builder of leaves; None for the unchanged tree.
+        forgets: Whether states forget the last statuses of nodes that make no difference between ticks.
         meets: Whether ticks that reach the same intermediate state are merged from there on.
-        chances: Receives the choices of leaves with known probabilities; None if every outcome is merely possible.
-        merges: Whether values that no run can distinguish are merged, as by `slicing`.
+        probabilities: Receives the choices of leaves with known probabilities; None to ignore probabilities.
+        merges: Whether values that no run can distinguish are merged (`slicing`).
 
     Raises:
-        NotFlatError: If the tree has a node with unknown rules.
+        NotFlatError: If the tree has a node with unknown behaviour.
 
     Attributes:
         leaves: The tree's stub leaves.
-        writes_unknown_values: Whether one of them writes a key with an unknown value.
-        flat: The flat form.
-        ticker: Ticks it.
-        steps: Its steps.
-        states: Describes its states.
-        ran: The indexes of the leaves that were ticked so far.
-        claims: Whether the declarations of the user's controls and decorators say anything that could be wrong.
-        wrong: Their last deviation from the declarations, in words.
+        writes_unknown_values: Whether a leaf writes unknown values.
+        flat: The flat form of the tree.
+        ticker: Ticks the flat form.
+        steps: The steps between the tree's states.
+        states: Describes the tree's states.
+        ran: The indices of the leaves that were ticked so far.
+        claims: Whether the user's controls and decorators have declarations that are checked.
+        wrong: A description of the last deviation from these declarations.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class TreeStepper:
         self._before: tuple[Mapping[str, object], Mapping[str, object]] = ({}, {})
 
     def _begin_as_first(self, prepared: PreparedTree, ticker: Ticker) -> None:
-        """Initialise nodes like those of the first stepper, because their behaviours have been ticked since."""
+        """Initialise the cells of nodes as in the first stepper, because behaviours may have been ticked since."""
         cells, values = ticker.cells, ticker.values
         for node in self.flat.nodes:
             keeps_nothing = node.first_cell == node.last_cell and node.first_value == node.last_value
@@ -142,29 +142,29 @@ class TreeStepper:
             now = list(cells[node.first_cell : node.last_cell]), values[node.first_value : node.last_value]
             begun = prepared.begun.setdefault(node.behaviour, now)
             values[node.first_value : node.last_value] = begun[1]
-            for place, held in enumerate(begun[0], node.first_cell):
-                cells[place] = i32(held)
+            for place, number in enumerate(begun[0], node.first_cell):
+                cells[place] = i32(number)
 
     def _deny(self, behaviour: Behaviour, what: str) -> None:
         cls = type(behaviour)
         self._trail.broken |= 1 << self._rule
-        self.wrong = f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) {what}: correct its outcomes or semantics"
+        self.wrong = f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) {what}. Correct its outcomes or semantics"
 
     def _user_cells(self) -> dict[str, object]:
-        """Return the cells of the user's controls and decorators, by the names of node and attribute."""
+        """Return the values of the cells of the user's controls and decorators, by node and attribute name."""
         values = self.ticker.values
         return {
             f"{node.behaviour.name}.{name}": values[at]
             for node in self._own
             for at, cell in zip(node.own, node.behaviour.cells, strict=True)
-            for name, held in vars(node.behaviour).items()
-            if held is cell
+            for name, value in vars(node.behaviour).items()
+            if value is cell
         }
 
     def ticks(self, state: bytes, path: tuple[int, ...] = ()) -> Iterator[TickSteps]:
-        """Play the ticks of a state one after the other, or the tick with given choices.
+        """Play the ticks of a state one after the other, or only the tick with the choices *path*.
 
-        `tick_record`, `unusual_outcomes` and `violated_properties` describe the last tick.
+        After each tick, `tick_record`, `unusual_outcomes` and `violated_properties` describe it.
         """
         self._watched = self.steps.restore(state)[1]
         self._before = self.states.facts_and_keys()
@@ -214,26 +214,26 @@ class TreeStepper:
         return True
 
     def pass_over(self, place: int) -> None:
-        """Skip the ticks that begin like the last one, up to the outcome with an index.
+        """Skip the following ticks that begin like the last tick, up to the outcome with index *place*.
 
-        Choices after that outcome make no difference then: the next combination differs at or before it.
+        The next combination of choices then differs at this outcome or before it.
         """
         outcomes = [
             at
             for at, event in enumerate(self._trail.numbers)
             if event < len(self._alphabet.events) and self._alphabet.outcomes[event][1] is not None
         ]
-        forks = self.ticker._forks  # noqa: SLF001 - compiled together with what has them
+        forks = self.ticker._forks  # noqa: SLF001 - belongs to the same search
         behind = (fork.asked for fork in forks if fork.happened > outcomes[place])
         self.ticker.choices.rewind(next(behind, self.ticker.choices.choice_count))
 
     def play(self, state: bytes, wanted: Callable[[TickSteps], bool], number: int = 0) -> TickRecord:
-        """Play the first wanted tick of a state, and return it with a tick number."""
+        """Play the first wanted tick of a state, and return its record with the given tick number."""
         next(step for step in self.ticks(state) if wanted(step))
         return self.tick_record(number)
 
     def tick_record(self, number: int = 0) -> TickRecord:
-        """Return the events of the last tick with a tick number."""
+        """Return the record of the last tick, with the given tick number."""
         now, events = self.ticker.entries.now, []
         happened, after = self._recorded_events(), list(now)
         for (event, past), (_, then) in pairwise([*happened, (0, after)]):
@@ -250,13 +250,13 @@ class TreeStepper:
         )
 
     def outcomes(self) -> list[Event]:
-        """Return the outcomes of leaves in the last tick, without their changes of facts."""
+        """Return the leaf outcomes of the last tick as events without changes of facts."""
         events = self._alphabet.events
         numbers = (number for number in self._trail.numbers if number < len(events))
         return [event for event in map(events.__getitem__, numbers) if event.outcome]
 
     def unusual_outcomes(self) -> tuple[bool, ...]:
-        """Return which outcomes of the last tick were unusual."""
+        """Return for each outcome of the last tick whether it is unusual."""
         entries, unusual = self.ticker.entries, []
         after = entries.now
         for event, past in self._recorded_events():
@@ -268,12 +268,12 @@ class TreeStepper:
         return tuple(unusual)
 
     def judgement(self, state: bytes, *, idle: bool | None = None) -> Judgement:
-        """Judge a single state; see `PropertyAutomata.judge`."""
+        """Return the judgement of a state; see `PropertyAutomata.judge`."""
         outcome, watched = self.steps.restore(state)
         return self._rules.judge(outcome, watched, idle)
 
     def violated_properties(self) -> tuple[tuple[int, Event], ...]:
-        """Return the event properties that the last tick has violated, each with the event."""
+        """Return the numbers of the event properties that the last tick violated, each with the violating event."""
         if not self.steps.broken:
             return ()
         watched, found = self._watched, []
@@ -285,7 +285,7 @@ class TreeStepper:
         return tuple(found)
 
     def _own_number(self, place: int) -> int:
-        """Return the number of an event of the last tick, or of the event that it accompanies."""
+        """Return the number of an event of the last tick; for a second event, of the leaf event that it accompanies."""
         count, numbers = len(self._alphabet.events), self._trail.numbers
         if numbers[place] < count:
             return numbers[place]
@@ -295,15 +295,15 @@ class TreeStepper:
         return next(number for number in others if number < count)
 
     def restore_before_outcome(self, place: int) -> None:
-        """Restore the entries before an outcome of the last tick, by its index among its outcomes."""
+        """Restore the entries before the outcome with index *place* of the last tick."""
         outcomes = [
             past for event, past in self._recorded_events() if self._alphabet.outcomes[event][1] is not None
         ]
         self.ticker.entries.restore(vec[i32](outcomes[place]))
 
     def _recorded_events(self) -> list[tuple[int, list[int]]]:
-        """Return the events of the last tick, each with the values of entries before it."""
-        # Numbers above those of the alphabet are those of guarded events, which accompany another one.
+        """Return the leaf events of the last tick, each with the contents of the entries before the event."""
+        # Numbers after the alphabet belong to second events, which accompany leaf events.
         count, trail = len(self._alphabet.events), self._trail
         return [each for each in zip(trail.numbers, trail.pasts, strict=True) if each[0] < count]
 
@@ -313,6 +313,6 @@ class TreeStepper:
 
 
 def plain_stepper(prepared: PreparedTree, rules: PropertyAutomata) -> TreeStepper | None:
-    """Return a stepper for a tree without merged values; None if the searches so far have merged none."""
+    """Return a stepper without merged values; None if the searches so far have not merged any values."""
     has_merged = any(each.is_used for each in prepared.merged)
     return TreeStepper(prepared, rules, merges=False) if has_merged else None

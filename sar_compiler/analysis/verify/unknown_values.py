@@ -1,7 +1,7 @@
 """Searches of trees in which leaves write unknown values.
 
-A run is not explored beyond such a tick. So the runs that are shown are possible, and statements about all runs are
-undecided.
+A run is not explored beyond a tick that needs an unknown value. So the runs that are shown are possible, but statements
+about all runs are undecided.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,14 +20,14 @@ DecidableResult = TypeVar("DecidableResult")
 def search_decidable(
     properties: Properties, search: Callable[[Properties], DecidableResult]
 ) -> tuple[DecidableResult, dict[str, str]]:
-    """Search without conditions that need an unknown value.
+    """Search a tree with all properties whose conditions do not need unknown values.
 
     Args:
         properties: The properties of the tree.
-        search: Searches it with some of them.
+        search: Searches the tree with given properties.
 
     Returns:
-        The result, and the reason for each question that is left out, by the question.
+        The result, and for each question that was left out the reason.
 
     Raises:
         ConditionError: If a condition cannot be evaluated for another reason.
@@ -50,8 +50,8 @@ def explore_decidable(
     """Search the states of a tree; see `explore`.
 
     Returns:
-        The graph, whose error is the first tick that raises for another reason than an unknown value; and the first
-        tick that needs one.
+        The graph, whose error is the first tick that raises an error for another reason than an unknown value, and the
+        first tick that needs an unknown value (None if there is none).
     """
     if not stepper.writes_unknown_values:
         return explore(stepper.steps, max_states, report, names), None
@@ -62,14 +62,14 @@ def explore_decidable(
 
 
 class _RecordedErrors(Stepper):
-    """The steps of a tree, with the first raising tick of each kind.
+    """The steps of a tree, with a record of the first ticks that raise errors.
 
     Args:
         steps: The steps.
 
     Attributes:
-        errors: The first tick that needs an unknown value (True), and the first one that raises for another reason
-            (False).
+        errors: The first tick that needs an unknown value (True), and the first tick that raises an error for another
+            reason (False).
     """
 
     def __init__(self, steps: Stepper) -> None:
@@ -77,7 +77,7 @@ class _RecordedErrors(Stepper):
         self.errors: dict[bool, Breach] = {}
         self._steps = steps
         self.middles = steps.middles
-        # A search enters the states in the order of their numbers.
+        # The number of the current state: a search enters the states in the order of their numbers.
         self._entered = -1
 
     def start(self) -> bytes:

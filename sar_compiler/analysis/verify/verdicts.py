@@ -1,4 +1,4 @@
-"""The questions about a tree, their verdicts, and the comparison of two trees' verdicts."""
+"""The questions about a tree, the verdicts on them, and the comparison of the verdicts on two trees."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -17,7 +17,7 @@ from sar_compiler.runtime.variables import unknown_value_of
 
 
 class ProofStatus(str, Enum):
-    """The status of a question."""
+    """The status of a question after a verification."""
 
     PROVED = "proved"
     BROKEN = "does not hold"
@@ -30,9 +30,9 @@ class Verdict:
 
     Attributes:
         question: The statement that should hold.
-        outcome: The status of the proof.
-        reason: The reason for a violation or an undecided result; empty if it is proved.
-        trace: A violating run, with as few ticks as possible.
+        outcome: The status of the question.
+        reason: The reason for a violation or for an undecided status; empty if the statement is proved.
+        trace: A run that violates the statement, with as few ticks as possible; None if there is no such run.
     """
 
     question: str
@@ -41,15 +41,15 @@ class Verdict:
     trace: Trace | None = None
 
     def __repr__(self) -> str:
-        """Return the question and its verdict without the run."""
+        """Return the question and the verdict, without the run."""
         return f"<{self.question}: {self.outcome.value}{f', {self.reason}' if self.reason else ''}>"
 
     def _repr_html_(self) -> str:
-        return _table([self])
+        return _html_table([self])
 
 
-def _table(verdicts: Iterable[Verdict], caption: str = "") -> str:
-    """Return verdicts as a table for notebooks."""
+def _html_table(verdicts: Iterable[Verdict], caption: str = "") -> str:
+    """Return verdicts as an HTML table for notebooks."""
     rows = [(each.question, each.outcome.value, each.reason) for each in verdicts]
     body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     return f"<table><caption>{escape(caption)}</caption>{body}</table>"
@@ -61,21 +61,20 @@ class Verification:
 
     Attributes:
         verdicts: The verdicts on all questions.
-        states: The number of states found.
-        steps: The number of steps between them: ticks, and parts of ticks that several ticks share.
-        depth: The number of ticks in which all states are reached; if not all states were explored, the number of
-            ticks for which every run was explored.
+        states: The number of states that were found.
+        steps: The number of steps between the states: ticks, and parts of ticks that several ticks share.
+        depth: The number of ticks up to which every run was explored.
         complete: Whether every state was explored.
-        left_out: The properties that do not apply to this tree.
-        growing: The keys, facts and cells with the most values if not every state was explored, with the number of
-            values.
-        leaves: The leaves that the runs name.
+        left_out: The properties that do not apply to the tree.
+        growing: The keys, facts and cells with the most different values, with these numbers, if not every state was
+            explored.
+        leaves: The leaves to which the events of runs refer.
         stopped: Whether the search was stopped early.
-        by_semantics: The tags of the nodes whose `semantics` were assumed, each with its class: they have their own
-            `tick`, about which nothing is proved.
-        searches: The number of searches; with more than one, states and steps are totals.
+        by_semantics: The tags and classes of nodes that were replaced by their declared semantics. Their own `tick`
+            methods are not verified.
+        searches: The number of searches. If there are several, states and steps are totals.
         branches: The number of independent parallel branches that were replaced by automata.
-        merged: The keys and facts with merged values, because no run can distinguish them.
+        merged: The keys and facts whose values were merged, because no run can distinguish them.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -98,11 +97,11 @@ class Verification:
         return f"<{type(self).__name__}: {answers}; {self.states:,} states{'' if self.complete else ' and more'}>"
 
     def _repr_html_(self) -> str:
-        return _table(self.verdicts, repr(self).strip("<>"))
+        return _html_table(self.verdicts, repr(self).strip("<>"))
 
     @property
     def is_proved(self) -> bool:
-        """Whether everything is proved."""
+        """Whether all statements are proved."""
         return all(verdict.outcome is ProofStatus.PROVED for verdict in self.verdicts)
 
 
@@ -114,23 +113,23 @@ OWN_RECORDS = "your classes behave as they declare"
 
 
 def questions_of(properties: Properties) -> list[str]:
-    """Return the questions about a tree: the general ones and its properties."""
+    """Return the questions about a tree: the general questions, and the names of its properties."""
     ends = [AN_END, NO_LIVELOCK] if properties.has_end else []
     return [NO_ERROR, EVERY_LEAF, *ends, *properties.names]
 
 
 class ProofQuestions:
-    """Answers questions about the runs of a tree.
+    """Determines the verdicts on the questions about a tree.
 
     Args:
-        space: Its states and ticks.
-        told: Describes the error of a tick.
+        space: The states of the tree and the ticks between them.
+        explain: Describes the error of a tick.
     """
 
-    def __init__(self, space: StateSpace, told: Callable[[BaseException], str]) -> None:
+    def __init__(self, space: StateSpace, explain: Callable[[BaseException], str]) -> None:
         self._space = space
         self._graph = space.graph
-        self._told = told
+        self._explain = explain
 
     def verdict_on_errors(self) -> Verdict:
         """Return the verdict on whether any tick raises an error."""
@@ -141,7 +140,7 @@ class ProofQuestions:
         assert first.error is not None  # noqa: S101 - true for this kind of violation
         outcome = ProofStatus.UNDECIDED if error is None else ProofStatus.BROKEN
         trace = self._space.breach(first)
-        return Verdict(NO_ERROR, outcome, self._told(self._space.tick_error or first.error), trace)
+        return Verdict(NO_ERROR, outcome, self._explain(self._space.tick_error or first.error), trace)
 
     def verdict_on_leaves(self, leaves: Sequence[TreeNode], ran: Collection[int]) -> Verdict:
         """Return the verdict on whether every leaf is ticked in some run."""
@@ -156,7 +155,7 @@ class ProofQuestions:
         return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, f"no explored run ticks {names}")
 
     def endings(self) -> Iterator[Verdict]:
-        """Yield the verdicts on whether the runs end."""
+        """Yield the verdicts on whether an end can be reached from every state, and on whether every run ends."""
         found = endings(self._graph)
         if found.stuck is None:
             yield self._not_violated(AN_END)
@@ -168,19 +167,19 @@ class ProofQuestions:
         if found.circling is None:
             yield self._not_violated(NO_LIVELOCK)
         else:
-            yield _violation(NO_LIVELOCK, "this run never ends", self._round(found.circling))
+            yield _violation(NO_LIVELOCK, "this run never ends", self._loop_trace(found.circling))
 
     def verdict_on_declarations(self, rule: int, wrong: Callable[[], str]) -> Verdict:
         """Return the verdict on whether the user's controls and decorators match their declarations.
 
         Args:
-            rule: The number of that property.
+            rule: The number of the rule that a deviation violates.
             wrong: Returns a description of the last deviation.
         """
         breach = self._graph.breaches.get(rule)
         if breach is None:
             return self._not_violated(OWN_RECORDS)
-        # Creating the trace plays the run, ending with its last tick.
+        # Creating the trace plays the run, after which `wrong` describes the deviation in the last tick.
         trace = self._space.breach(breach)
         return _violation(OWN_RECORDS, wrong(), trace)
 
@@ -195,14 +194,16 @@ class ProofQuestions:
             if circling is None:
                 yield self._not_violated(name)
             else:
-                yield _violation(name, "the required event never happens in this run", self._round(circling))
+                yield _violation(
+                    name, "the required event never happens in this run", self._loop_trace(circling)
+                )
 
     def _depends_on(self, breach: Breach) -> str:
         value = unknown_value_of(breach.error)
         assert value is not None  # noqa: S101 - true for this kind of violation
-        return f"it depends on the value that '{value.leaf}' writes to '{value.key}'"
+        return f"the result depends on the value that '{value.leaf}' writes to '{value.key}'"
 
-    def _round(self, component: list[int]) -> Trace:
+    def _loop_trace(self, component: list[int]) -> Trace:
         return self._space.lasso(lasso(self._graph, component))
 
     def _not_violated(self, question: str) -> Verdict:
@@ -225,9 +226,9 @@ def _violation(question: str, reason: str, trace: Trace | None = None) -> Verdic
 
 
 SAME, WORSE, BETTER, OTHER = "the same", "worse", "better", "different"
-"""The possible changes of a verdict."""
+"""The possible changes of a verdict between two trees."""
 
-# A question that does not apply to a tree, because it lacks the leaves, ranks like an undecided one.
+# A question that does not apply to a tree (None) ranks like an undecided question.
 _RANKS: Mapping[ProofStatus | None, int] = {
     ProofStatus.BROKEN: 0,
     ProofStatus.UNDECIDED: 1,
@@ -238,12 +239,12 @@ _RANKS: Mapping[ProofStatus | None, int] = {
 
 @dataclass(frozen=True)
 class ComparedVerdict:
-    """A question about two trees, or about one of them.
+    """The verdicts on the same question about two trees.
 
     Attributes:
         question: The question.
-        before: The answer for the first tree; None if it was left out there.
-        now: The answer for the second tree; None if it was left out there.
+        before: The verdict for the first tree; None if the question does not apply to it.
+        now: The verdict for the second tree; None if the question does not apply to it.
     """
 
     question: str
@@ -252,7 +253,7 @@ class ComparedVerdict:
 
     @property
     def change(self) -> str:
-        """The change of the verdict: `SAME`, `WORSE`, `BETTER`, or `OTHER` for neither."""
+        """The change of the verdict: `SAME`, `WORSE`, `BETTER`, or `OTHER` for any other change."""
         before, now = (None if each is None else each.outcome for each in (self.before, self.now))
         if before is now:
             return SAME
@@ -266,8 +267,8 @@ class VerificationComparison:
     """The verdicts on the same questions about two trees.
 
     Attributes:
-        before: The result for the first tree.
-        now: The result for the second tree.
+        before: The verification of the first tree.
+        now: The verification of the second tree.
     """
 
     before: Verification
@@ -275,11 +276,11 @@ class VerificationComparison:
 
     @property
     def verdicts(self) -> tuple[ComparedVerdict, ...]:
-        """All questions about either tree, in order."""
+        """The verdicts on all questions about either tree, the questions about the second tree first."""
         before, now = ({v.question: v for v in each.verdicts} for each in (self.before, self.now))
         return tuple(ComparedVerdict(name, before.get(name), now.get(name)) for name in {**now, **before})
 
     @property
     def is_worse(self) -> bool:
-        """Whether any verdict is worse than before."""
+        """Whether any verdict is worse for the second tree than for the first."""
         return any(answer.change == WORSE for answer in self.verdicts)

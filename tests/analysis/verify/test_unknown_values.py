@@ -25,7 +25,7 @@ def test_a_value_that_is_needed_and_not_known_leaves_open_what_depends_on_it():
     assert raised.reason.endswith(HINT)
     assert told(raised.trace) == ["M:SUCCESS"]
     assert {verdict(found, each).reason for each in (EVERY_LEAF, AN_END, NO_LIVELOCK)} == {
-        "it depends on the value that 'M' writes to 'd'"
+        "the result depends on the value that 'M' writes to 'd'"
     }
 
 
