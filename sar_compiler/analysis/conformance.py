@@ -1,7 +1,7 @@
 """Comparison of a recorded run with all possible runs of its tree.
 
 The comparison finds the tree's possible runs that match the record, and tracks the state of the properties in each of
-them. So it can tell whether all, some or none of the matching runs violate a property.
+them. So it determines whether all, some or none of the matching runs violate a property.
 """
 
 from collections import deque
@@ -152,7 +152,7 @@ def conform(
     Raises:
         TreeError: If the properties file does not match the tree; contains the findings.
         UndecidableError: If the tree's runs cannot be enumerated.
-        OtherTreeError: If the tree has nodes other than those that ran.
+        OtherTreeError: If the nodes that ran are not the nodes of the tree.
     """
     prepared = PreparedTree.prepare(simulated)
     properties = properties_of(file, prepared, tags)

@@ -305,7 +305,7 @@ class RuntimeMonitor:
     def _select_outcome(
         self, number: int, numbers: Sequence[tuple[int, Outcome | None]]
     ) -> tuple[tuple[int, Outcome | None], tuple[str, str] | None]:
-        """Return the first outcome that is possible now; if none is, the first outcome and the reason."""
+        """Return the first outcome that is possible now; if no outcome is possible, the first one and the reason."""
         leaf = self._leaves[number]
         try:
             for event, outcome in numbers:
@@ -396,7 +396,7 @@ def _value(leaf: StubLeaf, name: str) -> str:
 
 
 def describe_undeclared_outcome(leaf: StubLeaf, status: str, label: str) -> str:
-    """Describe the declared outcomes of a leaf that has returned a different one."""
+    """Describe the declared outcomes of a leaf that has returned a different outcome."""
     listed = ", ".join(dict.fromkeys(outcome.name for outcome in leaf.outcomes))
     return f"'{leaf.name}' returns only {listed}, but returned {label or status}"
 

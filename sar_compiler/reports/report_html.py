@@ -327,7 +327,7 @@ def _figure_plot(
     def point(wall: float, value: float) -> str:
         return f"{left + width * (wall - began) / whole:.1f},{5 + height * (1 - min(max(value, 0), 100) / 100):.1f}"
 
-    # A value is kept until the next one.
+    # A value holds until the next value.
     ends = [*(moment.wall for moment, _ in course[1:]), state.now.wall]
     steps = [
         point(wall, value)

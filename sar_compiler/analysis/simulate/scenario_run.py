@@ -276,7 +276,7 @@ class ScenarioRun:
 
     @property
     def root(self) -> str:
-        """The root's status after the last tick; `INVALID` before the first one."""
+        """The root's status after the last tick; `INVALID` before the first tick."""
         return self.ticks[-1].root if self.ticks else "INVALID"
 
     @property

@@ -41,7 +41,7 @@ class OtherTreeError(UndecidableError):
 
 
 def ticks_of(record: Iterable[Event]) -> Iterator[list[Event]]:
-    """Yield the ticks of a record, including those without recorded events."""
+    """Yield the ticks of a record, including ticks without recorded events."""
     tick: list[Event] = []
     before: Event | None = None
     for event in record:
