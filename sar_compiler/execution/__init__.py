@@ -1,4 +1,4 @@
-"""A run of a mission, from its tree file to its result."""
+"""Mission runs, from the tree file to the result."""
 
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,6 @@ PUBLIC_MODULES = (
     "supervisor",
     "until",
 )
-"""The modules that other parts may import."""
+"""The modules that other packages may import."""
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy(__name__)

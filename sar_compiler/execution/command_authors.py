@@ -1,4 +1,4 @@
-"""Authors and reasons of commands: announced before each service call, and recorded in the journal."""
+"""Authors and reasons of operator commands: announced before each service call and recorded in the journal."""
 
 import time
 from collections import defaultdict, deque
@@ -19,25 +19,27 @@ if TYPE_CHECKING:
 
     from sar_compiler.journal.journal import Journal
 
-# The services of commands have no field for the author, so that `std_srvs/srv/Trigger` suffices and all commands work alike. Before a client
-# calls `~/pause`, it sets the parameter `ordered_by.pause` of the node to a name, or to a name, a reason, and what the sender saw (JSON).
+# Command services have no field for the author, so `std_srvs/srv/Trigger` is enough for most commands. Before a client calls `~/pause`, it sets
+# the node's parameter `ordered_by.pause` to the author's name, or to a name, a reason and the objects that the author saw (JSON).
 _PARAMETER = "ordered_by"
-_A_CALL = "a service call"
-# Longest time from the announcement to the call, in seconds of the steady clock, and longest text.
-_SIGNED_SEC, _LONGEST = 10.0, 200
-# Longest wait for the mission's response to the announcement, in the same units.
-_HEARD_SEC = 1.0
+_UNNAMED_AUTHOR = "a service call"
+# Maximum time from an announcement to its service call, in seconds of the steady clock.
+_ANNOUNCEMENT_VALID_SEC = 10.0
+# Maximum length of a name or reason, in characters.
+_LONGEST = 200
+# Maximum wait for the mission's response to an announcement, in seconds of the steady clock.
+_RESPONSE_SEC = 1.0
 
 
 _NOTHING_SEEN: SeenObjects = {}
 
 
 def _ignore(_: str) -> None:
-    """Ignore a reason."""
+    """Ignore the reason why a command was not sent."""
 
 
 class _Announcement(NamedTuple):
-    """The announcement of a command: its author, the objects that they saw, and the time of the steady clock."""
+    """An announced command: its author, the objects that the author saw, and the steady clock's time in seconds."""
 
     author: CommandAuthor
     seen: SeenObjects
@@ -45,12 +47,12 @@ class _Announcement(NamedTuple):
 
 
 class CommandAuthors:
-    """Records each command to a mission in its journal, with its author.
+    """Records each command that a mission receives in the journal, together with its author.
 
     Args:
         node: The mission's node.
         verbs: The mission's commands.
-        journal: Its journal.
+        journal: The mission's journal.
     """
 
     def __init__(self, node: "Node", verbs: Sequence[OperatorCommand], journal: "Journal") -> None:
@@ -61,12 +63,12 @@ class CommandAuthors:
         node.add_on_set_parameters_callback(self._on_parameters)
 
     def begin(self) -> None:
-        """Start recording; the leaves have already created the services."""
+        """Start recording the calls of the command services, which the leaves have already created."""
         names = {self._node.resolve_service_name(f"~/{name}"): verb for name, verb in self._verbs.items()}
         for service in self._node.services:
             verb = names.get(service.service_name)
             if verb is not None and not iscoroutinefunction(service.callback):
-                service.callback = partial(self._carry_out, verb, service.callback)
+                service.callback = partial(self._execute, verb, service.callback)
 
     def sign(
         self,
@@ -76,7 +78,7 @@ class CommandAuthors:
         seen: SeenObjects = _NOTHING_SEEN,
         refuse: Callable[[str], object] = _ignore,  # noqa: ARG002 - an announcement in this process cannot fail
     ) -> None:
-        """Store the author of the next call of a command's service, and the objects that they saw; run *then*, which calls it."""
+        """Store the author of a command's next service call and the objects that the author saw; then run *then*, which makes the call."""
         self._store(verb, author, seen)
         then()
 
@@ -87,20 +89,21 @@ class CommandAuthors:
             self._last_seen[verb] = signature
 
     def _signature(self, verb: str) -> "_Announcement":
-        """Return the author of the current call of a command's service, and the objects that they saw.
+        """Return the announcement of the current call of a command's service.
 
-        A call without an announcement may have consumed that of another call. So what was announced last applies to each call without one.
+        A call without an announcement may have consumed another call's announcement. So the objects announced last apply to every call without
+        an announcement.
         """
-        signed, oldest = self._signed[verb], time.monotonic() - _SIGNED_SEC
+        signed, oldest = self._signed[verb], time.monotonic() - _ANNOUNCEMENT_VALID_SEC
         last = self._last_seen.get(verb)
         unsigned = _Announcement(
-            CommandAuthor(_A_CALL), last.seen if last and last.at > oldest else _NOTHING_SEEN
+            CommandAuthor(_UNNAMED_AUTHOR), last.seen if last and last.at > oldest else _NOTHING_SEEN
         )
         while signed:
             signature = signed.popleft()
             if signature.at > oldest and (any(signature.author) or signature.seen):
                 author = signature.author
-                return signature._replace(author=author._replace(name=author.name or _A_CALL))
+                return signature._replace(author=author._replace(name=author.name or _UNNAMED_AUTHOR))
         return unsigned
 
     def _on_parameters(self, parameters: "list[Parameter]") -> "SetParametersResult":
@@ -109,37 +112,37 @@ class CommandAuthors:
         for each in parameters:
             group, _, verb = each.name.partition(".")
             if group == _PARAMETER and verb in self._verbs:
-                said = [*map(str, each.value if isinstance(each.value, list) else [each.value])]
+                values = [*map(str, each.value if isinstance(each.value, list) else [each.value])]
                 try:
-                    seen = parse_seen(said[2]) if len(said) > 2 else _NOTHING_SEEN  # noqa: PLR2004 - after name and reason
+                    seen = parse_seen(values[2]) if len(values) > 2 else _NOTHING_SEEN  # noqa: PLR2004 - after name and reason
                 except ValueError as error:
                     return SetParametersResult(
                         successful=False, reason=f"{each.name}: the third value is {error}"
                     )
-                self._store(verb, CommandAuthor(*said[:2]), seen)
+                self._store(verb, CommandAuthor(*values[:2]), seen)
         return SetParametersResult(successful=True)
 
-    def _carry_out(
-        self, verb: OperatorCommand, answer: Callable[[Any, Any], Any], request: Any, response: Any
+    def _execute(
+        self, verb: OperatorCommand, callback: Callable[[Any, Any], Any], request: Any, response: Any
     ) -> Any:
         author, seen, _ = self._signature(verb.name)
-        with self._journal.ordered_by(author) as noted:
+        with self._journal.ordered_by(author) as recorded_kinds:
             changed = self._journal.describe_change(verb.name, seen)
             if changed:
                 response.success, response.message = False, f"{changed}. Check it, and repeat the command"
-                answered = response
+                result = response
             else:
-                answered = answer(request, response)
-        # Any response of a user's own service must not end the mission.
-        refusal = "" if getattr(answered, "success", True) else str(getattr(answered, "message", ""))
+                result = callback(request, response)
+        # A user's own service may return an object without these fields, which must not end the mission.
+        refusal = "" if getattr(result, "success", True) else str(getattr(result, "message", ""))
         by, reason = author
-        order = {"verb": verb.name, "label": verb.label, "by": by, "reason": reason, "refusal": refusal}
-        self._journal.record_observation(ORDERED, **order, is_told=bool(noted))
-        return answered
+        command = {"verb": verb.name, "label": verb.label, "by": by, "reason": reason, "refusal": refusal}
+        self._journal.record_observation(ORDERED, **command, is_told=bool(recorded_kinds))
+        return result
 
 
 def escape_to_single_line(text: str) -> str:
-    """Return untrusted text for use in a sentence: one line, shortened, without a full stop."""
+    """Return untrusted text as part of a sentence: on one line, at most 200 characters, without a final full stop."""
     return "".join(filter(str.isprintable, text))[:_LONGEST].strip().removesuffix(".")
 
 
@@ -147,7 +150,7 @@ class RemoteCommandAuthor:
     """Announces the author of a command to a mission in another process.
 
     Args:
-        node: The node that calls.
+        node: The node that sends the announcements.
         of: The full name of the mission's node.
     """
 
@@ -167,9 +170,9 @@ class RemoteCommandAuthor:
     ) -> None:
         """Announce the author of a command; after the response, run *then*, which calls the command's service.
 
-        A node without parameters gets no announcement. If the response is lost, which happens when two nodes have just discovered each other, the
-        command is delayed, but still sent, unless it has an object: then it might be carried out on another one, and *refuse* is called with the
-        reason.
+        A node without parameter services gets no announcement. The response can be lost if two nodes have just discovered each other. Without a
+        confirmed announcement, a command is still sent if the author saw no objects. Otherwise it might be executed on an object that has changed,
+        so *refuse* is called with the reason.
         """
         from rclpy.parameter import Parameter
 
@@ -180,28 +183,28 @@ class RemoteCommandAuthor:
                 then()
             else:
                 refuse(
-                    "the mission has not confirmed the object of the command, so it was not sent. Repeat it"
+                    "the command was not sent, because the mission has not confirmed its object. Repeat the command"
                 )
 
         if not self._client.service_is_ready():
             send(is_heard=False)
             return
 
-        def call_service(answered: Any = None) -> None:
+        def call_service(future: Any = None) -> None:
             if not timer.is_canceled():
                 timer.cancel()
                 self._node.destroy_timer(timer)
-                send(is_heard=answered is not None and _is_accepted(answered))
+                send(is_heard=future is not None and _is_accepted(future))
 
-        timer = steady_timer(self._node, _HEARD_SEC, call_service)
+        timer = steady_timer(self._node, _RESPONSE_SEC, call_service)
         request = self._client.srv_type.Request()
         announced = [*author, *([json_text(dict(seen))] if seen else [])]
         request.parameters = [Parameter(f"{_PARAMETER}.{verb}", value=announced).to_parameter_msg()]
         self._client.call_async(request).add_done_callback(call_service)
 
 
-def _is_accepted(answered: Any) -> bool:
+def _is_accepted(future: Any) -> bool:
     try:
-        return all(each.successful for each in answered.result().results)
+        return all(each.successful for each in future.result().results)
     except Exception:  # noqa: BLE001 - a failing call raises arbitrary exceptions
         return False

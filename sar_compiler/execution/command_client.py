@@ -1,4 +1,4 @@
-"""Client for the operator's commands, for threads other than the mission's."""
+"""A client of the operator commands that any thread may use."""
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +18,7 @@ _NOTHING_SEEN: SeenObjects = {}
 
 
 class Sign(Protocol):
-    """Announces a command to its mission."""
+    """Announces a command to the mission before it is sent."""
 
     def __call__(
         self,
@@ -29,7 +29,7 @@ class Sign(Protocol):
         refuse: Callable[[str], object] = ...,
         /,
     ) -> object:
-        """Announce a command, its author and the objects that they saw; call *then*, which sends it, or *refuse* with the reason."""
+        """Announce a command, its author and the objects that the author saw; call *then* to send it, or *refuse* with the reason."""
         ...
 
 
@@ -44,13 +44,13 @@ def _send_at_once(
 
 
 class CommandClient:
-    """Calls the services of a mission's commands, from any thread, in the node's executor.
+    """Sends a mission's commands: any thread may request it, and the node's executor calls the services.
 
     Args:
-        node: The node that calls; by default the mission's own, which also has the services.
-        verbs: The commands.
-        sign: Called in the executor's thread with a command.
-        of: The name of the mission's node.
+        node: The node that calls the services.
+        verbs: The mission's commands.
+        sign: Announces each command; called in the executor's thread.
+        of: The name of the mission's node; by default *node* itself.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class CommandClient:
         self._node = node
 
     def available(self) -> list[str]:
-        """Return the commands that the tree's leaves execute."""
+        """Return the names of the commands whose services are available."""
         return [name for name, client in self._clients.items() if client.service_is_ready()]
 
     def send(
@@ -84,16 +84,16 @@ class CommandClient:
         """Send a command, from any thread.
 
         Args:
-            verb: The name of a command.
-            values: The values that come with it.
-            author: Its author and reason.
-            seen: What they saw; the mission refuses the command if it has changed.
+            verb: The command's name.
+            values: The values of the command's fields, by name.
+            author: The command's author and reason.
+            seen: The objects that the author saw; the mission refuses the command if one of them has changed.
 
         Returns:
-            Whether it was accepted, with the response's message; it can be cancelled until it is sent.
+            A future of whether the command was accepted, and the response's message. It can be cancelled until the command is sent.
 
         Raises:
-            CommandError: If the command is unknown, a value is wrong, or no leaf of the tree executes it.
+            CommandError: If the command is unknown, a value is invalid, or no leaf of the tree executes the command.
         """
         known = self._verbs.get(verb)
         if known is None:
@@ -106,7 +106,7 @@ class CommandClient:
         known.fill(request, checked)
         answer: Future[tuple[bool, str]] = Future()
         self._waiting.append(lambda: self._send(known, client, request, answer, author, seen))
-        # With an executor of its own, the services exist once the tree is set up.
+        # The services are created when the tree is set up, so the node has an executor by now.
         from sar_compiler.ros.executors import call_soon
 
         call_soon(self._node.executor, self._call)
@@ -125,7 +125,7 @@ class CommandClient:
         author: CommandAuthor,
         seen: SeenObjects,
     ) -> None:
-        # The caller of a cancelled command was told that it is not executed; from here on it can no longer be cancelled.
+        # A cancelled command is not sent, because its caller assumes so. From here on the command can no longer be cancelled.
         if not answer.set_running_or_notify_cancel():
             return
         self._sign(

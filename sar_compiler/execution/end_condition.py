@@ -1,4 +1,4 @@
-"""The end of a run and its result."""
+"""The condition that ends a run, and the result of the run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ class RunResult:
 
     Attributes:
         achieved: Whether the run achieved its goal.
-        reason: The reason, as a sentence.
+        reason: Why the run ended, as a sentence.
     """
 
     achieved: bool
@@ -37,7 +37,7 @@ class EndCondition:
         until: The condition that ends the run.
         mission: The run's mission.
         time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
-        say: Called with a message for every round of the tree after which the run continues although the root has ended.
+        say: Called with a message each time the root has ended and the tree starts again.
     """
 
     until: Until
@@ -49,11 +49,11 @@ class EndCondition:
 
     @property
     def complete(self) -> bool:
-        """Whether the mission's own end condition is fulfilled; False without one."""
+        """Whether the mission's own end condition is fulfilled; False if the mission has none."""
         return self.mission.shortfalls() == []
 
     def shortfalls(self) -> list[str]:
-        """Return a sentence for each unfinished item of the mission; empty without an end condition of its own."""
+        """Return a sentence for each unfinished item of the mission; empty if the mission has no end condition."""
         return self.mission.shortfalls() or []
 
     def after_tick(self, status: Status, elapsed_sec: float) -> RunResult | None:
@@ -85,8 +85,8 @@ class EndCondition:
             return RunResult(
                 achieved=True, reason=" ".join(["Mission complete.", *self.mission.open_points()])
             )
-        # With nothing left to do, a tree that ends twice in a row is finished. Once is not enough: the tick that finishes the last piece of work
-        # succeeds before the way back was checked.
+        # If no work is left, the tree is finished when its root ends on two consecutive ticks. One tick is not enough: the tick that completes the
+        # last task succeeds before the return path has been checked.
         idle_reason = self.mission.idle_reason()
         over = idle_reason and status != Status.RUNNING
         self._idle_ticks = self._idle_ticks + 1 if over else 0
@@ -96,12 +96,12 @@ class EndCondition:
 
 
 def default_summary(mission: MissionRun, outcome: str, elapsed_sec: float, ticks: int) -> str:
-    """Return the summary for a mission without its own: outcome, figures, duration, and missing items.
+    """Return the summary for a mission that does not define one: outcome, figures, duration, and missing items.
 
     Args:
         mission: The run's mission.
-        outcome: The outcome of the run, in words: `succeeded`.
-        elapsed_sec: Its duration, in seconds of the node's clock.
+        outcome: The run's outcome in words, such as `succeeded`.
+        elapsed_sec: The run's duration, in seconds of the node's clock.
         ticks: The number of ticks.
     """
     return "\n".join(

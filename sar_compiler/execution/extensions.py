@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def guardian_of(run: RunSetup) -> RunExtension | None:
-    """Return the guardian of a run's goals; a simulation needs none, because it ends with the run."""
+    """Create the guardian of a run's goals if the option is set or a run on a robot writes a journal; otherwise return None."""
     if not run.options.guardian and not (run.journal.is_kept and run.options.sim is None):
         return None
     from sar_compiler.ros.arguments import security_arguments
@@ -29,10 +29,10 @@ class RunExtensions:
     """All extensions of one run.
 
     Args:
-        run: The run.
+        run: The run before its tree is compiled.
         journal: The run's journal, which is closed last.
-        makes: Create the other extensions, which may listen to the journal.
-        stack: Closes them in reverse order, however the run ends.
+        makes: Functions that create the other extensions, which may listen to the journal.
+        stack: Closes the extensions in reverse order, however the run ends.
 
     Raises:
         SarError: If an extension cannot be created.
@@ -58,30 +58,30 @@ class RunExtensions:
         """Start each extension.
 
         Raises:
-            SarError: If one cannot.
+            SarError: If an extension cannot start.
         """
         for extension in self._extensions:
             extension.on_compiled(tree, engine)
 
     @property
-    def how_to_see_it_again(self) -> str:
-        """The command that replays a simulation; empty for other runs."""
-        return self._journal.how_to_see_it_again
+    def replay_hint(self) -> str:
+        """A sentence with the command that replays a simulation; empty for other runs."""
+        return self._journal.replay_hint
 
     def cause_of_failure(self) -> str:
-        """Return the likeliest cause of a failure in a line; empty if none is known."""
+        """Return the most likely cause of a failure on one line; empty if no cause is known."""
         return next(filter(None, (each.cause_of_failure() for each in self._extensions)), "")
 
     def on_awaited(self, items: "Sequence[AwaitedItem]") -> None:
-        """Notify each extension of the items that the start needs."""
+        """Notify each extension of the requirements that the start waits for."""
         for extension in self._extensions:
             extension.on_awaited(items)
 
     def on_begin(self) -> None:
-        """Open the journal, which notifies the other extensions; ticks follow.
+        """Notify each extension that the ticks begin; the journal is opened first.
 
         Raises:
-            JournalError: If it cannot be written.
+            JournalError: If the journal cannot be written.
         """
         for extension in self._extensions:
             extension.on_begin()

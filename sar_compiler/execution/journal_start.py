@@ -1,4 +1,4 @@
-"""The start of a run, whose refusal is recorded beside its journal."""
+"""The start of a run: if it is refused, the reason is recorded in a file beside the journal."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 class JournalStart:
-    """The start of a run. If the start is refused, the reason is stored for `sar-journal why`.
+    """Context manager of the start of a run. If the start is refused, the reason is stored for `sar-journal why`.
 
     Args:
         options: The options of the run.
 
     Attributes:
-        has_begun: Whether the run has begun.
+        has_begun: Whether the run has begun, so that an error is no refusal of the start.
     """
 
     has_begun = False
@@ -31,15 +31,15 @@ class JournalStart:
         self._place: Path | None = options.journal
 
     def find_path(self, mission: "Mission | None", node: "Node") -> None:
-        """Determine the journal that a run would write; simulated runs are excluded, because each has a new name."""
-        if self._place is None and self.options.sim is None and keeps_journal(self.options, mission):
-            self._place = usual_path(self.options, node.get_fully_qualified_name())
+        """Determine the path of the run's journal; not for simulated runs, because each of them has a new journal."""
+        if self._place is None and self.options.sim is None and has_journal_by_default(self.options, mission):
+            self._place = default_path(self.options, node.get_fully_qualified_name())
 
     def __enter__(self) -> "Self":
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """Store the reason why the run did not start, if applicable."""
+        """Store the reason for a refused start."""
         if not isinstance(error, SarError):
             return
         is_kept = not (self.options.check or self.options.no_journal)
@@ -47,13 +47,13 @@ class JournalStart:
             record_refusal(self._place, error.exit_status, str(error))
 
 
-def keeps_journal(options: RunOptions, mission: "Mission | None") -> bool:
-    """Return whether a run keeps a journal without an option."""
+def has_journal_by_default(options: RunOptions, mission: "Mission | None") -> bool:
+    """Return whether a run writes a journal if no option requests or forbids it."""
     return options.sim is not None or (mission is not None and mission.is_resumable)
 
 
-def usual_path(options: RunOptions, name: str) -> Path:
-    """Return the path of the journal of a node, given its full name."""
+def default_path(options: RunOptions, name: str) -> Path:
+    """Return the default journal path of a run whose node has this full name."""
     from sar_compiler.journal.journal_opening import default_place, delete_old_simulated, simulated_place
 
     if options.sim is None:

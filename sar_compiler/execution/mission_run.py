@@ -1,7 +1,7 @@
 """One run of `sar-run`, from the tree file to the exit status.
 
-Discovery takes longer than everything else before the first tick. So the node is created as early as its name is
-known, and the modules that a run needs are imported afterwards.
+Discovery takes longer than all other steps before the first tick. So the node is created as soon as its name is
+known, and the modules that only a run needs are imported afterwards.
 """
 
 import os
@@ -48,13 +48,13 @@ def run_mission(
     """Check the tree, wait for its requirements, tick it to the end, and return the outcome.
 
     Args:
-        options: The options.
-        makes: Create the extensions of the run.
+        options: The options of the run.
+        makes: Functions that create the extensions of the run.
         signals: The requests to stop.
         ros: Shuts down ROS at the end, after the run has written all of its output.
-        staying: Collects functions to call after that.
+        staying: Collects functions to call after ROS is shut down.
         output: The run's output.
-        report: Called with the result before the extensions close.
+        report: Called with the outcome before the extensions close.
 
     Raises:
         TreeError: If the tree is not valid; the robot has not moved.
@@ -75,7 +75,7 @@ def run_mission(
             return RunOutcome(signals.exit_status)
         node = _node(options, mission, context)
         ros.callback(node.destroy_node)
-        # A simulation excludes other nodes, which was already checked.
+        # A simulation need not wait: `require_isolation` has already checked that there are no other nodes.
         discovery = DiscoveryWait(node, SETTLING_SEC if options.sim is None else 0.0)
         with gc_paused():
             from sar_compiler.execution.node_run import run_on_node
@@ -92,7 +92,7 @@ def _approval(options: RunOptions, loaded: ProjectTree) -> "ApprovalCheck":
     """Check that the tree is approved.
 
     Raises:
-        ApprovalError: If this version of it is not approved.
+        ApprovalError: If this version of the tree is not approved.
     """
     from sar_compiler.analysis.approval import ApprovalCheck
 
@@ -102,7 +102,7 @@ def _approval(options: RunOptions, loaded: ProjectTree) -> "ApprovalCheck":
 
 
 def _world(options: RunOptions) -> "World | None":
-    """Return the world to simulate, if any; report a wrong name before slow steps."""
+    """Return the world to simulate; None for a run on a robot. A wrong name is thus reported before slow steps."""
     if options.sim is None:
         return None
     from sar_compiler.sim.world import find_world
@@ -115,7 +115,7 @@ def _world(options: RunOptions) -> "World | None":
 
 @contextmanager
 def _ros(options: RunOptions, signals: StopSignals, mission: Mission | None) -> Iterator[Context]:
-    """Initialise ROS; a run without parameters uses the mission's default ones."""
+    """Initialise ROS; a run without a parameter file uses the mission's default file."""
     arguments = init_arguments(options.ros, _parameter_file(options, mission))
     if options.sim is not None:
         from sar_compiler.execution.sim_isolation import require_isolation

@@ -1,4 +1,4 @@
-"""A run from its node on: the parameters, the journal, the compiled tree and its ticks."""
+"""The steps of a run after its node is created: parameters, journal, compiled tree and ticks."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -47,15 +47,15 @@ def run_on_node(
     """Compile the tree, wait for its requirements, tick it to the end, and return the outcome.
 
     Args:
-        start: The run until its node is created.
-        makes: Create the extensions of the run.
+        start: The state of the run when its node has just been created.
+        makes: Functions that create the extensions of the run.
         ros: Shuts down ROS at the end.
-        stack: Closes the extensions before.
-        staying: Collects functions to call after the end of ROS.
+        stack: Closes the extensions before ROS is shut down.
+        staying: Collects functions to call after ROS is shut down.
         output: The run's output.
 
     Raises:
-        TreeError, NotReadyError, SarError: As `mission_run.run_mission`.
+        TreeError, NotReadyError, SarError: See `mission_run.run_mission`.
     """
     options, mission, binding, node = start.options, start.mission, start.binding, start.node
     make_engine = find_engine(options.engine)
@@ -107,7 +107,7 @@ def run_on_node(
 
 
 def _executor(options: RunOptions, context: Context) -> "Executor | SteppedExecutor":
-    """Return the executor of the mission's node, which may also step the world."""
+    """Create the executor of the mission's node, which may also step the simulated world."""
     if options.stepped:
         from sar_compiler.sim.node_host import SteppedExecutor
 
@@ -120,7 +120,7 @@ def _require_navigation(tree: CompiledTree, world: "World") -> None:
     """Check that the simulation provides Nav2 if the tree needs it.
 
     Raises:
-        NotReadyError: If it does not provide Nav2.
+        NotReadyError: If the tree needs Nav2 and the simulated world has no map.
     """
     if world.map_path is None and not {Use.nav2(), Use.action(NAVIGATION)}.isdisjoint(tree.uses()):
         line = f"Nav2: the world '{world.name}' has no map for navigation. Draw one with sar-sim map, and name it in the world's file"
@@ -128,7 +128,7 @@ def _require_navigation(tree: CompiledTree, world: "World") -> None:
 
 
 def _route_check(setup: RunSetup, tree: CompiledTree, world: "World | None") -> RouteCheck | None:
-    """Return the requested check of the mission's route; None for a run that does not navigate."""
+    """Create the check of the mission's route; None without `--check`, or if the tree does not navigate."""
     if not setup.options.check or not setup.mission.route() or Use.nav2() not in tree.uses():
         return None
     return RouteCheck(setup.node, setup.mission, setup.parameters, world)

@@ -1,4 +1,4 @@
-"""Running a mission from Python: from a test, a notebook, or another program."""
+"""Run a mission from a Python program, such as a test or a notebook."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -14,23 +14,23 @@ class _NoOutput(RunOutput):
     """Prints nothing, because the caller receives the result."""
 
     def print_momentary(self, text: str) -> None:
-        """Ignore a text."""
+        """Ignore the text."""
 
     def draw(self, text: str) -> None:
-        """Ignore terminal control sequences."""
+        """Ignore the control sequences."""
 
     def print_important(self, text: str) -> None:
-        """Ignore a text."""
+        """Ignore the text."""
 
 
 def run_mission(options: RunOptions, extensions: Sequence[MakeExtension] = ()) -> RunOutcome:
-    """Run a mission in this process, and return its result; ROS logs as usual.
+    """Run a mission in this process and return its outcome; the run prints nothing except for ROS's log.
 
-    Ctrl-C stops the run gracefully, and the result reports it. Call this function in the main thread.
+    Ctrl-C stops the run gracefully, and the outcome reports it. Call this function in the main thread.
 
     Args:
-        options: The options; `sim` simulates the robot.
-        extensions: Create further extensions of the run; the options add the property monitor and the guardian.
+        options: The options of the run, such as `sim` for a simulated robot.
+        extensions: Functions that create further extensions of the run. The options add the property monitor and the guardian.
 
     Raises:
         TreeError: If the tree is not valid; the robot has not moved.

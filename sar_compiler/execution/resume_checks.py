@@ -1,8 +1,8 @@
-"""Compatibility checks before a mission resumes from a journal: the same tree, and the same mission.
+"""Checks before a mission resumes from a journal: the tree and the mission must be those of the journal.
 
-A crashed process takes the state of its tree with it; only the events in the journal remain. A resumed tree therefore starts over, and its
-leaves skip the work that the events show as done. This is only right if the events mean the same as before: a place that was moved since
-would be skipped although the robot never visited its new position. So every difference is an error before the first tick.
+The state of the tree is lost when its process crashes; only the events in the journal remain. A resumed tree therefore starts over, and its
+leaves skip the work that the events record as done. This is only correct if the events still have the same meaning: a zone whose position has
+changed since would be skipped although the robot never visited the new position. So every difference is an error before the first tick.
 """
 
 from collections.abc import Mapping
@@ -17,37 +17,37 @@ from sar_compiler.missions.parameter_reader import ParameterError, ParameterProb
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.tree.diagnostic import TreeError
 
-_ADVICE = "or start over and keep that journal with --new"
+_ADVICE = "or start over with --new, which keeps that journal under another name"
 
 
 def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
-    """Compare the identity of a mission with that of the mission in a journal.
+    """Check that a resuming mission has the identity of the mission in the journal.
 
     Args:
         journal: The journal.
         about: `mission`, `simulated` and `identity` of the resuming mission.
 
     Raises:
-        JournalError: If it is another mission.
-        ParameterError: If its identity differs; names each parameter.
+        JournalError: If the journal belongs to another mission, or to a simulation instead of a robot or the reverse.
+        ParameterError: If a parameter of the mission's identity differs; names each of them.
     """
-    there: Any = journal.description
-    if there.get("mission") != about["mission"]:
+    recorded: Any = journal.description
+    if recorded.get("mission") != about["mission"]:
         raise JournalError(
-            f"the journal {journal.path} belongs to {_mission_text(there.get('mission'))}, but this is "
-            f"{_mission_text(about['mission'])}: "
-            f"name another file, {_ADVICE}"
+            f"the journal {journal.path} belongs to {_mission_text(recorded.get('mission'))}, but this is "
+            f"{_mission_text(about['mission'])}. Select another file with --journal, {_ADVICE}"
         )
-    if there.get("simulated") != about["simulated"]:
-        which, other = ("simulation", "robot") if there.get("simulated") else ("robot", "simulation")
+    if recorded.get("simulated") != about["simulated"]:
+        which, other = ("simulation", "robot") if recorded.get("simulated") else ("robot", "simulation")
         raise JournalError(
-            f"the mission in the journal {journal.path} was started with a {which}, and cannot be resumed with a {other}: name "
-            f"another file, {_ADVICE}"
+            f"the mission in the journal {journal.path} was started with a {which}, and cannot be resumed with a {other}. "
+            f"Select another file with --journal, {_ADVICE}"
         )
-    then = _mapping(there.get("identity"))
+    then = _mapping(recorded.get("identity"))
     problems = [
         ParameterProblem(
-            key, f"is {now!r}, but {then.get(key)!r} in the journal {journal.path}: use that, {_ADVICE}"
+            key,
+            f"is {now!r}, but {then.get(key)!r} in the journal {journal.path}. Use the journal's value, {_ADVICE}",
         )
         for key, now in about["identity"].items()
         if now != then.get(key)
@@ -61,12 +61,12 @@ def _mission_text(mission: str | None) -> str:
 
 
 def require_same_tree(journal: Journal, tree: CompiledTree, outline: Mapping[str, Any]) -> None:
-    """Compare a tree with the tree in a journal.
+    """Check that a resuming mission has the tree in the journal.
 
     Args:
         journal: The journal.
         tree: The tree of the resuming mission.
-        outline: Its outline in the journal's form: nested nodes.
+        outline: The tree's nested nodes, in the journal's form.
 
     Raises:
         TreeError: If the trees differ; names the first difference.
@@ -78,12 +78,12 @@ def require_same_tree(journal: Journal, tree: CompiledTree, outline: Mapping[str
     collector = FindingCollector()
     element = tree.origins[behaviour.id].bound.element
     message = f"the mission in {journal.path} has a different tree: {words}"
-    collector.add("other-tree", message, element, hint=f"resume with that tree, {_ADVICE}")
+    collector.add("other-tree", message, element, hint=f"resume with the journal's tree, {_ADVICE}")
     raise TreeError(collector.findings)
 
 
 def _difference(then: Any, now: Mapping[str, Any], behaviour: Behaviour) -> tuple[Behaviour, str] | None:
-    """Return the first behaviour that has changed, and the change; None if there is none."""
+    """Return the first behaviour that differs from the journal, and the difference in words; None if the trees are equal."""
     then = _mapping(then)
     for key in ("class", "name", "memory", "policy"):
         if then.get(key) != now.get(key):
@@ -105,7 +105,7 @@ def _difference(then: Any, now: Mapping[str, Any], behaviour: Behaviour) -> tupl
 
 
 def _mapping(value: object) -> Mapping[str, Any]:
-    """Return a mapping; empty if a damaged journal lacks it."""
+    """Return the value if it is a mapping, as in an intact journal; otherwise an empty mapping."""
     return value if isinstance(value, Mapping) else {}
 
 

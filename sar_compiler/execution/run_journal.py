@@ -1,4 +1,4 @@
-"""The journal of a run of `sar-run`. Its dependencies are imported only when they are needed."""
+"""The journal of a run of `sar-run`. Modules that only a written journal needs are imported when they are needed."""
 
 import shlex
 from collections.abc import Mapping
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.compiler import CompiledTree
-from sar_compiler.execution.journal_start import JournalStart, keeps_journal, usual_path
+from sar_compiler.execution.journal_start import JournalStart, default_path, has_journal_by_default
 from sar_compiler.execution.run_options import RunOptions
 from sar_compiler.journal.errors import JournalPlaceError
 from sar_compiler.journal.journal import Journal
@@ -30,13 +30,13 @@ class RunJournal(RunExtension):
 
     Args:
         start: The start of the run.
-        mission: The mission; None for a tree without one.
+        mission: The mission; None for a tree without a mission.
         node: The run's node.
         path: The tree file.
 
     Attributes:
-        how_to_see_it_again: The command that replays a simulation; empty for other runs.
-        journal: The journal. Listeners register immediately, because the run decides later which work they need.
+        replay_hint: A sentence with the command that replays a simulation; empty for other runs.
+        journal: The journal, to which listeners can be added at once. It is opened by `on_begin`.
 
     Raises:
         JournalError: If the journal exists and this run must not write to it.
@@ -48,10 +48,10 @@ class RunJournal(RunExtension):
         self.journal = _open(options, mission, node)
         self._about: dict[str, object] = {"mission": mission.name if mission is not None else None}
         self._about["simulated"] = options.sim is not None
-        # Of a simulation, only this record remains when its process ends.
+        # When the process of a simulation ends, only the journal remains.
         is_simulation_kept = options.sim is not None and self.journal.is_kept
         replay = f"sar-journal replay {shlex.quote(str(self.journal.path))}"
-        self.how_to_see_it_again = f"To replay it: {replay}" if is_simulation_kept else ""
+        self.replay_hint = f"To replay it: {replay}" if is_simulation_kept else ""
         self._run_about: dict[str, object] = {
             "version": version("sar_compiler"),
             "node": node.get_fully_qualified_name(),
@@ -63,15 +63,15 @@ class RunJournal(RunExtension):
             self._run_about["after"] = options.supervision.deaths[-1]
 
     def attach_mission(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
-        """Apply the events of earlier runs to a mission, and record its events from now on.
+        """Apply the events of earlier runs to a mission, and record the mission's events from now on.
 
         Raises:
             ParameterError: If the parameters identify a different mission.
-            JournalError: If the events are not the mission's.
+            JournalError: If the journal contains events of a different mission.
         """
         if self.journal.is_wanted:
             self._identify(run, parameters)
-        # Events have times even without a reader, because the mission may display them.
+        # The mission needs the journal even if it has no reader, because the mission may display the times of events.
         if self._mission is not None:
             run.use_journal(self.journal)
 
@@ -96,33 +96,33 @@ class RunJournal(RunExtension):
             if fact.kind == FACTS_LOST
         ):
             self._node.get_logger().warning(
-                f"{count} events could not be written and are lost: their work is repeated, and the numbers assigned "
-                "until then are not assigned again."
+                f"{count} events were lost because the journal could not be written. Work that only they record is repeated. "
+                "Numbers that were in use are not assigned again."
             )
 
     def on_compiled(self, tree: CompiledTree, engine: "Engine") -> None:
-        """Record the tree of the run.
+        """Record the tree of the run, or compare it with the journal's tree when a mission resumes.
 
         Raises:
-            TreeError: If the journal has another tree.
+            TreeError: If the journal's tree differs.
         """
         if not self.journal.is_wanted:
             return
         from sar_compiler.execution.resume_checks import require_same_tree
         from sar_compiler.views.run_tree import describe_tree
 
-        about, of_run = describe_tree(tree)
+        about, run_about = describe_tree(tree)
         self._about |= about
-        self._run_about |= of_run
+        self._run_about |= run_about
         if self.journal.is_resumed:
             require_same_tree(self.journal, tree, about["tree"])
         self._tree, self._engine = tree, engine
 
     def on_begin(self) -> None:
-        """Open the file.
+        """Open the journal's file.
 
         Raises:
-            JournalError: If it cannot be written.
+            JournalError: If the file cannot be written.
         """
         from sar_compiler.ros.clock import mission_clock
 
@@ -144,15 +144,15 @@ class RunJournal(RunExtension):
         record_goals(self._node, self.journal)
         outcomes = self._tree.origins.declared_outcomes()
         self._engine.add_visitor(StatusWatch(self._tree.root, self.journal, outcomes, logger.warning))
-        RobotObserver(self._node, self.journal)  # the node keeps it
+        RobotObserver(self._node, self.journal)  # the node stores a reference
 
     def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - a run that has not started leaves no file
-        """Close the file."""
+        """Close the journal's file."""
         self.journal.close()
 
 
 def _node_options(additions: CommandLineSettings) -> list[list[str]]:
-    """Return the options that determine the tree's nodes, with absolute paths."""
+    """Return the command-line options that define the available nodes, with absolute paths."""
     models = [str(each) if is_palette_name(str(each)) else str(each.resolve()) for each in additions.models]
     return [
         *(["--nodes", str(each)] for each in additions.nodes),
@@ -162,17 +162,17 @@ def _node_options(additions: CommandLineSettings) -> list[list[str]]:
 
 
 def _open(options: RunOptions, mission: Mission | None, node: "Node") -> Journal:
-    asked = options.journal is not None or options.resume or options.new or options.keeps_journal
-    if options.no_journal or options.check or not (asked or keeps_journal(options, mission)):
+    is_requested = options.journal is not None or options.resume or options.new or options.keeps_journal
+    if options.no_journal or options.check or not (is_requested or has_journal_by_default(options, mission)):
         return Journal()
     from sar_compiler.journal.journal_opening import open_journal
 
-    place = options.journal or usual_path(options, node.get_fully_qualified_name())
+    place = options.journal or default_path(options, node.get_fully_qualified_name())
     is_named = options.journal is not None
     try:
         return open_journal(place, resume=options.resume, start_over=options.new, is_named=is_named)
     except JournalPlaceError as error:
-        if asked:
+        if is_requested:
             raise
         node.get_logger().warning(f"No journal is written, so this mission cannot be resumed: {error}")
         return Journal()

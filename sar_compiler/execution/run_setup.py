@@ -31,13 +31,13 @@ class RunStart(NamedTuple):
         options: The options of the run.
         signals: The requests to stop.
         loaded: The loaded tree file.
-        binding: The tree.
-        mission: The mission; None for a tree without one.
-        faults: The faults of the simulation.
+        binding: The selected tree, whose tags are bound to nodes.
+        mission: The mission; None for a tree without a mission.
+        faults: The faults to inject into the simulation.
         world: The simulated world; None for an existing robot.
         node: The run's node.
-        discovery: The wait for other nodes, which began with the node.
-        journal: Records why the run does not start.
+        discovery: The wait for other nodes, which began when the node was created.
+        journal: Records the reason if the start is refused.
         approval: The approval of the tree; None if the options do not require it.
     """
 
@@ -61,14 +61,14 @@ class RunSetup(NamedTuple):
         options: The options of the run.
         signals: The requests to stop.
         node: The run's node.
-        journal: Its journal, which may be inactive.
+        journal: The run's journal, which may be inactive.
         mission: The run of the mission.
-        parameters: The parameters of every run.
+        parameters: The parameters that every run has, with or without a mission.
         loaded: The loaded tree file.
-        values: The tree's values from the node's parameters, by name.
-        fixed_parameters: The parameters that cannot be set during the run.
-        output: Standard output.
-        orders: Records the authors of commands.
+        values: The values of the node's parameters by name.
+        fixed_parameters: The names of parameters that cannot be set during the run.
+        output: The run's output for people.
+        orders: Records the operator's commands with their authors.
         staying: Functions to call when the run has ended and ROS is shut down.
         approval: The approval of the tree; None if the options do not require it.
     """
@@ -89,11 +89,11 @@ class RunSetup(NamedTuple):
 
 
 MakeExtension = Callable[[RunSetup], "RunExtension | None"]
-"""Creates an extension of a run; None if this run needs none."""
+"""Creates an extension of a run, or returns None if the run does not need it."""
 
 
 def simulated_time(options: "RunOptions") -> "list[Parameter]":
-    """Return the parameters that make a node use the time of a run's simulation, if there is one."""
+    """Return the parameter overrides that make a node use simulated time; empty for a run on a robot."""
     from rclpy.parameter import Parameter
 
     return [Parameter("use_sim_time", value=True)] if options.sim is not None else []

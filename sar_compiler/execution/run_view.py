@@ -1,6 +1,6 @@
-"""`--view text` of `sar-run`: a display in place on a terminal, otherwise a line for each change.
+"""`--view text` of `sar-run`: a display that is redrawn in place on a terminal, otherwise a line for each change.
 
-On a terminal the view occupies the lower lines. The rest scrolls above them as usual, including the log, which nodes and libraries
+The display occupies the lower lines of the terminal. All other output scrolls above, including the log, which nodes and libraries
 write directly to the terminal. The terminal's scroll margins make this possible.
 """
 
@@ -21,10 +21,10 @@ from sar_compiler.views.mission_view import Line, change_text, condition_change,
 
 # Interval between drawings, in seconds of the steady clock.
 _PERIOD_SEC = 0.2
-# Lines reserved for the log, and the smallest useful height of a view.
+# Minimum number of lines reserved for the log, and minimum height of the display in lines.
 _LOG_LINES, _LEAST = 4, 3
 
-# For terminals of other encodings than UTF-8.
+# Substitutes for terminals whose encoding is not UTF-8.
 _IN_ASCII = str.maketrans({"✓": "+", "✕": "x", "…": "~"})
 
 _SAVE, _RESTORE, _HIDE, _SHOW = "\x1b7", "\x1b8", "\x1b[?25l", "\x1b[?25h"
@@ -32,10 +32,10 @@ _NO_MARGINS, _TO_THE_END, _CLEAR = "\x1b[r", "\x1b[K", "\x1b[2J"
 
 
 class RunView(RunExtension):
-    """The display of a run with `--view`.
+    """Base class of the displays of a run with `--view text`.
 
     Args:
-        run: The run.
+        run: The run before its tree is compiled.
     """
 
     def __init__(self, run: RunSetup) -> None:
@@ -44,7 +44,7 @@ class RunView(RunExtension):
 
 
 def run_view() -> Callable[[RunSetup], RunView]:
-    """Return the constructor of the view of a run: in place on a terminal, otherwise a log.
+    """Return the constructor of the display: `RunScreen` on a terminal, otherwise `ChangeLog`.
 
     Raises:
         ImportError: If rich is not installed.
@@ -56,10 +56,10 @@ def run_view() -> Callable[[RunSetup], RunView]:
 
 
 class ChangeLog(RunView):
-    """A line for each change."""
+    """Prints a line for each change of the mission's state."""
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Show an entry, if it is a change."""
+        """Print the changes that a journal entry causes."""
         nodes, was = self._state.nodes, condition(self._state)
         before = nodes[entry.data["node"]].status if entry.kind == STATUS else ""
         self._state.apply(entry)
@@ -69,11 +69,11 @@ class ChangeLog(RunView):
 
 
 class RunScreen(RunView):
-    """The mission on the lower lines of a terminal, until the view is closed.
+    """Draws the mission's state on the lower lines of a terminal until it is closed.
 
     Args:
-        run: The run.
-        paint: Returns lines formatted for a terminal of a given width.
+        run: The run before its tree is compiled.
+        paint: Formats lines for a terminal of a given width.
     """
 
     def __init__(self, run: RunSetup, paint: "Paint") -> None:
@@ -87,7 +87,7 @@ class RunScreen(RunView):
         self._output.leave = self.close
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Process an entry; the next refresh shows it."""
+        """Apply a journal entry to the state that the next refresh draws."""
         self._state.apply(entry)
         if entry.kind == RUN_BEGAN:
             self._start, self._has_begun = entry.time, True
@@ -96,7 +96,7 @@ class RunScreen(RunView):
         self._now = max(self._now, entry.time)
 
     def refresh(self) -> None:
-        """Draw; stop first if the terminal requested it (Ctrl-Z)."""
+        """Draw the display; first suspend the process if Ctrl-Z was pressed."""
         if not self._is_closed:
             self._now = mission_clock(self._node).now()
             if not self._try(self._redraw):
@@ -104,14 +104,14 @@ class RunScreen(RunView):
                 self._restore_terminal()
 
     def close(self) -> None:
-        """Draw a last time and release the terminal; further output appears below the view."""
+        """Draw the display a last time and release the terminal; further output appears below."""
         if self._has_begun and not self._is_closed:
             self._is_closed = True
             self._try(self._draw)
             self._restore_terminal()
 
     def _try(self, draw: Callable[[], None]) -> bool:
-        """Draw, and return whether it succeeded."""
+        """Call a drawing function; log an error and return False if it fails."""
         try:
             draw()
         except Exception as error:  # noqa: BLE001 - a view must not end a mission
@@ -121,7 +121,7 @@ class RunScreen(RunView):
 
     def _redraw(self) -> None:
         if self._is_to_stop:
-            self._stop()
+            self._suspend()
         self._draw()
 
     def _restore_terminal(self) -> None:
@@ -131,19 +131,19 @@ class RunScreen(RunView):
     def _listen(self) -> None:
         # The parent process may have disabled the signal.
         if signal.getsignal(signal.SIGTSTP) == signal.SIG_DFL:
-            signal.signal(signal.SIGTSTP, self._ask_to_stop)
+            signal.signal(signal.SIGTSTP, self._on_suspend_signal)
 
-    def _ask_to_stop(self, *_signal: object) -> None:
-        # The signal can arrive during a drawing: the work is done before the next drawing, if there is one.
+    def _on_suspend_signal(self, *_signal: object) -> None:
+        # The signal can arrive while the display is drawn, so the process is suspended before the next drawing.
         self._is_to_stop = not self._is_closed
         if self._is_closed:
-            _stop_process()
+            _suspend_process()
 
-    def _stop(self) -> None:
-        """Handle SIGTSTP: restore the terminal, stop, and redraw when continued."""
+    def _suspend(self) -> None:
+        """Restore the terminal and suspend the process; the display is redrawn when the process continues."""
         self._is_to_stop = False
         self._restore_terminal()
-        _stop_process()
+        _suspend_process()
         self._listen()
         self._size = (0, 0)
 
@@ -164,29 +164,29 @@ class RunScreen(RunView):
         self._output.draw(f"{begin}{_SAVE}{_HIDE}{''.join(rows)}{_RESTORE}{_SHOW}")
 
     def _reserve_lines(self, size: tuple[int, ...]) -> str:
-        """Return the control sequence that reserves the view's lines; it is repeated after a change of size."""
+        """Return the control sequence that reserves the display's lines in a terminal of this size."""
         is_first, (_, lines) = self._size == (0, 0), size
         self._size = (size[0], lines)
         self._height = min(full_height(self._state), lines - max(_LOG_LINES, lines // 4))
-        if self._height < _LEAST:  # too small for both
+        if self._height < _LEAST:  # the terminal is too small for the log and the display
             self._height = 0
             return "" if is_first else f"{_SAVE}{_NO_MARGINS}{_RESTORE}"
         last = lines - self._height
         margins = f"\x1b[1;{last}r"
         if not is_first:
             return f"{_NO_MARGINS}{_CLEAR}{margins}\x1b[{last};1H"
-        # Existing lines scroll up; the cursor stays with them.
+        # Existing lines scroll up, and the cursor moves with them.
         return f"{chr(10) * self._height}\x1b[{self._height}A{_SAVE}{margins}{_RESTORE}"
 
 
-def _stop_process() -> None:
-    """Stop the process with the signal's default handler; return when it continues."""
+def _suspend_process() -> None:
+    """Suspend the process with the default handler of SIGTSTP; return when the process continues."""
     signal.signal(signal.SIGTSTP, signal.SIG_DFL)
     signal.raise_signal(signal.SIGTSTP)
 
 
 Paint = Callable[[Sequence[Line], int, int], Iterable[str]]
-"""Returns the requested number of lines, with a terminal's colours, none longer than the width."""
+"""Formats lines for a terminal, given its width and the number of rows: with colours, shortened to the width."""
 
 
 def _painter() -> Paint:

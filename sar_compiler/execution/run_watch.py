@@ -1,4 +1,4 @@
-"""Monitoring of a run: violated properties and violated assumptions raise alarms."""
+"""The runtime monitor of a run: violated properties and violated assumptions raise alarms."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -33,21 +33,21 @@ from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.display_text import escape_to_one_line
 
 TELL = "tell"
-"""The reaction to every violated property."""
+"""The default reaction to a violated property: only an alarm."""
 
 _ROLES: Mapping[str, Literal["hold", "stop"]] = {"hold": "hold", "abort": "stop"}
-# Longest wait of a command for its service, which may not be discovered yet; seconds of the steady clock.
+# Maximum wait of a command for its service, which may not be discovered yet, in seconds of the steady clock.
 _PATIENCE_SEC = 3.0
 
 
 class _DueCommand(NamedTuple):
-    """A command to send because of a violated property.
+    """A command to send because a property was violated.
 
     Attributes:
-        about: The property.
-        event: The violating event, in words.
+        about: The property's name.
+        event: The event that violated the property, in words.
         verb: The command.
-        since: Due time, seconds of the steady clock.
+        since: The time of the violation, in seconds of the steady clock.
     """
 
     about: str
@@ -60,11 +60,11 @@ class _PropertyReactions:
     """Sends the mission's commands when properties are violated.
 
     Args:
-        run: The run.
-        if_broken: The reaction by property.
+        run: The run before its tree is compiled.
+        if_broken: The reaction to a violation of each property, by property name.
 
     Raises:
-        SarError: If the mission has no such command.
+        SarError: If the mission does not have a command that a reaction requires.
     """
 
     def __init__(self, run: RunSetup, if_broken: Mapping[str, str]) -> None:
@@ -77,8 +77,8 @@ class _PropertyReactions:
                 continue
             if _ROLES[wanted] not in known:
                 raise SarError(
-                    f"--properties: '{name}' has if_broken: {wanted}, but this mission has no such command: "
-                    "write tell"
+                    f"--properties: '{name}' has `if_broken: {wanted}`, but this mission has no such command. "
+                    "Write `if_broken: tell`"
                 )
             self._verbs[name] = known[_ROLES[wanted]]
         if self._verbs:
@@ -88,59 +88,59 @@ class _PropertyReactions:
             self._calls: CommandClient = CommandClient(run.node, used, run.orders.sign)
 
     def require(self) -> None:
-        """Check that leaves of the tree execute the commands.
+        """Check that leaves of the tree execute the commands of the reactions.
 
         Raises:
-            UnfitLeavesError: If one is missing.
+            UnfitLeavesError: If no leaf executes one of the commands.
         """
         node = self._node
         services = {service.service_name for service in node.services}
         for about, verb in self._verbs.items():
             if node.resolve_service_name(f"~/{verb.name}") not in services:
                 raise UnfitLeavesError(
-                    f"--properties: '{about}' has if_broken: {verb.name}, but no node of this tree executes "
-                    "that command: write tell, or run a tree with such a node"
+                    f"--properties: '{about}' has `if_broken: {verb.name}`, but no node of this tree executes "
+                    "that command. Write `if_broken: tell`, or add such a node to the tree"
                 )
 
-    def order(self, about: str, event: str) -> None:
-        """Schedule the reaction to a property violated by an event, if it has one."""
+    def schedule(self, about: str, event: str) -> None:
+        """Schedule the command that reacts to the violation of a property by an event, if there is one."""
         if about in self._verbs:
             self._due.append(_DueCommand(about, event, self._verbs[about], time.monotonic()))
 
     def send_due(self) -> None:
         """Send the due commands; wait for services that are not discovered yet."""
         due, self._due = self._due, []
-        for order in due:
+        for command in due:
             try:
-                author = CommandAuthor(f"the property '{order.about}'", f"violated by {order.event}")
-                answer = self._calls.send(order.verb.name, {}, author)
-            except CommandError as error:  # noqa: PERF203 - one of a few
-                if time.monotonic() - order.since < _PATIENCE_SEC:
-                    self._due.append(order)
+                author = CommandAuthor(f"the property '{command.about}'", f"violated by {command.event}")
+                response = self._calls.send(command.verb.name, {}, author)
+            except CommandError as error:  # noqa: PERF203 - at most a few commands
+                if time.monotonic() - command.since < _PATIENCE_SEC:
+                    self._due.append(command)
                 else:
-                    self._report_refusal(order, str(error))
+                    self._report_refusal(command, str(error))
             else:
-                answer.add_done_callback(partial(self._on_response, order))
+                response.add_done_callback(partial(self._on_response, command))
 
-    def _on_response(self, order: _DueCommand, answer: Future[tuple[bool, str]]) -> None:
-        error = answer.exception()
-        accepted, said = answer.result() if error is None else (False, str(error))
+    def _on_response(self, command: _DueCommand, response: Future[tuple[bool, str]]) -> None:
+        error = response.exception()
+        accepted, message = response.result() if error is None else (False, str(error))
         if not accepted:
-            self._report_refusal(order, said)
+            self._report_refusal(command, message)
 
-    def _report_refusal(self, order: _DueCommand, why: str) -> None:
+    def _report_refusal(self, command: _DueCommand, why: str) -> None:
         self._logger.error(
             escape_to_one_line(
-                f"'{order.verb.label}' was not executed after a violation of '{order.about}': {why}"
+                f"'{command.verb.label}' was not executed after '{command.about}' was violated: {why}"
             )
         )
 
 
 class PropertyWatch(RunExtension):
-    """Monitors a run, and records alarms in its journal, from which all displays read them.
+    """Monitors a run for violated properties and assumptions, and records the alarms in the journal for all displays.
 
     Args:
-        run: The run.
+        run: The run before its tree is compiled.
     """
 
     def __init__(self, run: RunSetup) -> None:
@@ -150,15 +150,15 @@ class PropertyWatch(RunExtension):
         self._remembered = 0
         self._added: Mapping[str, int] = {}
         self._began = 0.0
-        # Whether monitoring has stopped, and why, if that is a failure.
+        # Whether monitoring has ended, and the error if the monitor has failed.
         self._is_over, self._failure = False, ""
 
     def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:
         """Start monitoring the leaves of the tree.
 
         Raises:
-            TreeError: If the file does not fit the tree.
-            SarError: If the tree cannot be monitored, or the mission lacks a command that a property gives.
+            TreeError: If the properties file does not fit the tree.
+            SarError: If the tree cannot be monitored, or the mission does not have the command of a reaction.
         """
         options = self._run.options
         given = options.properties
@@ -178,7 +178,7 @@ class PropertyWatch(RunExtension):
         approval = self._run.approval
         if approval is not None and given is not True and self._watch.file is not None:
             approval.require_properties(self._watch.file.document.source)
-        self._orders = _PropertyReactions(self._run, self._if_broken)
+        self._reactions = _PropertyReactions(self._run, self._if_broken)
         declared = tree.origins.declared_outcomes()
         for number, behaviour in enumerate(pre_order(tree.root)):
             if behaviour.id in declared and not behaviour.children:
@@ -189,31 +189,32 @@ class PropertyWatch(RunExtension):
 
     @property
     def _if_broken(self) -> Mapping[str, str]:
-        said = {} if self._watch.file is None else self._watch.file.if_broken
+        written = {} if self._watch.file is None else self._watch.file.if_broken
         return {
-            name: said[name].text or TELL if name in said else TELL for name in self._watch.properties.names
+            name: written[name].text or TELL if name in written else TELL
+            for name in self._watch.properties.names
         }
 
     def on_begin(self) -> None:
         """Record the monitored properties in the journal."""
         self._began = mission_clock(self._run.node).now()
-        properties = [{"name": name, "if_broken": done} for name, done in self._if_broken.items()]
+        properties = [{"name": name, "if_broken": reaction} for name, reaction in self._if_broken.items()]
         left_out = [each.name for each in self._watch.properties.left_out]
         place = "" if self._watch.file is None else str(Path(self._watch.file.document.source.path).resolve())
         journal = self._run.journal
         journal.record_observation(PROPERTIES_WATCHED, file=place, properties=properties, left_out=left_out)
 
     def on_setup(self) -> None:
-        """Check that the leaves execute the possible commands."""
-        self._orders.require()
+        """Check that the leaves execute the commands of the reactions."""
+        self._reactions.require()
 
     def on_before_event(self, number: int) -> None:
-        """Handle the start of a leaf's activity."""
+        """Handle that a leaf is about to start, to be updated or to be halted."""
         self._call_monitor(self._apply_commands)
         self._call_monitor(self._watch.on_before_event, number)
 
     def _apply_commands(self) -> None:
-        """Apply the changes of facts by commands since the last event."""
+        """Apply the changes of facts that commands have made since the last event."""
         added = self._run.mission.added_facts()
         for name, count in added.items():
             if count != self._added.get(name, 0):
@@ -229,24 +230,24 @@ class PropertyWatch(RunExtension):
         self._call_monitor(self._process_status, number, status)
 
     def _process_status(self, number: int, status: str) -> None:
-        said = getattr(self._leaves[number], "outcome_label", "")
-        self._watch.on_status(number, status, self._declared[number].label(status, said))
+        label = getattr(self._leaves[number], "outcome_label", "")
+        self._watch.on_status(number, status, self._declared[number].label(status, label))
 
     def on_halt(self, number: int) -> None:
-        """Handle the halt of a leaf."""
+        """Handle that a running leaf is halted."""
         self._call_monitor(self._watch.on_halt, number)
 
     def on_last_tick(self, *, is_over: bool) -> None:
-        """Evaluate the end of the run, before the tree is halted."""
+        """Evaluate the properties at the end of the run, before the tree is halted."""
         self._call_monitor(partial(self._watch.conclude, is_over=is_over))
         self._is_over = True
 
-    def _call_monitor(self, take: "Callable[..., object]", *what: object) -> None:
-        """Pass on an event and report errors, which must not end the mission."""
+    def _call_monitor(self, method: "Callable[..., object]", *arguments: object) -> None:
+        """Pass an event to the monitor; an error is logged, ends monitoring, and does not end the mission."""
         if self._is_over:
             return
         try:
-            take(*what)
+            method(*arguments)
             self._record_alarms()
         except Exception as error:  # noqa: BLE001
             self._is_over, self._failure = True, error_text(error)
@@ -255,7 +256,7 @@ class PropertyWatch(RunExtension):
             )
 
     def verdicts(self) -> dict[str, str]:
-        """Return the verdict of each property: `kept`, `owed` (undecided) or `broken`; `unknown` if the monitor has failed."""
+        """Return the verdict of each property by name: `kept`, `owed` (undecided), `broken`, or `unknown` if the monitor has failed."""
         watch = self._watch
         if self._failure:
             return {name: "broken" if name in watch.broken else "unknown" for name in watch.properties.names}
@@ -264,7 +265,7 @@ class PropertyWatch(RunExtension):
         return {**dict.fromkeys(watch.properties.names, "kept"), **owed, **broken}
 
     def summary_text(self) -> str:
-        """Return the verdicts of the properties as a line of a summary."""
+        """Return a line with the verdicts for the run's summary."""
         verdicts = self.verdicts()
         parts = []
         for word, text in (("broken", "violated"), ("owed", "undecided"), ("unknown", "unknown")):
@@ -282,7 +283,7 @@ class PropertyWatch(RunExtension):
         if self._watch.state_number != self._remembered:
             self._remembered = self._watch.state_number
             self._run.journal.record_observation(PROPERTIES_OWED, owed=self._watch.pending_properties)
-        self._orders.send_due()
+        self._reactions.send_due()
 
     def _record_alarms(self) -> None:
         if not self._watch.alarms:
@@ -292,15 +293,17 @@ class PropertyWatch(RunExtension):
             self._logger.error(escape_to_one_line(alarm.sentence))
             self._record_alarm(alarm)
             if alarm.cause.is_broken:
-                self._orders.order(alarm.about, alarm.event or "the end of the run")
+                self._reactions.schedule(alarm.about, alarm.event or "the end of the run")
 
     def _record_alarm(self, alarm: WatchAlarm) -> None:
         run = [list(event) for event in alarm.run]
-        place = {"event": alarm.event, "tick": alarm.tick, "node": alarm.number, "run": run}
+        location = {"event": alarm.event, "tick": alarm.tick, "node": alarm.number, "run": run}
         if alarm.cause.is_broken:
             owed = alarm.cause is AlarmCause.OWED
             self._run.journal.raise_alarm(
-                alarm.sentence, PROPERTY_BROKEN, property=alarm.about, owed=owed, **place
+                alarm.sentence, PROPERTY_BROKEN, property=alarm.about, owed=owed, **location
             )
         else:
-            self._run.journal.raise_alarm(alarm.sentence, ASSUMPTION_FAILED, assumption=alarm.about, **place)
+            self._run.journal.raise_alarm(
+                alarm.sentence, ASSUMPTION_FAILED, assumption=alarm.about, **location
+            )

@@ -40,31 +40,32 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.binding.bound import Binding
     from sar_compiler.project import Workspace
 
-# Largest number of error lines of a run that its client receives.
+# Maximum number of error lines that the client of a failed run receives.
 _LINES_SENT = 40
-# The services of a new run are discovered with this delay, seconds.
-_FOUND_SEC, _LOOK_SEC = 5.0, 0.05
-# How long the remaining output of an ended process may take to arrive, seconds.
+# Maximum time until the services of a new run are discovered, and interval of the checks, in seconds.
+_DISCOVERY_SEC, _CHECK_SEC = 5.0, 0.05
+# Maximum time until the remaining output of an ended process arrives, in seconds.
 _READ_SEC = 5.0
-# A line of ROS's log; rcl writes some before a command's first output.
+# A line of ROS's log; rcl can write such lines before the first output of `sar-run`.
 _LOG_LINE = re.compile(r"(\x1b\[\d*m)?\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[|>>> \[|\[rcutils\|")
-# Higher exit statuses are those of commands ended by a signal.
+# A command that a signal has ended has a higher exit status.
 _SIGNALLED = 128
 
 
 Holder = Callable[[bool, Callable[[], bool], Callable[[str], None]], None]
-"""Pauses or resumes a mission; waits for its services while the run is new, and reports a refusal."""
+"""Pauses (True) or resumes (False) a mission. While the second argument returns True, it waits for the mission's
+services. It calls the third argument with the reason if the mission refuses the command."""
 
 
 class ServedTree(NamedTuple):
     """A tree that clients can start.
 
     Attributes:
-        path: Its file.
-        tree_id: Its ID in there.
-        node: The name of the node on which its mission runs.
+        path: The tree file.
+        tree_id: The tree's ID in the file.
+        node: The name of the mission's node.
         verbs: The mission's commands.
-        path_parameters: Those of its parameters that are file paths.
+        path_parameters: The names of the mission's parameters that are file paths.
     """
 
     path: Path
@@ -79,16 +80,16 @@ class ServedTreesError(SarError):
 
 
 class ServeOptions(NamedTuple):
-    """The options of a server of trees.
+    """The options of `sar-run --serve`.
 
     Attributes:
-        program: The command that runs a tree, before the tree.
+        program: The words of the command that runs a tree, without the tree.
         trees: The tree files, or the names of shipped trees.
-        additions: As in `RunOptions`, for all runs.
-        params: As in `RunOptions`, for all runs.
-            ros: As in `RunOptions`, for all runs.
-            fault: As in `RunOptions`, for all runs.
-        is_managed: Whether a lifecycle manager controls the node.
+        additions: See `RunOptions`; applies to all runs.
+        params: See `RunOptions`; applies to all runs.
+        ros: See `RunOptions`; applies to all runs.
+        fault: See `RunOptions`; applies to all runs.
+        is_managed: Whether a lifecycle manager controls the server's node.
     """
 
     program: Sequence[str]
@@ -104,12 +105,12 @@ def serve(argv: Sequence[str], options: ServeOptions, signals: StopSignals) -> i
     """Start runs for clients until a signal arrives.
 
     Args:
-        argv: The command line of each run after its tree.
-        options: The options.
+        argv: The command-line options of each run, which follow its tree.
+        options: The options of the server.
         signals: The requests to stop.
 
     Returns:
-        The exit status: 2 if a tree is invalid and no lifecycle manager is used; 4 if the last run may have left an active goal.
+        The exit status: 2 if a tree is invalid and no lifecycle manager is used, 4 if the last run may have left an active goal, otherwise 0.
     """
     require_middleware()
     from sar_compiler.execution.tree_server import serve_trees
@@ -120,14 +121,14 @@ def serve(argv: Sequence[str], options: ServeOptions, signals: StopSignals) -> i
 
 
 class ProcessRunStarter:
-    """Starts runs of some trees, each in its own process.
+    """Starts runs of the served trees, each in its own process.
 
     Args:
-        argv: The command line of each run, without its tree.
-        options: The options.
+        argv: The command-line options of each run, which follow its tree.
+        options: The options of the server.
 
     Attributes:
-        node: The node that receives goals.
+        node: The server's node, which receives goals.
         status: The exit status: 4 if the last run may have left an active goal, otherwise 0.
     """
 
@@ -140,10 +141,10 @@ class ProcessRunStarter:
         self.status = OK
 
     def read_tree_ids(self) -> Sequence[str]:
-        """Read all trees again, and return their IDs.
+        """Read all tree files again, and return the IDs of the trees.
 
         Raises:
-            SarError: If a tree cannot be run with these options, or two trees have the same ID.
+            SarError: If a tree cannot be run with the server's options, or two trees have the same ID.
         """
         from sar_compiler.project import Workspace
 
@@ -154,15 +155,17 @@ class ProcessRunStarter:
         for each in found:
             if self._trees[each.tree_id] is not each:
                 other = self._trees[each.tree_id].path
-                raise ServedTreesError(f"{each.path} and {other} both have a tree '{each.tree_id}'")
+                raise ServedTreesError(
+                    f"{each.path} and {other} both have a tree '{each.tree_id}'. Rename one of them"
+                )
         return sorted(self._trees)
 
     def _trees_of(self, workspace: "Workspace", name: str) -> list[ServedTree]:
-        """Return the trees of a file that can be run.
+        """Return the executable trees of a file.
 
         Raises:
-            ServedTreesError: If it has errors.
-            FaultError: If `--fault` names a fault that its mission does not have.
+            ServedTreesError: If the file has errors.
+            FaultError: If `--fault` names a fault that the mission does not have.
         """
         from sar_compiler.missions.mission_start import node_name, parse_faults, path_parameters
 
@@ -173,9 +176,9 @@ class ProcessRunStarter:
                 tree_id = element.attributes.get("ID")
                 binding = loaded.binding(tree_id)
                 if tree_id is None:
-                    raise ServedTreesError(f"the tree in {name} has no ID for goals: add one")
+                    raise ServedTreesError(f'the tree in {name} has no ID for goals. Add ID="…" to it')
                 mission = mission_of(loaded, binding)
-                # An error in the options would end each run instead of the server's start.
+                # Without this check, an error in the options would end each run instead of the server's start.
                 parse_faults(self._options.fault, mission)
                 node = _given_name(ros) or node_name(mission)
                 files = parameter_files(ros, self._options.params)
@@ -183,16 +186,16 @@ class ProcessRunStarter:
                 paths = path_parameters(mission, binding)
                 found.append(ServedTree(loaded.path, tree_id, node, verbs, paths))
         except TreeError as error:
-            said = findings_as_text(error.findings, sys.stderr)
-            raise ServedTreesError(f"{name} cannot be run with these options:\n{said}") from error
+            findings = findings_as_text(error.findings, sys.stderr)
+            raise ServedTreesError(f"{name} cannot be run with these options:\n{findings}") from error
         return found
 
     def refusal_reason(self, tree: str, parameters: Mapping[str, object]) -> str:
-        """Return why a run cannot be started with some parameters; empty if it can be."""
+        """Return why a run of the tree cannot be started with the parameters; empty if it can."""
         paths = sorted(self._trees[tree].path_parameters & parameters.keys())
         if not paths:
             return ""
-        return f"the payload cannot set {paths[0]}, which is a file path: start the server with -p {paths[0]}:=PATH"
+        return f"the payload cannot set {paths[0]}, because it is a file path. Start the server with -p {paths[0]}:=PATH"
 
     def start(
         self,
@@ -204,13 +207,13 @@ class ProcessRunStarter:
         """Start a run; see `RunStarter.start`.
 
         Raises:
-            OSError: If its process cannot be started.
+            OSError: If the run's process cannot be started.
         """
         served = self._trees[tree]
-        chosen = [
-            rule for name, value in parameters.items() for rule in ("-p", f"{name}:={json.dumps(value)}")
+        overrides = [
+            word for name, value in parameters.items() for word in ("-p", f"{name}:={json.dumps(value)}")
         ]
-        ros = ["--ros-args", *self._options.ros, *chosen, "--"]
+        ros = ["--ros-args", *self._options.ros, *overrides, "--"]
 
         def on_end(status: int, ended: EndedRun) -> None:
             self.status = ROBOT_MAY_MOVE if status == ROBOT_MAY_MOVE else OK
@@ -220,13 +223,13 @@ class ProcessRunStarter:
         return ServedProcess(command, tell, on_end, self._holder(served))
 
     def _holder(self, served: ServedTree) -> "Holder":
-        """Return a function that pauses or resumes a mission."""
+        """Return the function that pauses or resumes the mission of a tree."""
         from sar_compiler.execution.command_authors import RemoteCommandAuthor
         from sar_compiler.execution.command_client import CommandClient
 
         full = f"{self.node.get_namespace().rstrip('/')}/{served.node}"
         if full not in self._calls:
-            # The services are discovered by the time they are needed.
+            # Created before the run, so that the mission's services are discovered early.
             sign = RemoteCommandAuthor(self.node, full).sign
             self._calls[full] = CommandClient(self.node, served.verbs, sign, full)
         by = self.node.get_fully_qualified_name()
@@ -234,29 +237,29 @@ class ProcessRunStarter:
 
 
 def holder(calls: "CommandClient", verbs: Mapping[str, str], by: str) -> Holder:
-    """Return a function that pauses or resumes a mission.
+    """Return the function that pauses or resumes a mission.
 
     Args:
-        calls: Calls the services of the mission's commands.
-        verbs: The names of its commands, by role.
-        by: The author of the commands.
+        calls: The client of the mission's commands.
+        verbs: The names of the mission's commands by role.
+        by: The author of the pause and resume commands.
     """
     from sar_compiler.missions.mission import CommandError
 
-    # One after the other, and outside of the thread that calls the services.
-    orders = ThreadPoolExecutor(1, "orders")
+    # One thread sends the commands in order. It is not the executor's thread, which calls the services.
+    senders = ThreadPoolExecutor(1, "commands")
 
     def send(
         verb: str, author: CommandAuthor, is_new: Callable[[], bool], refused: Callable[[str], None]
     ) -> None:
-        def on_response(answer: "Future[tuple[bool, str]]") -> None:
-            error = answer.exception()
-            was_done, said = (False, str(error)) if error is not None else answer.result()
-            if not was_done:
-                refused(said)
+        def on_response(response: "Future[tuple[bool, str]]") -> None:
+            error = response.exception()
+            is_accepted, message = (False, str(error)) if error is not None else response.result()
+            if not is_accepted:
+                refused(message)
 
         while verb not in calls.available() and is_new():
-            time.sleep(_LOOK_SEC)
+            time.sleep(_CHECK_SEC)
         try:
             calls.send(verb, {}, author).add_done_callback(on_response)
         except CommandError as error:
@@ -265,25 +268,25 @@ def holder(calls: "CommandClient", verbs: Mapping[str, str], by: str) -> Holder:
     def hold(wanted: bool, is_new: Callable[[], bool], refused: Callable[[str], None]) -> None:
         verb = verbs.get("hold" if wanted else "release")
         if verb is None:
-            refused("it does not have this command")
+            refused("the mission does not have this command")
         else:
             author = CommandAuthor(by, f"the server was {'de' if wanted else ''}activated")
-            orders.submit(send, verb, author, is_new, refused)
+            senders.submit(send, verb, author, is_new, refused)
 
     return hold
 
 
 class ServedProcess:
-    """A run in its own process.
+    """A served run in its own process.
 
     Args:
-        argv: Its command line, with the program.
-        tell: Called with each line of its output.
-        end: Called with its exit status and its outcome.
-        hold: Pauses or resumes its mission.
+        argv: The command line of the run, with the program.
+        tell: Called with each line of standard output, except for the JSON summary.
+        end: Called with the exit status and the outcome of the run.
+        hold: Pauses or resumes the mission.
 
     Raises:
-        OSError: If it cannot be started.
+        OSError: If the process cannot be started.
     """
 
     def __init__(
@@ -302,11 +305,11 @@ class ServedProcess:
             stderr=subprocess.PIPE,
             text=True,
             errors="replace",
-            # Ctrl-C reaches the whole process group, but is passed on only once.
+            # Ctrl-C would reach the run twice: from the terminal's process group, and from the server.
             start_new_session=True,
         )
-        self._complaints: deque[str] = deque(maxlen=_LINES_SENT)
-        self._has_spoken = False
+        self._error_lines: deque[str] = deque(maxlen=_LINES_SENT)
+        self._has_output = False
         self._begun: float | None = None
         self._listener = Thread(
             target=self._listen, args=(self._process.stderr,), name="run's log", daemon=True
@@ -318,61 +321,62 @@ class ServedProcess:
         Thread(target=self._await_end, name="run's end", daemon=True).start()
 
     def stop(self) -> None:
-        """Stop gracefully; a second call stops immediately."""
-        # Before the first output, Python itself would handle a SIGINT, with a traceback.
-        self._process.send_signal(SIGINT if self._has_spoken else SIGTERM)
+        """Stop the run gracefully; a second call stops it immediately."""
+        # Before its first output, the process may not have installed its SIGINT handler: Python would print a traceback.
+        self._process.send_signal(SIGINT if self._has_output else SIGTERM)
 
     def hold(self, *, wanted: bool, refused: Callable[[str], None]) -> None:
-        """Pause the robot, or resume; see `ServedRun.hold`."""
+        """Pause or resume the mission; see `ServedRun.hold`."""
         self._hold(wanted, self._is_new, refused)
 
     def _is_new(self) -> bool:
-        """Return whether it has shown no output before now."""
-        is_young = self._begun is None or time.monotonic() - self._begun < _FOUND_SEC
+        """Return whether the run is active and began too recently for its services to be discovered."""
+        is_young = self._begun is None or time.monotonic() - self._begun < _DISCOVERY_SEC
         return is_young and self._process.poll() is None
 
     def _listen(self, lines: IO[str]) -> None:
         for line in lines:
-            self._has_spoken = True
+            self._has_output = True
             sys.stderr.write(line)
-            self._complaints.append(line.rstrip("\n"))
+            self._error_lines.append(line.rstrip("\n"))
 
     def _follow(self, lines: IO[str]) -> None:
         for line in lines:
-            self._has_spoken = True
+            self._has_output = True
             self._last = line.strip()
             if not self._last.startswith("{"):
                 self._begun = self._begun or time.monotonic()
                 self._tell(self._last)
 
     def _await_end(self) -> None:
-        """Wait for the end of the process and report it, even if child processes keep its output open."""
+        """Wait for the end of the process and report it, even if child processes keep its pipes open."""
         status = self._process.wait()
         for reader in (self._follower, self._listener):
             reader.join(_READ_SEC)
-        self._end(status, run_result(status, self._last, "\n".join([*self._complaints])))
+        self._end(status, run_result(status, self._last, "\n".join([*self._error_lines])))
 
 
 def run_result(status: int, last: str, complaints: str) -> EndedRun:
-    """Return the outcome of a run.
+    """Return the outcome of a run from its exit status and output.
 
     Args:
-        status: Its exit status.
-        last: The last line of its output, which is its summary if it has started.
-        complaints: The last lines of its standard error.
+        status: The exit status.
+        last: The last line of standard output, which is the JSON summary if the run has started.
+        complaints: The last lines of standard error.
     """
     if status == OK:
         return EndedRun("SUCCESS", last)
     try:
         reason = str(json.loads(last)["reason"])
-    except (ValueError, TypeError, KeyError):  # it has not started, or was killed
+    except (ValueError, TypeError, KeyError):  # the run has not started, or was killed
         was_stopped = status < 0 or status > _SIGNALLED
-        return EndedRun("IDLE", "it was stopped before its end" if was_stopped else _reason_in(complaints))
-    return EndedRun("FAILURE" if status == FINDINGS else "IDLE", reason or "it was stopped")
+        reason = "the run was stopped before its end" if was_stopped else _start_failure(complaints)
+        return EndedRun("IDLE", reason)
+    return EndedRun("FAILURE" if status == FINDINGS else "IDLE", reason or "the run was stopped")
 
 
-def _reason_in(complaints: str) -> str:
-    """Return why a run has not started, from its error output or ROS's log."""
+def _start_failure(complaints: str) -> str:
+    """Return why a run has not started, from its standard error: command errors first, without ROS's log if possible."""
     lines = complaints.split("\n")
     plain = [line for line in lines if not _LOG_LINE.match(line)] or lines
     return "\n".join(sorted(plain, key=lambda line: not line.startswith("sar-run: ")))
@@ -381,7 +385,7 @@ def _reason_in(complaints: str) -> str:
 def _verbs_of(
     mission: "Mission | None", binding: "Binding", files: Sequence[Path], node: str
 ) -> "tuple[OperatorCommand, ...]":
-    """Return the commands of a mission; none if some of its parameters are not in files."""
+    """Return the commands of a mission; empty if the parameter files do not suffice to start it."""
     from sar_compiler.missions.mission_start import begin_run
     from sar_compiler.missions.parameter_reader import ParameterReader
 
@@ -397,6 +401,6 @@ def _verbs_of(
 
 
 def _given_name(ros: Sequence[str]) -> str:
-    """Return the name that ROS arguments give to the node of a mission; empty if none."""
+    """Return the node name that ROS arguments set; empty if they set none."""
     names = [word.partition(":=")[2] for word in ros if word.startswith(("__node:=", "__name:="))]
     return names[-1] if names else ""

@@ -1,4 +1,4 @@
-"""Interface between the tree server and the code that starts runs, and the payload of goals."""
+"""The interface between the tree server and the code that starts runs, and the parser of goal payloads."""
 
 import json
 import re
@@ -11,10 +11,11 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 
-# Largest nesting of a parameter's names.
+# Maximum nesting depth of parameters in a payload.
 _DEEPEST = 20
-# The name of a parameter, with its parents before dots.
+# A parameter name, which may include group names: `group.name`.
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z0-9_]+)*")
+# Maximum length of an invalid name in a message, in characters.
 _SHOWN = 60
 
 
@@ -26,8 +27,8 @@ class EndedRun(NamedTuple):
     """The outcome of a run.
 
     Attributes:
-        outcome: The status of the tree; IDLE if the run has not started, or was stopped.
-        message: The summary of a complete run, otherwise the reason.
+        outcome: SUCCESS or FAILURE of the mission; IDLE if the run has not started or was stopped.
+        message: The JSON summary of a successful run, otherwise the reason why the run ended.
     """
 
     outcome: Literal["IDLE", "SUCCESS", "FAILURE"]
@@ -35,13 +36,13 @@ class EndedRun(NamedTuple):
 
 
 class ServedRun(Protocol):
-    """A started run."""
+    """A run that was started for a client."""
 
     def stop(self) -> None:
-        """Stop gracefully; a second call stops immediately."""
+        """Stop the run gracefully; a second call stops it immediately."""
 
     def hold(self, *, wanted: bool, refused: Callable[[str], None]) -> None:
-        """Pause the robot, or resume.
+        """Pause or resume the mission.
 
         Args:
             wanted: True to pause, False to resume.
@@ -50,7 +51,7 @@ class ServedRun(Protocol):
 
 
 class RunStarter(Protocol):
-    """Starts runs.
+    """Starts runs of the served trees.
 
     Attributes:
         node: The server's node, which receives goals.
@@ -59,14 +60,14 @@ class RunStarter(Protocol):
     node: "Node"
 
     def read_tree_ids(self) -> Sequence[str]:
-        """Read all trees again, and return their names.
+        """Read all tree files again, and return the IDs of the trees.
 
         Raises:
             SarError: If a tree cannot be run.
         """
 
     def refusal_reason(self, tree: str, parameters: Mapping[str, object]) -> str:
-        """Return why a run of a tree cannot be started with some parameters; empty if it can be."""
+        """Return why a run of the tree cannot be started with the parameters; empty if it can."""
 
     def start(
         self,
@@ -78,21 +79,21 @@ class RunStarter(Protocol):
         """Start a run.
 
         Args:
-            tree: The name of its tree.
-            parameters: Parameters of its mission, by their full names.
-            tell: Called with its events, from any thread.
-            end: Called once with its outcome, from any thread.
+            tree: The ID of the tree.
+            parameters: The values of mission parameters by full name.
+            tell: Called with each message of the run, from any thread.
+            end: Called once with the outcome of the run, from any thread.
         """
 
 
 def parameters_of(payload: str) -> Mapping[str, object]:
-    """Return the parameters of a goal's payload by full name: `{"speed": {"limit": 0.5}}` has `speed.limit`.
+    """Return the parameters in a goal's payload by full name: `{"speed": {"limit": 0.5}}` sets `speed.limit`.
 
     Args:
-        payload: A JSON object; empty for none.
+        payload: A JSON object, or an empty string.
 
     Raises:
-        PayloadError: If it is invalid.
+        PayloadError: If the payload is invalid.
     """
     if not payload.strip():
         return {}
@@ -127,7 +128,7 @@ def _flatten(found: Mapping[str, object], before: str, levels: int) -> Iterator[
 
 
 def _as_one_type(value: object) -> object:
-    """Convert a list that mixes integers and real numbers to real numbers, because ROS rejects a mixed list."""
+    """Convert a list of both integers and real numbers to real numbers, because ROS rejects such a list."""
     if not isinstance(value, list) or {type(each) for each in value} != {int, float}:
         return value
     try:

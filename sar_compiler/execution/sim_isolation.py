@@ -1,4 +1,4 @@
-"""Check for other nodes before a simulation starts, which can take some seconds."""
+"""The check for other simulations or robots before a simulation starts, which can take several seconds."""
 
 import sys
 import time
@@ -13,11 +13,11 @@ def require_isolation(signals: StopSignals, **options: Any) -> None:
     """Check that no other simulation or robot is present; on a terminal, show the remaining time.
 
     Args:
-        signals: Requests to stop, which end the check.
-        options: Options of `require_no_other_nodes`.
+        signals: The requests to stop, which end the check.
+        options: Keyword arguments of `require_no_other_nodes`.
 
     Raises:
-        IsolationError: If another one is present.
+        IsolationError: If another simulation or robot is present.
     """
     line, ends = ProgressLine(), time.monotonic() + LOOK_AROUND_SEC
 

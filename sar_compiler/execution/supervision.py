@@ -8,23 +8,23 @@ from pathlib import Path
 from typing import NamedTuple
 
 ALIVE, ENDING, JOURNAL, DEAF = b".", b"=", b"/", b"?"
-"""The signs of a run, each the first letter of a line: heartbeat, end, place of the journal, lost discovery.
-The guardian has one more (`ros.guardian.MAY_MOVE_SIGN`)."""
+"""The messages of a run, each identified by the first byte of a line: heartbeat, end of the run, path of the journal, lost
+discovery. The guardian sends a fifth message (`ros.guardian.MAY_MOVE_SIGN`)."""
 
 _VARIABLE = "SAR_SUPERVISION"
 PERIOD_SEC = 1.0
-"""Interval of heartbeats, steady seconds."""
+"""Interval of heartbeats, in seconds of the steady clock."""
 
 NOT_READY = 3
-"""The exit status of a run whose requirement did not appear in time."""
+"""The exit status of a run for which a requirement of the tree did not appear in time."""
 
 
 class Supervision(NamedTuple):
-    """The supervision of this process.
+    """The connection of this process to its supervisor.
 
     Attributes:
-        signs: The descriptor of the pipe to the supervisor; None without one.
-        deaths: How the previous runs ended, in words.
+        signs: The file descriptor of the pipe to the supervisor; None without a supervisor.
+        deaths: How the earlier runs crashed, in words.
         has_begun: Whether the mission has started, so that it must be resumed.
     """
 
@@ -34,31 +34,31 @@ class Supervision(NamedTuple):
 
     @property
     def is_there(self) -> bool:
-        """Whether there is a supervisor."""
+        """Whether this process has a supervisor."""
         return self.signs is not None
 
     def environment(self) -> dict[str, str]:
-        """Return the environment that passes this to a process."""
+        """Return the environment variables that pass this connection to a child process."""
         return {_VARIABLE: json.dumps(self)}
 
     def send_heartbeat(self) -> None:
-        """Send a heartbeat; call this every `PERIOD_SEC` in the thread that ticks the tree."""
+        """Send a heartbeat; called every `PERIOD_SEC` in the thread that ticks the tree."""
         self._write(ALIVE)
 
     def send_journal_path(self, place: Path) -> None:
-        """Send the place of the journal."""
+        """Send the path of the journal."""
         self._write(JOURNAL + json.dumps(str(place.resolve())).encode())
 
     def send_discovery_lost(self) -> None:
-        """Report that discovery is lost, so that the supervisor resumes the mission in a new process."""
+        """Report that this process no longer discovers other nodes, so that the supervisor resumes the mission in a new process."""
         self._write(DEAF)
 
     def send_end(self) -> None:
-        """Report that the run has ended, except for its reports and shutdown."""
+        """Report that the run has ended, and only reports and the shutdown follow."""
         self._write(ENDING)
 
     def summary_text(self) -> str:
-        """Return the text for the summary; empty for the first run."""
+        """Return the sentence about restarts for the run's summary; empty without restarts."""
         if not self.deaths:
             return ""
         times = "once" if len(self.deaths) == 1 else f"{len(self.deaths)} times"
@@ -71,7 +71,7 @@ class Supervision(NamedTuple):
 
 
 def own_supervision(environment: MutableMapping[str, str] = os.environ) -> Supervision:
-    """Return the supervision of this process; further calls return one without a supervisor."""
+    """Read this process's connection to its supervisor from the environment, and remove it there, so that child processes have none."""
     supervision = Supervision(*json.loads(environment.pop(_VARIABLE, "[]")))
     if supervision.signs is not None:
         os.set_inheritable(supervision.signs, False)  # noqa: FBT003 - its only form

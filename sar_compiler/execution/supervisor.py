@@ -28,12 +28,13 @@ from sar_compiler.ros.signals import StopSignals
 if TYPE_CHECKING:
     from sar_compiler.journal.journal_entries import JournalRun
 
-# A ticking run sends a heartbeat each second. Imports before and reports after it have a longer limit; seconds.
+# Maximum time without a message from a ticking run, which sends a heartbeat every second, in seconds. The second, longer limit applies before
+# the first heartbeat and while reports are written.
 _SILENCE_SEC, _PATIENCE_SEC = 10.0, 60.0
 _TURN_SEC = 0.2
-# If one iteration took this long, the supervisor itself was suspended, and no run is judged by it; seconds.
+# If an iteration takes longer than this, in seconds, the supervisor itself was suspended, and the wait for a heartbeat starts over.
 _OWN_PAUSE_SEC = 2.0
-# Time for the guardian of a crashed run to end its goals and itself; seconds.
+# Maximum time for the guardian of a crashed run to end the goals and itself, in seconds.
 _GUARDIAN_SEC = 20.0
 _LOCK_SEC = 10.0
 _LAST_WORDS_SEC = 0.9
@@ -44,14 +45,14 @@ def supervise(
 ) -> int:
     """Run a mission to its end, resuming it after crashes; return the exit status.
 
-    A crash is an unrequested signal, status 3, 10 s without a heartbeat, or a report of lost discovery; in the last two cases the run is killed.
-    Then its guardian cancels its goals. When their ends are observed and the journal is free, the next run starts.
+    A run has crashed if a signal ended it that was not requested, or if it exited with status 3. A run that sends no heartbeat for 10 s, or reports
+    lost discovery, is killed. The guardian then cancels the run's goals. The next run starts when the goals have ended and the journal is unlocked.
 
     Args:
-        argv: The command of a run, with the program.
-        limit: The largest number of restarts.
-        signals: The requests to stop, which are passed on.
-        report: Writes the reports of a run at its end, given its journal; None for none.
+        argv: The command line of a run, with the program.
+        limit: The maximum number of restarts.
+        signals: The requests to stop, which are passed on to the run.
+        report: Writes the reports that an ended run could not write, given its journal; None if no reports are requested.
     """
     deaths: list[str] = []
     has_begun = False
@@ -78,15 +79,15 @@ def supervise(
 
 
 class _SupervisedRun:
-    """One run of the mission.
+    """One run of the mission in its own process.
 
     Args:
-        argv: The command of the run, with the program.
-        deaths: How the previous runs ended.
+        argv: The command line of the run, with the program.
+        deaths: How the earlier runs crashed, in words.
         has_begun: Whether to resume the mission.
 
     Attributes:
-        may_move: Whether one of its goals may still be active.
+        may_move: Whether a goal of the run may still be active.
     """
 
     def __init__(self, argv: Sequence[str], deaths: Sequence[str], *, has_begun: bool) -> None:
@@ -97,12 +98,12 @@ class _SupervisedRun:
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and the user's own command line
             argv,
             env={**os.environ, **handed},
-            # Ctrl-C reaches the whole process group, but is passed on only once.
+            # Ctrl-C would reach the run twice: from the terminal's process group, and from the supervisor.
             start_new_session=True,
             pass_fds=(theirs,),
         )
         os.close(theirs)
-        self._has_spoken = self._is_frozen = self._is_deaf = False
+        self._has_sent = self._is_frozen = self._is_deaf = False
         self._limit_sec = _PATIENCE_SEC
         self._heard_at = time.monotonic()
         self._place: Path | None = None
@@ -125,9 +126,9 @@ class _SupervisedRun:
                 self._is_frozen = not self._is_deaf
                 self._process.kill()
                 self._process.wait()
-        # The next run must not start beside the last one: two missions would command one robot. That is why a blocked process is killed,
-        # which could continue later. Its guardian then still cancels goals. The guardian has inherited the pipe, so the pipe closes, and the
-        # listener ends, only when the guardian has ended. The journal may be locked for a moment longer. Both waits have a limit.
+        # The next run must not start while the last one is active, because two missions would command one robot. A blocked process is therefore
+        # killed, because it could continue later. After that, its guardian still cancels goals. The guardian has inherited the pipe. So the pipe
+        # closes, and the listener ends, only when the guardian has ended. The journal may be locked for a moment longer. Both waits have a limit.
         self._listener.join(_GUARDIAN_SEC)
         if (place := self._place) is not None:
             from sar_compiler.journal.database import is_locked
@@ -137,10 +138,10 @@ class _SupervisedRun:
                 time.sleep(_TURN_SEC)
 
     def collect_exit(self) -> tuple[int, str]:
-        """Return the exit status and a description of the crash; empty without a crash."""
+        """Return the exit status, and a description of the crash, which is empty if the run did not crash."""
         status = self._process.returncode
-        # The journal takes precedence over the process: a run that recorded its end is over, even if native code crashed while ROS was
-        # shut down. Resuming it would repeat a finished mission.
+        # The journal takes precedence over the process: a run that has recorded its end is over, even if native code crashed while ROS was
+        # shut down. Resuming the run would repeat a finished mission.
         ended = self._run_in_journal()
         if ended is not None and ended.status is not None and ended.status != NOT_READY:
             return ended.status, ""
@@ -153,7 +154,7 @@ class _SupervisedRun:
         return status, "a requirement was missing: status 3" if status == NOT_READY else ""
 
     def write_missing_reports(self, report: Callable[[Path], object] | None) -> None:
-        """Write the reports of a run that has ended, but whose process crashed before writing them."""
+        """Write the reports of a run that has ended if its process crashed before it wrote them."""
         if report is None or self._place is None or self._process.returncode >= 0:
             return
         try:
@@ -163,7 +164,7 @@ class _SupervisedRun:
 
     @property
     def has_begun(self) -> bool:
-        """Whether the mission has started in this run, so that it can be resumed."""
+        """Whether the mission has started in this run, so that the mission can be resumed."""
         return self._run_in_journal() is not None
 
     def stop_immediately(self, signals: StopSignals) -> int | None:
@@ -175,8 +176,8 @@ class _SupervisedRun:
         return None
 
     def _request_stop(self, signals: StopSignals) -> None:
-        # Before the first heartbeat, Python itself would handle a SIGINT, with a traceback.
-        self._process.send_signal(signals.exit_status - 128 if self._has_spoken else signal.SIGTERM)
+        # Before its first message, the process may not have installed its SIGINT handler: Python would print a traceback.
+        self._process.send_signal(signals.exit_status - 128 if self._has_sent else signal.SIGTERM)
 
     def _is_alive(self) -> bool:
         """Wait for the end of the run for one interval; return whether it is still running."""
@@ -185,13 +186,13 @@ class _SupervisedRun:
         return self._process.returncode is None
 
     def _listen(self, signs: int) -> None:
-        """Process the run's messages until the pipe is closed."""
+        """Process the messages of the run and its guardian until the pipe is closed."""
         with open(signs, "rb") as lines:
             for line in lines:
                 self._handle_line(line)
 
     def _handle_line(self, line: bytes) -> None:
-        self._has_spoken, self._heard_at = True, time.monotonic()
+        self._has_sent, self._heard_at = True, time.monotonic()
         if line.startswith(ALIVE):
             self._limit_sec = _SILENCE_SEC
         elif line.startswith(ENDING):
@@ -203,7 +204,7 @@ class _SupervisedRun:
         self.may_move = self.may_move or line.startswith(MAY_MOVE_SIGN)
 
     def _run_in_journal(self) -> "JournalRun | None":
-        """Return the journal's record of this run; None if it had not started."""
+        """Return the journal's record of this run; None if the journal has none."""
         from sar_compiler.journal.database import JournalFile
 
         if self._place is None:
@@ -213,7 +214,7 @@ class _SupervisedRun:
                 last = file.runs()[-1:]
         except JournalError:
             return None
-        # An earlier run may have had the same process number.
+        # An earlier run may have had the same process ID.
         own = (
             each for each in last if each.about.get("pid") == self._process.pid and each.began >= self._began
         )

@@ -1,4 +1,4 @@
-"""A tree on its node, from the wait for its requirements to the exit status of `sar-run`."""
+"""One run of a tree on a ROS node: wait for its requirements, tick it, stop it and summarise."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -62,12 +62,13 @@ if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
 
-# Signals are handled between two turns of the executor; a turn of a stepped simulation includes all pending work.
-_TURN_SEC, _FLIGHT_TURN_SEC = 0.05, 0.1
+# Maximum duration of one turn of the executor, in seconds: outside of ticking, and while the tree is ticked. Signals are handled between two turns.
+# In a stepped simulation, a turn includes all pending work.
+_TURN_SEC, _TICKING_TURN_SEC = 0.05, 0.1
 
-# The exit status of a run that a signal has stopped, less the signal's number.
+# A run that a signal has stopped exits with this status plus the signal's number.
 _SIGNAL_STATUS = 128
-# Default time limit, because a tree can alternate between two tasks forever; seconds of simulated time.
+# Default time limit of a simulated run, in seconds of simulated time, because a tree can alternate between two tasks forever.
 _SIMULATED_TIME_LIMIT_SEC = 900.0
 
 
@@ -75,13 +76,13 @@ def end_condition(setup: RunSetup) -> EndCondition:
     """Return the end condition of a run from its options and its mission.
 
     Raises:
-        SarError: If the option requires a complete mission, and the mission has no end condition.
+        SarError: If `--until complete` is set, and the mission has no end condition.
     """
     until, simulated = setup.options.until, setup.options.sim is not None
     ends_itself = setup.mission.shortfalls() is not None
     if not ends_itself and until is Until.COMPLETE:
         raise SarError(
-            "--until complete needs a mission with an end condition. For this tree write end, success, "
+            "--until complete requires a mission with an end condition. For this tree, use --until end, success, "
             "failure or forever"
         )
     if until is None:
@@ -93,25 +94,25 @@ def end_condition(setup: RunSetup) -> EndCondition:
 
 
 _MAP = "map"
-# Longest wait for a published map when everything else is ready.
+# Maximum wait for a published map when all requirements are present, in seconds.
 _MAP_DEADLINE_SEC = 5.0
-# A thousand stops on a large map take minutes.
+# Maximum CPU time of planning, in seconds, because a route with a thousand stops on a large map would take minutes.
 _MOST_PLANNING_SEC = 30.0
-# Smallest reported part of an area beyond the map, square metres.
-_LEAST_TOLD_M2 = 0.1
+# Minimum size of a reported part of an area that is outside the map, in square metres.
+_LEAST_REPORTED_M2 = 0.1
 
 
 class RouteReport:
-    """The report on a mission's route.
+    """The report on a mission's route and areas.
 
     Args:
-        mission: The mission.
+        mission: The run of the mission.
         parameters: The parameters of the run.
         occupancy: The map.
 
     Attributes:
-        lines: The route with its distances and times, one line each; empty for a mission that does not drive.
-        problems: Its problems, in sentences.
+        lines: A table of the stops with distances and driving times, then the areas; empty for a mission without a route and areas.
+        problems: A sentence for each problem of the route and the areas.
     """
 
     def __init__(self, mission: MissionRun, parameters: RunParameters, occupancy: "OccupancyMap") -> None:
@@ -124,18 +125,19 @@ class RouteReport:
         budget = Budget(_MOST_PLANNING_SEC)
         legs = plan_route(planner, (x, y), stops, mission.allows, budget) if planner is not None else []
         self.lines = self._table(legs) if legs else []
-        besides = [
+        optional_legs = [
             leg
             for place in mission.optional_stops()
             if planner is not None
             for leg in plan_route(planner, (x, y), [place], mission.allows, budget)
         ]
         self.lines += [
-            f"  {leg.name}, from the start: {self._length_text(leg.distance).strip()}" for leg in besides
+            f"  {leg.name}, from the start: {self._length_text(leg.distance).strip()}"
+            for leg in optional_legs
         ]
         self.problems = [
             f"{leg.name} ({leg.x:.2f}, {leg.y:.2f}): {leg.trouble}."
-            for leg in (*legs, *besides)
+            for leg in (*legs, *optional_legs)
             if leg.trouble
         ]
         if unplanned := len(stops) - len(legs):
@@ -164,12 +166,12 @@ class RouteReport:
         width = max(len(area.name) for area in areas)
         self.lines.append("The areas on the map (one sweep of the reachable part, without turns):")
         for area, reach in zip(areas, reaches, strict=True):
-            ground = f"{reach.reached_m2:.1f} of {reach.area_m2:.1f} m²"
-            line = f"  {area.name:{width}}  {ground:>20}  {self._length_text(reach.reached_m2 / area.swath)}"
+            covered = f"{reach.reached_m2:.1f} of {reach.area_m2:.1f} m²"
+            line = f"  {area.name:{width}}  {covered:>20}  {self._length_text(reach.reached_m2 / area.swath)}"
             if reach.cut_off_at is not None:
                 x, y = reach.cut_off_at
                 line += f"; {reach.cut_off_m2:.1f} m² are unreachable, such as ({x:.2f}, {y:.2f})"
-            if reach.off_map_m2 >= _LEAST_TOLD_M2:
+            if reach.off_map_m2 >= _LEAST_REPORTED_M2:
                 line += f"; {reach.off_map_m2:.1f} m² are outside the map"
             self.lines.append(line)
             if not reach.reached_m2:
@@ -179,18 +181,18 @@ class RouteReport:
         width = max(len(leg.name) for leg in legs)
         rows = [(leg.name, leg.distance) for leg in legs] + [("total", _distance(legs))]
         title = f"The route on the map (estimated; robot radius {self._radius:g} m, {self._speed:g} m/s):"
-        return [title, *(f"  {name:{width}}  {self._length_text(far)}" for name, far in rows)]
+        return [title, *(f"  {name:{width}}  {self._length_text(length)}" for name, length in rows)]
 
-    def _length_text(self, far: float | None) -> str:
-        return "not reached" if far is None else f"{far:6.1f} m {far / self._speed:6.0f} s"
+    def _length_text(self, length: float | None) -> str:
+        return "not reached" if length is None else f"{length:6.1f} m {length / self._speed:6.0f} s"
 
 
 class RouteCheck:
-    """Checks the route on the simulated world's map, or on a published one.
+    """Checks a mission's route on the map of the simulated world, or on the published map.
 
     Args:
         node: The mission's node, which subscribes to the map.
-        mission: The mission.
+        mission: The run of the mission.
         parameters: The parameters of the run.
         world: The simulated world; None for an existing robot.
     """
@@ -205,11 +207,11 @@ class RouteCheck:
             node.create_subscription(OccupancyGrid, _MAP, self._on_map, latched)
 
     def report(self, executor: Executor, say: Callable[[str], object]) -> int:
-        """Print the route, and its problems on standard error; return the number of problems.
+        """Print the route on standard output and its problems on standard error; return the number of problems.
 
         Args:
-            executor: The executor of the node.
-            say: Called with the text for standard output.
+            executor: The executor of the mission's node.
+            say: Prints a text on standard output.
         """
         occupancy = self._map(executor)
         if occupancy is None:
@@ -247,23 +249,23 @@ class RouteCheck:
 
 
 def _distance(legs: "Sequence[RouteLeg]") -> float:
-    """Return the total length of all reachable legs, metres."""
+    """Return the total length of all reachable legs, in metres."""
     return sum(leg.distance or 0.0 for leg in legs)
 
 
 @dataclass
 class TreeRun:
-    """A tree on its node, from the wait for its requirements to the summary.
+    """One run of a tree on a ROS node: wait for its requirements, tick it, stop it and summarise.
 
     Attributes:
         setup: The state of the run before compilation.
         discovery: The wait for other nodes.
-        end: Its end condition.
-        extensions: Its extensions.
-        tree: The tree.
+        end: The condition that ends the run.
+        extensions: The extensions of the run.
+        tree: The compiled tree.
         engine: Ticks the tree.
-        executor: Spins the node.
-        simulation: The simulation, if there is one.
+        executor: Spins the mission's node.
+        simulation: The simulation in this process; None on a robot.
     """
 
     setup: RunSetup
@@ -293,20 +295,20 @@ class TreeRun:
         self._robot: RobotEstimate | None = None
 
     def run(self, route: RouteCheck | None) -> RunOutcome:
-        """Wait for the requirements, tick, stop and summarise.
+        """Wait for the tree's requirements, tick it, stop it and summarise.
 
         Args:
-            route: The check of the mission's route, which replaces ticking.
+            route: The check of the mission's route in a run with `--check`, which does not tick the tree; None if there is no route to check.
 
         Raises:
-            NotReadyError: If a requirement of the tree is not fulfilled in time.
+            NotReadyError: If a requirement of the tree does not appear in time.
         """
         status = self._run(route)
         return replace(
             self._outcome,
             status=status,
             reason=self._reason,
-            hint=self.extensions.how_to_see_it_again if self._has_ticked else "",
+            hint=self.extensions.replay_hint if self._has_ticked else "",
             head=self.setup.journal.head if self._has_ticked else "",
             cause=self.extensions.cause_of_failure() if status else "",
             messages=tuple(self._messages),
@@ -331,16 +333,16 @@ class TreeRun:
         for each in self.tree.root.iterate():
             if isinstance(each, RosLeaf):
                 each.require_definition()
-        # A check changes nothing on an existing robot.
-        # A resumed mission's robot is somewhere on its route, except in a simulated world, which starts over.
+        # No initial pose is sent to a robot by a check, which must not change anything, or by a resumed mission, whose robot is somewhere on its
+        # route. A simulated world always starts over.
         is_resumed = self.setup.journal.is_resumed
-        unmoved = self._options.check or is_resumed
-        told = self._parameters.set_initial_pose and (not unmoved or self.simulation is not None)
-        if is_resumed and not told and Use.nav2() in self.tree.uses():
+        keeps_pose = self._options.check or is_resumed
+        sends_pose = self._parameters.set_initial_pose and (not keeps_pose or self.simulation is not None)
+        if is_resumed and not sends_pose and Use.nav2() in self.tree.uses():
             self._node.get_logger().info(
                 "No initial pose is sent to the localisation, because the robot has driven since the start."
             )
-        readiness = self._readiness(with_pose=told)
+        readiness = self._readiness(with_pose=sends_pose)
         limit_sec = self._parameters.startup_timeout_sec
         wait_until_ready(self.executor, readiness, limit_sec, lambda: self._is_over)
         if readiness.uses_nav2 and not self._is_over:
@@ -364,7 +366,7 @@ class TreeRun:
         )
 
     def _conclude_check(self, route: RouteCheck | None) -> int:
-        """Finish a check whose requirements are all present; returns the exit status."""
+        """Check the route and return the exit status of a run with `--check` whose requirements are all present."""
         if route is not None and (problems := route.report(self.executor, self._output.print_important)):
             count = "one problem" if problems == 1 else f"{problems} problems"
             return self._fail(f"all requirements are present, but the route has {count} (see above)")
@@ -372,7 +374,7 @@ class TreeRun:
         return OK
 
     def _tick(self) -> int:
-        """Tick the tree until it is over, and summarise; returns the exit status."""
+        """Tick the tree until the run ends, and summarise; return the exit status."""
         self._has_ticked = True
         try:
             return self._execute_run()
@@ -380,9 +382,9 @@ class TreeRun:
             self._output.leave()
 
     def _execute_run(self) -> int:
-        """Tick the tree until it is over, and close the journal; returns the exit status."""
-        # The order of the end matters. Properties are evaluated before the tree is halted, because halting is not an event of the run. The
-        # journal is closed last: its end records whether every goal was observed to have ended, and a crash before it leaves a journal that
+        """Tick the tree until the run ends, and record the end in the journal; return the exit status."""
+        # The order of the last steps matters. Properties are evaluated before the tree is halted, because halting is not an event of the run. The
+        # end is recorded in the journal last: it includes whether every goal was observed to end, and after a crash before this step the mission
         # can be resumed.
         engine = self.engine
         engine.add_post_tick_handler(self._check_end)
@@ -451,7 +453,7 @@ class TreeRun:
                 AWAKE.now()
                 self._turn_over = Future()
                 self._spin_once(
-                    lambda: self.executor.spin_until_future_complete(self._turn_over, _FLIGHT_TURN_SEC)
+                    lambda: self.executor.spin_until_future_complete(self._turn_over, _TICKING_TURN_SEC)
                 )
                 if self._watch is not None and self._watch.lost_discovery:
                     self._options.supervision.send_discovery_lost()
@@ -480,12 +482,12 @@ class TreeRun:
             spin()
         except ExternalShutdownException:
             pass  # handled by the enclosing loop
-        except Exception as error:  # noqa: BLE001 - from a leaf's own callback, or rclpy's: a clock before 0
+        except Exception as error:  # noqa: BLE001 - raised by a leaf's own callback, or by rclpy, for example at a negative time
             self._callback_failure = error
             log_error(self._node, f"A callback failed: {error_text(error)}. The tree is stopped.", error)
 
     def _tick_watch(self) -> TickWatch:
-        """Return the watchdog that reports a blocking leaf, and ends the run on request."""
+        """Create the watchdog that reports a blocking leaf; a stop request then ends the run despite the blocking leaf."""
         cancel, parameters = None, self._parameters
         if self.simulation is None:
             cancel = make_separate_canceller(self._node)
@@ -525,7 +527,7 @@ class TreeRun:
 
     @property
     def _is_over(self) -> bool:
-        """Whether the run was ended by something other than the tree."""
+        """Whether a cause other than the tree has ended the run: a signal, a failure, a lost dependency, or the shutdown of ROS."""
         failed = self._callback_failure is not None or self._failure_of_simulation is not None
         troubled = self._watch is not None and bool(self._watch.trouble)
         return self._signals.came or failed or troubled or not self._node.context.ok()
@@ -541,7 +543,7 @@ class TreeRun:
             self._turn_over.set_result(None)
 
     def _conclude(self, elapsed_sec: float) -> int:
-        """Summarise in the outcome; returns the exit status."""
+        """Store the summary in the outcome; return the exit status."""
         mission, supervision, ticks = self.setup.mission, self._options.supervision, self.engine.count
         status = self._status()
         summary = mission.summary(elapsed_sec, ticks) or default_summary(
@@ -558,7 +560,7 @@ class TreeRun:
         return status
 
     def _outcome_text(self, status: int) -> str:
-        """Return the outcome of the run in words."""
+        """Return the outcome that an exit status means, in words."""
         if status > _SIGNAL_STATUS:
             return f"was stopped by {Signals(status - _SIGNAL_STATUS).name}"
         return "succeeded" if status == OK else "failed"
@@ -591,7 +593,7 @@ class TreeRun:
         return OK
 
     def _interruption_status(self) -> int:
-        """Return the exit status of a run that was ended by something other than its tree."""
+        """Return the exit status of a run that did not end by its tree, and store the reason."""
         if (failure := self._failure_of_simulation) is not None:
             words = str(failure) if isinstance(failure, SarError) else f"{type(failure).__name__}: {failure}"
             return self._fail(f"the simulation has ended: {words}")
@@ -601,13 +603,13 @@ class TreeRun:
             return self._fail(self._watch.trouble)
         return self._fail("ROS was shut down")
 
-    def _fail(self, said: str, reason: str = "") -> int:
+    def _fail(self, message: str, reason: str = "") -> int:
         """Store why the run failed, and return the exit status.
 
         Args:
-            said: The last line on the terminal, after earlier messages.
-            reason: The same without the terminal's context; by default the same words.
+            message: The reason for the terminal, which may refer to earlier messages.
+            reason: The reason for the journal and other programs; by default *message*.
         """
-        self._reason = reason or said
-        self._messages.append(said)
+        self._reason = reason or message
+        self._messages.append(message)
         return FINDINGS

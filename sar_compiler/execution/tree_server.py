@@ -1,7 +1,7 @@
-"""A node that starts runs of trees for clients of the action `bt_execution`, like BehaviorTree.ROS2's server.
+"""The ROS node of `sar-run --serve`. It starts runs for clients of the action `bt_execution`, like BehaviorTree.ROS2's server.
 
-It is a lifecycle node. Configuring it reads its trees, activating it accepts goals, and deactivating it pauses the current run. If another
-program manages it, it has a bond like Nav2's nodes.
+It is a lifecycle node. It reads its trees when it is configured, accepts goals while it is active, and pauses the current run when it is
+deactivated. If a lifecycle manager controls the node, the two share a bond, as with Nav2's nodes.
 """
 
 from collections import deque
@@ -34,7 +34,7 @@ from sar_compiler.tree.guessing import did_you_mean, nearest
 
 NODE_NAME = "sar_tree_server"
 ACTION, TREES_SERVICE, BOND = "bt_execution", "get_loaded_trees", "bond"
-# The values of Nav2's own nodes; simulated time may stand still.
+# The values of Nav2's nodes, in seconds of the steady clock, because simulated time may stop.
 _BOND_PERIOD_SEC, _BOND_TIMEOUT_SEC, _BOND_DEPTH = 0.1, 4.0, 5
 # Signals are handled between two turns of the executor.
 _TURN_SEC, _LAST_TURNS = 0.1, 5
@@ -44,13 +44,13 @@ def serve_trees(starter: RunStarter, ros: Sequence[str], signals: StopSignals, *
     """Start runs for clients until a signal arrives and the current run has ended.
 
     Args:
-        starter: Starts them; receives the node.
+        starter: Starts the runs. Its attribute `node` is set to the server's node.
         ros: The user's ROS arguments.
         signals: The requests to stop.
         is_managed: Whether a lifecycle manager configures and activates the node.
 
     Returns:
-        False if the trees cannot be run, so that nothing was served; the log gives the reason.
+        False if the trees cannot be run, so that no goals were accepted; the log contains the reason.
     """
     with ros_up(init_arguments(ros)) as context, suppress(ExternalShutdownException):
         node = TreeExecutionServer(context, starter, is_managed=is_managed)
@@ -72,7 +72,7 @@ def _spin(executor: Executor, node: "TreeExecutionServer", signals: StopSignals)
             is_asked = True
             node.stop_run()
         executor.spin_once(_TURN_SEC)
-    # The result is still on its way to the client.
+    # The executor still has to send the result to the client.
     for _ in range(_LAST_TURNS):
         executor.spin_once(_TURN_SEC)
 
@@ -80,15 +80,14 @@ def _spin(executor: Executor, node: "TreeExecutionServer", signals: StopSignals)
 class Bond:
     """A node's bond, which shows a lifecycle manager that the process is alive.
 
-    Both ends of a bond publish heartbeats on the topic `bond` of ROS's package of that name, and a last message when they end.
-    Nav2's manager regards a node as dead if its bond is silent for `bond_timeout`, and does not activate a node without a
-    bond.
+    Both ends of a bond publish heartbeats on the topic `bond`, and a last message at their end. Nav2's lifecycle manager regards a node
+    as crashed if it receives no heartbeat for `bond_timeout`, and does not activate a node without a bond.
 
     Args:
-        node: The node, which names the bond; its executor sends the heartbeats.
+        node: The node whose name identifies the bond, and whose executor sends the heartbeats.
 
     Raises:
-        ModuleNotFoundError: If the package, which is part of Nav2, is not installed.
+        ModuleNotFoundError: If the ROS package `bond`, a dependency of Nav2, is not installed.
     """
 
     def __init__(self, node: Node) -> None:
@@ -100,9 +99,9 @@ class Bond:
         self._end = ""
 
     def begin(self) -> None:
-        """Send heartbeats until `announce_end`."""
+        """Send heartbeats until `announce_end` is called."""
         self.announce_end()
-        # The manager treats a reactivated node as a new one.
+        # The manager expects a new instance ID from a node that is activated again.
         self._end = str(uuid4())
         self._timer = self._node.create_timer(
             _BOND_PERIOD_SEC, lambda: self._publish(is_there=True), clock=self._clock
@@ -129,12 +128,12 @@ class Bond:
 
 
 class TreeExecutionServer(LifecycleNode):
-    """The node of the server.
+    """The lifecycle node that receives the goals.
 
     Args:
         context: The ROS context.
-        starter: Starts runs.
-        is_managed: Whether a lifecycle manager watches it through a bond.
+        starter: Starts the runs.
+        is_managed: Whether a lifecycle manager monitors the node through a bond.
     """
 
     def __init__(self, context: Context, starter: RunStarter, *, is_managed: bool) -> None:
@@ -154,7 +153,7 @@ class TreeExecutionServer(LifecycleNode):
             cancel_callback=self._on_cancel,
         )
         self.create_service(GetTrees, TREES_SERVICE, self._list_trees)
-        # rclpy raises on a transition that the state does not have, which would end the server and the mission.
+        # rclpy raises an exception for a transition that the current state does not have, which would end the server and its mission.
         service = self._service_change_state
         service.callback = partial(self._change_if_possible, service.callback)
 
@@ -168,13 +167,13 @@ class TreeExecutionServer(LifecycleNode):
 
     @property
     def is_busy(self) -> bool:
-        """Whether a run has not ended."""
+        """Whether a run is active."""
         return self._is_taken
 
     def is_activated(self) -> bool:
-        """Configure and activate the node without a manager; return whether this succeeded."""
-        gone_well = TransitionCallbackReturn.SUCCESS
-        return bool(self.trigger_configure() == gone_well and self.trigger_activate() == gone_well)
+        """Configure and activate the node if it has no lifecycle manager; return whether this succeeded."""
+        success = TransitionCallbackReturn.SUCCESS
+        return bool(self.trigger_configure() == success and self.trigger_activate() == success)
 
     def stop_run(self) -> None:
         """Stop the current run gracefully; a second call stops it immediately."""
@@ -182,13 +181,13 @@ class TreeExecutionServer(LifecycleNode):
             self._run.stop()
 
     def destroy_node(self) -> None:
-        """Destroy the node."""
+        """Destroy the action server and the node."""
         self._reject_goals()
         self._action.destroy()
         super().destroy_node()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
-        """Read the trees."""
+        """Read the tree files."""
         try:
             self._trees = self._starter.read_tree_ids()
         except SarError as error:
@@ -197,24 +196,26 @@ class TreeExecutionServer(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Accept goals; resume a paused run."""
+        """Accept goals, and resume a paused run."""
         self._is_active = True
         if self._run is not None:
-            self._run.hold(wanted=False, refused=self._log_paused)
+            self._run.hold(wanted=False, refused=self._log_not_resumed)
         if self._bond is not None:
             self._bond.begin()
         self.get_logger().info(f"Trees: {', '.join(self._trees)}. Goals of '{ACTION}' start them.")
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Reject goals; pause the current run until the next activation, or stop it if it cannot be paused."""
+        """Reject goals, and pause the current run until the next activation; stop the run if it cannot be paused."""
         self._reject_goals()
         if self._run is not None:
-            self._run.hold(wanted=True, refused=lambda why: self._schedule(lambda: self._stop_instead(why)))
+            self._run.hold(
+                wanted=True, refused=lambda why: self._schedule(lambda: self._stop_unpausable_run(why))
+            )
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
-        """Discard the trees and stop the current run."""
+        """Discard the list of trees and stop the current run."""
         self._trees = ()
         self.stop_run()
         return TransitionCallbackReturn.SUCCESS
@@ -229,14 +230,14 @@ class TreeExecutionServer(LifecycleNode):
         if self._bond is not None:
             self._bond.announce_end()
 
-    def _stop_instead(self, why: str) -> None:
+    def _stop_unpausable_run(self, why: str) -> None:
         if self._run is not None:
             self.get_logger().warning(
                 f"The mission cannot be paused, and is stopped: {escape_to_one_line(why)}"
             )
             self._run.stop()
 
-    def _log_paused(self, why: str) -> None:
+    def _log_not_resumed(self, why: str) -> None:
         self.get_logger().warning(f"The mission does not resume: {escape_to_one_line(why)}")
 
     def _list_trees(self, _request: GetTrees.Request, response: GetTrees.Response) -> GetTrees.Response:
@@ -244,7 +245,7 @@ class TreeExecutionServer(LifecycleNode):
         return response
 
     def _on_goal(self, goal: ExecuteTree.Goal) -> GoalResponse:
-        """Accept a goal if its run can be started; the log gives the reason of a rejection."""
+        """Accept a goal if its run can be started; log the reason for a rejection."""
         why = self._rejection_reason(goal)
         if why:
             self.get_logger().warning(f"Goal refused: {escape_to_one_line(why)}")
@@ -253,12 +254,12 @@ class TreeExecutionServer(LifecycleNode):
         return GoalResponse.ACCEPT
 
     def _rejection_reason(self, goal: ExecuteTree.Goal) -> str:
-        """Return why a run cannot be started; empty if it can be."""
+        """Return why the run of a goal cannot be started; empty if it can."""
         tree = str(goal.target_tree)
         if not self._is_active:
             return "this node is not active"
         if tree not in self._trees:
-            return f"there is no tree '{tree}' (known: {', '.join(self._trees)}){did_you_mean(nearest(tree, self._trees))}"
+            return f"unknown tree '{tree}' (known: {', '.join(self._trees)}){did_you_mean(nearest(tree, self._trees))}"
         if self._is_taken:
             return "a mission is running"
         try:
@@ -272,7 +273,7 @@ class TreeExecutionServer(LifecycleNode):
         return CancelResponse.ACCEPT
 
     async def _execute(self, goal: ServerGoalHandle) -> ExecuteTree.Result:
-        """Start a run and wait for its end."""
+        """Start the run of an accepted goal, wait for its end, and return the result."""
         ended: Future = Future(executor=self.executor)
         request, say = goal.request, self.get_logger().info
         say(f"Starting a run of '{request.target_tree}'.")
@@ -280,15 +281,15 @@ class TreeExecutionServer(LifecycleNode):
             self._run = self._starter.start(
                 str(request.target_tree),
                 parameters_of(str(request.payload)),
-                lambda line: self._schedule(lambda: self._feed(goal, line)),
+                lambda line: self._schedule(lambda: self._publish_feedback(goal, line)),
                 lambda end: self._schedule(lambda: ended.set_result(end)),
             )
         except OSError as error:
-            ended.set_result(EndedRun("IDLE", f"no process could be started: {error}"))
+            ended.set_result(EndedRun("IDLE", f"the run's process could not be started: {error}"))
         end: EndedRun = await ended
         self._run, self._is_taken = None, False
-        said = "" if end.outcome == "SUCCESS" else f": {shorten_to_line(end.message)}"
-        say(f"Run of '{request.target_tree}' ended with {end.outcome}{said}")
+        reason = "" if end.outcome == "SUCCESS" else f": {shorten_to_line(end.message)}"
+        say(f"Run of '{request.target_tree}' ended with {end.outcome}{reason}")
         if goal.is_cancel_requested:
             goal.canceled()
         elif end.outcome == "SUCCESS":
@@ -298,12 +299,12 @@ class TreeExecutionServer(LifecycleNode):
         status = NodeStatus(status=getattr(NodeStatus, end.outcome))
         return ExecuteTree.Result(node_status=status, return_message=end.message)
 
-    def _feed(self, goal: ServerGoalHandle, line: str) -> None:
+    def _publish_feedback(self, goal: ServerGoalHandle, line: str) -> None:
         if goal.is_active:
             goal.publish_feedback(ExecuteTree.Feedback(message=line))
 
     def _schedule(self, call: Callable[[], object]) -> None:
-        """Schedule calls in the executor's thread, in order."""
+        """Schedule a call in the executor's thread; calls are executed in order."""
         self._due.append(call)
         executor = self.executor
         if executor is not None:
@@ -319,6 +320,7 @@ def _new_bond(node: TreeExecutionServer) -> Bond | None:
         return Bond(node)
     except ModuleNotFoundError as error:
         node.get_logger().warning(
-            f"No bond, because ROS's package 'bond' is not installed ({error}): set bond_timeout: 0.0 of the lifecycle manager."
+            f"This node has no bond, because the ROS package 'bond' is not installed ({error}). "
+            "Install it, or set bond_timeout: 0.0 for the lifecycle manager."
         )
         return None

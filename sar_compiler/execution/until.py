@@ -1,4 +1,4 @@
-"""The conditions that end a run, in a module that `--help` can import quickly."""
+"""The conditions that end a run. They have their own module, so that `--help` imports no others."""
 
 from enum import Enum
 
@@ -7,12 +7,12 @@ class Until(str, Enum):
     """The condition that ends a run."""
 
     END = "end"
-    """The root succeeds or fails."""
+    """The tree's root succeeds, fails or is skipped."""
     COMPLETE = "complete"
-    """The mission is complete, or can no longer become so."""
+    """The mission is complete, or no work is left that could complete it."""
     SUCCESS = "success"
-    """The root succeeds."""
+    """The tree's root succeeds."""
     FAILURE = "failure"
-    """The root fails."""
+    """The tree's root fails."""
     FOREVER = "forever"
-    """A signal stops the run."""
+    """No state of the tree or the mission ends the run: it continues until a signal stops it."""

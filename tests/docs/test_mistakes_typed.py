@@ -55,7 +55,7 @@ TYPED = {
     "--sim expects a world, but '…' looks like a tree: write the tree before --sim": "sar-run --sim my.xml",
     "there is no world file '…', nor a shipped world of that name": "sar-run --sim moon",
     "there is no mission '…' (installed: …)": "sar-run --mission serch_and_rescue",
-    "--until complete needs a mission with an end condition. For this tree write end, success, failure or forever": (
+    "--until complete requires a mission with an end condition. For this tree, use --until end, success, failure or forever": (
         "sar-run {folder}/plain.xml --until complete"
     ),
     "… already exists and is not overwritten. Choose another name": "sar-run {folder}/plain.xml "

@@ -79,11 +79,11 @@ def test_a_service_that_nobody_brings_is_named(start, tree):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--until", "complete"], "For this tree write end, success, failure or forever"),
+        (["--until", "complete"], "For this tree, use --until end, success, failure or forever"),
         (["--mission", "serch_and_rescue"], "did you mean 'search_and_rescue'?"),
         (
             ["--sim", "--fault", "report_survivor:drop=1"],
-            "'report_survivor' is no target (known: navigate_to_pose, amcl)",
+            "unknown target 'report_survivor' (known: navigate_to_pose, amcl)",
         ),
     ],
 )

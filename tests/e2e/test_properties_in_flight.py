@@ -81,7 +81,8 @@ def test_a_tree_whose_leaves_heed_no_such_order_is_refused_before_anything_moves
     run = start("sar-run", "search_and_rescue", "--sim", "--properties", properties, "--journal", "none")
     assert run.end() == 1
     assert (
-        "'nobody is found' has if_broken: pause, but no node of this tree executes that command" in run.output
+        "'nobody is found' has `if_broken: pause`, but no node of this tree executes that command"
+        in run.output
     )
     assert "Navigating" not in run.output
 

@@ -167,7 +167,7 @@ def test_what_cannot_be_begun_is_refused_and_the_log_says_why(client, serve):
     assert not client.ask("Short", json.dumps({"a\0b": 1})).accepted
     server.wait_for("Goal refused: the payload has a parameter 'a\\x00b': use letters")
     assert not client.ask("Zones", json.dumps({"areas_file": "/etc/passwd"})).accepted
-    server.wait_for("Goal refused: the payload cannot set areas_file, which is a file path")
+    server.wait_for("Goal refused: the payload cannot set areas_file, because it is a file path")
     assert client.ask("Long").accepted
     assert not client.ask("Short").accepted
     server.wait_for("Goal refused: a mission is running")
@@ -215,7 +215,7 @@ def test_a_lifecycle_manager_decides_when_goals_are_taken(client, serve):
     client.hear("Wait RUNNING")
     # Nobody can hold this tree.
     assert change(client, "deactivate")
-    server.wait_for("The mission cannot be paused, and is stopped: it does not have this command")
+    server.wait_for("The mission cannot be paused, and is stopped: the mission does not have this command")
     assert client.end(goal)[:2] == (ABORTED, IDLE)
     assert change(client, "cleanup")
     assert client.trees() == []
@@ -265,7 +265,7 @@ def test_where_there_is_no_package_of_bonds_a_manager_is_told_to_do_without(
     (tmp_path / "bond.py").touch()
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     server = serve(LONG, options=["--managed"])
-    server.wait_for("No bond, because ROS's package 'bond' is not installed")
+    server.wait_for("This node has no bond, because the ROS package 'bond' is not installed")
     assert change(client, "configure")
     assert change(client, "activate")
 
@@ -309,7 +309,7 @@ def test_a_tree_that_is_wrong_is_told_of_before_anybody_can_start_it(serve):
 def test_a_tree_without_a_name_is_refused(serve):
     server = serve(SHORT.replace(' ID="Short"', ""))
     assert server.end() == 2
-    assert "has no ID for goals: add one" in server.output
+    assert "has no ID for goals. Add ID=" in server.output
 
 
 def test_two_trees_of_one_name_are_refused(serve):

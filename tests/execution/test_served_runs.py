@@ -31,7 +31,7 @@ from tests.trees import document
 __all__ = ["make_ros", "ros"]
 
 STAND, GO_ON = True, False
-STOPPED = "it was stopped before its end"
+STOPPED = "the run was stopped before its end"
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ STOPPED = "it was stopped before its end"
         (0, '{"status": 0, "reason": ""}', EndedRun("SUCCESS", '{"status": 0, "reason": ""}')),
         (1, '{"status": 1, "reason": "a place was given up"}', EndedRun("FAILURE", "a place was given up")),
         (4, '{"status": 4, "reason": "a goal may be active"}', EndedRun("IDLE", "a goal may be active")),
-        (130, '{"status": 130, "reason": ""}', EndedRun("IDLE", "it was stopped")),
+        (130, '{"status": 130, "reason": ""}', EndedRun("IDLE", "the run was stopped")),
         (2, "", EndedRun("IDLE", "line 3: unknown-node")),
         (3, "waiting for Nav2", EndedRun("IDLE", "line 3: unknown-node")),
         (143, "waiting for Nav2", EndedRun("IDLE", STOPPED)),
@@ -200,4 +200,4 @@ class TestHolding:
     def test_a_mission_without_such_a_verb_refuses_at_once(self, hold):
         refused: list[str] = []
         hold(GO_ON, lambda: True, refused.append)
-        assert refused == ["it does not have this command"]
+        assert refused == ["the mission does not have this command"]

@@ -100,7 +100,7 @@ def test_each_order_is_in_the_journal_once(robot):
 
 
 def test_what_is_no_answer_to_an_order_ends_nothing(robot):
-    robot.record._carry_out(VERBS[0], lambda *_: None, None, None)
+    robot.record._execute(VERBS[0], lambda *_: None, None, None)
     assert robot.orders == [f"{A_CALL}: Pause"]
 
 
@@ -121,7 +121,7 @@ def test_what_somebody_says_counts_for_one_call_and_two_who_say_it_have_a_call_e
 
 def test_whoever_has_said_it_long_ago_and_not_called_is_not_who_calls(robot, monkeypatch):
     robot.sign("pause", "Ada")
-    monkeypatch.setattr("sar_compiler.execution.command_authors._SIGNED_SEC", 0.0)
+    monkeypatch.setattr("sar_compiler.execution.command_authors._ANNOUNCEMENT_VALID_SEC", 0.0)
     robot.call("pause")
     assert robot.orders == [f"{A_CALL}: pause"]
 

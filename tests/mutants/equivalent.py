@@ -39,7 +39,7 @@ EQUIVALENT: list[tuple[str, str, str, str]] = [
     ),
     (
         "sar_compiler/execution/serve.py",
-        "_FOUND_SEC, _LOOK_SEC = 5.0, 0.05",
+        "_DISCOVERY_SEC, _CHECK_SEC = 5.0, 0.05",
         "0.05 -> 1.05",
         "it is how often the processor looks, as well",
     ),
