@@ -1,4 +1,4 @@
-"""Monitoring of a ticked tree with Groot2."""
+"""A server of Groot2's protocol, so that Groot2 can monitor a ticked tree."""
 
 PUBLIC_MODULES = ("groot2_extension",)
-"""The modules that other parts may import."""
+"""The modules that other packages may import."""

@@ -1,4 +1,4 @@
-"""Shows a run in Groot2."""
+"""The run extension of `--groot2`."""
 
 from typing import TYPE_CHECKING
 
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 class Groot2Extension(RunExtension):
-    """Shows a run in Groot2.
+    """Serves a run's tree to Groot2.
 
     Args:
-        port: The port of this machine; the next one is used as well.
+        port: The first of two consecutive TCP ports of this machine to use.
     """
 
     def __init__(self, port: int) -> None:
@@ -23,10 +23,10 @@ class Groot2Extension(RunExtension):
         self._publisher: Groot2Publisher | None = None
 
     def on_compiled(self, tree: "CompiledTree", engine: "Engine") -> None:
-        """Start responding to requests.
+        """Start responding to Groot2's requests.
 
         Raises:
-            SarError: If the port cannot be used, or the tree is too large.
+            SarError: If a port cannot be used, or the tree has too many nodes for the protocol.
         """
         try:
             self._publisher = Groot2Publisher(tree, self._port)
@@ -34,7 +34,7 @@ class Groot2Extension(RunExtension):
         except SarError as error:
             raise SarError(f"--groot2: {error}") from error
 
-    def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - it is answered from before that on
-        """Stop responding to requests."""
+    def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - the publisher also responds before the run begins
+        """Stop responding to Groot2's requests."""
         if self._publisher is not None:
             self._publisher.close()

@@ -1,7 +1,8 @@
-"""A tree for Groot2: its nodes, their statuses and its blackboards, over ZeroMQ.
+"""A server of Groot2's protocol: Groot2 reads the tree's nodes, statuses and blackboards over ZeroMQ.
 
-The protocol is version 2, byte by byte; numbers are little-endian. A request is a header (version, kind, the sender's number) and, for
-some, a second frame. The reply is the header again with the tree's id, and a second frame for some; or `error` and a text.
+This is version 2 of the protocol, with little-endian numbers. A request has a header (version, kind, a number chosen by the client) and, for
+some kinds, a second frame. The reply has the same header with the tree's ID and, for some kinds, a second frame. The reply to an invalid
+request has the frame `error` and a message.
 """
 
 import struct
@@ -25,46 +26,47 @@ from sar_compiler.views.numbered_tree import IDLE, NumberedTree, StatusChange, S
 DEFAULT_PORT = 1667
 _LAST_PORT = 0xFFFF
 _ADDRESS = "tcp://127.0.0.1"
-# The largest size of a request, in bytes.
+# The maximum size of a request, in bytes.
 _LARGEST = 1 << 20
+# The maximum number of status changes in a recording; older changes are discarded.
 _LONGEST_RECORDING = 1000
 _VERSION = 2
 _HEADER = struct.Struct("<BBI")
 _STATUS = struct.Struct("<HB")
-# From this value on, a status in a snapshot is IDLE, and the difference is the status before.
-_WAS = 10
+# A node that was reset to IDLE appears in a snapshot as this value plus its previous status.
+_IDLE_AFTER = 10
 
 _Responder = Callable[[Sequence[bytes]], bytes | None]
-"""Returns the second frame of a reply to a request with these frames after its header; None for a reply without."""
+"""Returns the second frame of the reply, or None; called with the frames of the request after its header."""
 
 
 class Ticking(Protocol):
     """The engine that ticks a tree."""
 
     def add_visitor(self, visitor: VisitorBase) -> None:
-        """Show every ticked node to a visitor."""
+        """Add a visitor that is called for every ticked node."""
 
 
 class Groot2PortError(SarError):
-    """A port cannot be used for Groot2."""
+    """A port that was chosen for Groot2 does not exist or cannot be used."""
 
 
 class RequestError(SarError):
-    """A request is invalid; the text of the error is the reply."""
+    """A request is invalid; the error's message is the reply."""
 
 
 class Groot2Publisher:
-    """Responds to Groot2 and other clients of its protocol on this machine.
+    """Serves a tree to Groot2 and other clients of its protocol on this machine.
 
-    It answers in a thread of its own. No request changes the tree: breakpoints and substituted outcomes are not supported.
+    It responds in its own thread. No request changes the tree: breakpoints and substituted outcomes are not supported.
 
     Args:
-        tree: The tree.
-        port: The TCP port of 127.0.0.1 for answers; notifications use the next one.
+        tree: The compiled tree.
+        port: The TCP port of 127.0.0.1 for requests; notifications use the next port.
 
     Raises:
-        TooManyNodesError: If the tree has more nodes than the protocol has numbers.
-        Groot2PortError: If there is no such port, or it is in use.
+        TooManyNodesError: If the tree has more nodes than the protocol can number.
+        Groot2PortError: If a port does not exist or is in use.
     """
 
     def __init__(self, tree: CompiledTree, port: int = DEFAULT_PORT) -> None:
@@ -77,14 +79,14 @@ class Groot2Publisher:
         self._transitions: deque[bytes] = deque(maxlen=_LONGEST_RECORDING)
         self._recording_began = 0
         self._is_recording = False
-        # By the kinds of requests.
-        self._answers: Mapping[bytes, _Responder] = {
+        # The responders by the kind of the request.
+        self._responders: Mapping[bytes, _Responder] = {
             b"T": lambda _: self._xml,
             b"S": self._statuses,
             b"B": self._blackboards,
             b"r": self._toggle_recording,
             b"t": self._pop_transitions,
-            # Groot2 requests the breakpoints when it connects, and removes them when it leaves: there are none.
+            # Groot2 requests the breakpoints when it connects, and removes them when it disconnects. This server has none.
             b"D": lambda _: b"[]",
             b"A": lambda _: None,
             b"X": lambda _: None,
@@ -93,7 +95,7 @@ class Groot2Publisher:
         self._context = zmq.Context()
         try:
             self._server = self._bind(zmq.REP, port)
-            # Groot2 subscribes to it for reached breakpoints; nothing is sent.
+            # Groot2 subscribes to notifications about reached breakpoints; none are sent.
             self._publisher = self._bind(zmq.PUB, port + 1)
         except BaseException:
             self._context.destroy(linger=0)
@@ -103,7 +105,7 @@ class Groot2Publisher:
 
     def _bind(self, kind: int, port: int) -> "zmq.Socket[bytes]":
         if not 0 < port <= _LAST_PORT:
-            message = f"there is no port {port}: it is a number from 1 to {_LAST_PORT - 1}, and the next one is used as well"
+            message = f"there is no port {port}. Choose a port from 1 to {_LAST_PORT - 1}; the next port is used, too"
             raise Groot2PortError(message)
         socket: zmq.Socket[bytes] = self._context.socket(kind)
         socket.setsockopt(zmq.LINGER, 0)
@@ -111,12 +113,12 @@ class Groot2Publisher:
         try:
             socket.bind(f"{_ADDRESS}:{port}")
         except zmq.ZMQError as error:
-            message = f"port {port} of 127.0.0.1 cannot be used: {error.strerror}. Choose another one"
+            message = f"port {port} of 127.0.0.1 cannot be used: {error.strerror}. Choose another port"
             raise Groot2PortError(message) from error
         return socket
 
     def observe(self, ticking: Ticking) -> None:
-        """Observe the engine that ticks the tree: a `TreeRunner`, or py_trees' own class."""
+        """Observe the engine that ticks the tree: a `TreeRunner`, or py_trees' `BehaviourTree`."""
         ticking.add_visitor(self._changes)
 
     def close(self) -> None:
@@ -125,13 +127,15 @@ class Groot2Publisher:
         if thread is None:
             return
         self._publisher.close()
-        # Interrupt the other thread's wait, and wait until it has closed its socket.
+        # This interrupts the other thread's wait for a request, and waits until that thread has closed its socket.
         self._context.term()
         thread.join()
 
     def _on_change(self, change: StatusChange) -> None:
         with self._lock:
-            self._shown[change.uid - 1] = _WAS + change.before if change.status == IDLE else change.status
+            self._shown[change.uid - 1] = (
+                _IDLE_AFTER + change.before if change.status == IDLE else change.status
+            )
             if self._is_recording:
                 microseconds = (time.monotonic_ns() - self._recording_began) // 1000
                 moment = microseconds.to_bytes(6, "little")
@@ -145,20 +149,20 @@ class Groot2Publisher:
     def _reply(self, frames: list[bytes]) -> list[bytes]:
         try:
             return self._respond(*frames)
-        except Exception as error:  # noqa: BLE001 - whatever it is, the mission goes on
+        except Exception as error:  # noqa: BLE001 - an invalid request must not end the mission
             return [b"error", str(error).encode("utf-8", "replace")]
 
     def _respond(self, header: bytes, *rest: bytes) -> list[bytes]:
         if len(header) != _HEADER.size:
             raise RequestError("wrong request header")
-        answer = self._answers.get(header[1:2])
-        if answer is None:
+        responder = self._responders.get(header[1:2])
+        if responder is None:
             raise RequestError("Request not recognized")
-        second = answer(rest)
+        second = responder(rest)
         return [bytes([_VERSION]) + header[1:] + self._id, *([] if second is None else [second])]
 
     def _statuses(self, _: Sequence[bytes]) -> bytes:
-        with self._lock:  # limited, because the tick waits for it
+        with self._lock:  # held only for the copy, because ticks wait for the lock
             shown = [*self._shown]
         return snapshot(shown)
 
@@ -176,7 +180,7 @@ class Groot2Publisher:
     def _entries(self, path: str) -> dict[str, object]:
         found = {}
         for key, entry in self._tree.scopes[path].entries():
-            with suppress(MissingEntryError):  # never written, or removed by the tick meanwhile
+            with suppress(MissingEntryError):  # never written, or removed by a concurrent tick
                 found[key] = _copy_value(entry.read())
         return found
 
@@ -191,22 +195,22 @@ class Groot2Publisher:
 
     def _pop_transitions(self, _: Sequence[bytes]) -> bytes:
         with self._lock:
-            taken = b"".join(self._transitions)
+            transitions = b"".join(self._transitions)
             self._transitions.clear()
-        return taken
+        return transitions
 
 
 def _refuse_breakpoint(_: Sequence[bytes]) -> bytes | None:
     raise RequestError(
-        "this port has no breakpoints and substitutions. Use the breakpoints of the page: sar-run --view web"
+        "breakpoints and substitutions are not supported. Use the breakpoints of the web page: sar-run --view web"
     )
 
 
 def _text(rest: Sequence[bytes]) -> str:
-    """Return the second frame of a request, which is required.
+    """Return the text in the second frame of a request.
 
     Raises:
-        RequestError: If there is none, or it is not valid text.
+        RequestError: If the request does not have exactly two frames, or the text is not valid UTF-8.
     """
     if len(rest) != 1:
         raise RequestError("must be 2 parts message")
@@ -217,17 +221,22 @@ def _text(rest: Sequence[bytes]) -> str:
 
 
 def snapshot(statuses: Iterable[int]) -> bytes:
-    """Return the statuses of nodes, from number 1 on."""
+    """Encode the statuses of a tree's nodes, ordered by node number, as the reply to a status request."""
     return b"".join(_STATUS.pack(uid, status) for uid, status in enumerate(statuses, 1))
 
 
 def _copy_value(value: object) -> object:
-    """Return a copy of a value for msgpack, because a tick may change the value.
+    """Return a copy of a blackboard value that msgpack can encode, because a tick may change the value.
 
-    The result is None for an unsupported value, as BehaviorTree.CPP returns without a converter.
+    An unsupported value becomes None, as in BehaviorTree.CPP if a type has no converter.
     """
     try:
         copy: object = msgpack.unpackb(msgpack.packb(value), use_list=False, strict_map_key=False)
-    except (TypeError, ValueError, OverflowError, RuntimeError):  # the dict has grown meanwhile
+    except (
+        TypeError,
+        ValueError,
+        OverflowError,
+        RuntimeError,
+    ):  # unsupported, or a dictionary has grown during the copy
         return None
     return copy

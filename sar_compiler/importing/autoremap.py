@@ -1,7 +1,7 @@
-"""Find the subtrees with `_autoremap`, which exports of BehaviorTree.CPP omit.
+"""Infer which subtrees have `_autoremap`, which trees exported by BehaviorTree.CPP do not show.
 
-A program in which a script reads a key that does not exist stops. So if a subtree has run whose scripts read a key before they write it, the key is
-that of the calling tree.
+A program stops when a script reads a key that does not exist. So if a subtree has run although its scripts read a key before they write it, the key
+was remapped from the calling tree.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -16,12 +16,13 @@ from sar_compiler.runtime.expressions import Access, NameUse, name_uses
 from sar_compiler.runtime.script import parse
 from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
+# The attributes with scripts that are executed before the children of a node, and after them.
 _BEFORE = ("_failureIf", "_successIf", "_skipIf", "_while", "code", "if")
 _AFTER = ("_onSuccess", "_onFailure", "_onHalted", "_post")
 
 
 def with_remapped_subtrees(file: TreeFile) -> tuple[TreeFile, list[str]]:
-    """Return a tree file with `_autoremap` in the uses of subtrees that read a key of the calling tree, and their IDs."""
+    """Add `_autoremap` to each `SubTree` tag whose tree reads a key of the calling tree; return the file and the IDs of these trees."""
     trees = {each.attributes.get("ID", ""): each for each in file.root.children if each.tag == TREE_TAG}
     written = {
         use.name for tree in trees.values() for use in _all_uses(tree) if use.access is not Access.READ
@@ -37,10 +38,10 @@ def with_remapped_subtrees(file: TreeFile) -> tuple[TreeFile, list[str]]:
     needed: dict[str, frozenset[str]] = {}
     found: list[str] = []
 
-    def keys_of(name: str) -> frozenset[str]:
+    def needed_keys(name: str) -> frozenset[str]:
         """Return the keys that a tree reads before it writes them."""
         if name not in needed:
-            needed[name] = frozenset()  # a tree that contains itself is refused elsewhere
+            needed[name] = frozenset()  # a tree that contains itself is an error elsewhere
             tree = trees.get(name)
             known: set[str] = set()
             read: dict[str, None] = {}
@@ -53,7 +54,7 @@ def with_remapped_subtrees(file: TreeFile) -> tuple[TreeFile, list[str]]:
         given = element.attributes
         _apply(_uses(given, _BEFORE), known, read)
         if element.tag == SUBTREE_TAG:
-            outer = {_outer_key(given, key) for key in keys_of(given.get("ID", ""))}
+            outer = {_outer_key(given, key) for key in needed_keys(given.get("ID", ""))}
             read.update(dict.fromkeys(sorted(outer - known - {""})))
         known.update(_written_keys(element, inputs))
         for child in element.children:
@@ -62,7 +63,7 @@ def with_remapped_subtrees(file: TreeFile) -> tuple[TreeFile, list[str]]:
 
     def remap(element: Element) -> Element:
         given = element.attributes
-        if element.tag == SUBTREE_TAG and (keys_of(given.get("ID", "")) - given.keys()) & written:
+        if element.tag == SUBTREE_TAG and (needed_keys(given.get("ID", "")) - given.keys()) & written:
             found.append(given["ID"])
             given = {**given, "_autoremap": "true"}
         return replace(element, attributes=given, children=tuple(map(remap, element.children)))
@@ -95,7 +96,7 @@ def _outer_key(given: Mapping[str, str], key: str) -> str:
 
 
 def _apply(uses: Iterable[NameUse], known: set[str], read: dict[str, None]) -> None:
-    """Add the names that scripts read first to *read*, and those that they create to *known*."""
+    """Add the names that scripts read before they are created to *read*, and the names that scripts create to *known*."""
     for use in uses:
         if use.access is Access.CREATE:
             known.add(use.name)

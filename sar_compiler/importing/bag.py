@@ -1,7 +1,7 @@
 """Read Nav2's `behavior_tree_log` from a rosbag2 bag (`.mcap`, `.db3`), without ROS.
 
-Each message is of `nav2_msgs/msg/BehaviorTreeLog`: the changes of one tick, each with its time, the node's name and number, and both statuses. The bag does
-not contain the tree.
+Each message of the type `nav2_msgs/msg/BehaviorTreeLog` contains the status changes of one tick. Each change has a time, the node's name and number, and
+the statuses before and after it. The bag does not contain the tree.
 """
 
 import os
@@ -27,14 +27,14 @@ def read_mcap(path: Path) -> Recording:
     """Read a bag in MCAP format.
 
     Raises:
-        UnusableRecordingError: If it cannot be used.
+        UnusableRecordingError: If the bag is damaged or has no messages of the type.
     """
     from mcap.exceptions import McapError
     from mcap.reader import NonSeekingReader
 
     def messages(descriptor: int) -> Iterator[tuple[str, bytes]]:
         with os.fdopen(os.dup(descriptor), "rb") as stream:
-            # In the order of the file, which a recorder that has crashed has left without an index.
+            # Read in file order, because the file of a crashed recorder has no index.
             reader = NonSeekingReader(stream, record_size_limit=_MOST_BYTES)
             for schema, _, message in reader.iter_messages(log_time_order=False):
                 if schema is not None and schema.name in (_TYPE, _LOG):
@@ -51,8 +51,8 @@ def read_db3(connection: sqlite3.Connection) -> Recording:
     """Read a bag in SQLite format.
 
     Raises:
-        UnusableRecordingError: If it cannot be used.
-        sqlite3.Error: If it is damaged.
+        UnusableRecordingError: If the bag has no messages of the type.
+        sqlite3.Error: If the bag is damaged.
     """
     rows = connection.execute(_MESSAGES, (_TYPE, _LOG))
     return _read(((kind, data) for kind, data in rows if isinstance(data, bytes)), "rosbag2")
@@ -68,18 +68,20 @@ def _read(messages: Iterable[tuple[str, bytes]], form: str) -> Recording:
     began = reader.recording.began
     reader.recording.lines = sorted(line._replace(at=line.at - began) for line in lines)
     if not reader.recording.times:
-        raise UnusableRecordingError(f"it has no message of {_TYPE}. Record the topic behavior_tree_log")
+        raise UnusableRecordingError(
+            f"it has no messages of the type {_TYPE}. Record the topic behavior_tree_log"
+        )
     return reader.recording
 
 
 class TreeLogReader:
-    """Reads the messages of a `behavior_tree_log`.
+    """Collects a run from messages of `behavior_tree_log`.
 
     Args:
-        form: The name of the format.
+        form: The name of the recording's format.
 
     Attributes:
-        recording: The run.
+        recording: The run so far.
     """
 
     def __init__(self, form: str) -> None:
@@ -87,13 +89,13 @@ class TreeLogReader:
         self._tick, self._first = 0, -1
 
     def add(self, data: bytes) -> None:
-        """Add the changes of a message, which are one tick."""
+        """Add the changes in a message, which belong to one tick."""
         self._tick += 1
         found = self.recording
         try:
             changes = [*_changes(data)]
         except (ValueError, struct.error, IndexError):
-            found.flaws.append(f"message {self._tick} of {_TYPE} is damaged. It is left out")
+            found.flaws.append(f"message {self._tick} of the type {_TYPE} is damaged and was skipped")
             return
         for time, name, uid, status in changes:
             if self._first < 0:
@@ -104,13 +106,13 @@ class TreeLogReader:
 
 
 class _Decoder:
-    """Reads the values of a message in CDR, one after the other."""
+    """Reads the values of a CDR-encoded message in order."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self._order, self._at = data, "<" if data[1] & 1 else ">", 4
 
     def next_integer(self, form: str) -> int:
-        """Return an integer of a format of `struct`."""
+        """Return the next integer, given its format character in `struct`."""
         size = struct.calcsize(form)
         self._at += -(self._at - 4) % size
         (value,) = struct.unpack_from(self._order + form, self._data, self._at)
@@ -118,7 +120,7 @@ class _Decoder:
         return int(value)
 
     def next_string(self) -> str:
-        """Return a string."""
+        """Return the next string."""
         length = self.next_integer("I")
         self._at += length
         if self._at > len(self._data):
@@ -139,7 +141,7 @@ def _changes(data: bytes) -> Iterator[tuple[int, str, int, int]]:
 
 
 def _logged_line(data: bytes) -> LoggedLine | None:
-    """Return a warning or an error in a message of `/rosout`, with its time in seconds since 1970; None for other messages."""
+    """Return the warning or error in a message of `/rosout`, with its time in seconds since 1970; None for other messages."""
     try:
         values = _Decoder(data)
         time = values.next_integer("i") + values.next_integer("I") / 1e9

@@ -1,7 +1,7 @@
-"""Read a running tree by Groot2's protocol, which BehaviorTree.CPP's `Groot2Publisher` serves.
+"""A client of Groot2's protocol, which BehaviorTree.CPP's `Groot2Publisher` serves. It only reads: it sets no breakpoints and does not change the tree.
 
-The protocol is version 2, with little-endian numbers: a request is a header (version, kind, the sender's number) and, for some, a second frame. The reply is
-the header with the tree's id, and a second frame; or `error` and a text. Nothing here sets a breakpoint or changes the tree.
+This is version 2 of the protocol, with little-endian numbers. A request has a header (version, kind, a number chosen by the client) and, for some kinds, a
+second frame. The reply has the same header with the tree's ID and, for some kinds, a second frame. An error reply has the frame `error` and a message.
 """
 
 import random
@@ -18,18 +18,16 @@ _ID_BYTES = 16
 _PATIENCE_MSEC = 2000
 _LARGEST = 64 * 2**20
 MOST_WAITING = 1000
-"""The number of changes that a publisher stores between two requests; older ones are lost."""
-# From this value on, a status in a snapshot is IDLE.
-_WAS = 10
+"""The maximum number of changes that a publisher stores between two requests; older changes are lost."""
 
 
 class RecordedChange(NamedTuple):
     """A change of a node's status.
 
     Attributes:
-        time: Its time since the start of the recording, in microseconds.
+        time: The time since the start of the recording, in microseconds.
         uid: The number of the node.
-        status: The status after it.
+        status: The status after the change.
     """
 
     time: int
@@ -41,7 +39,7 @@ class Groot2Client:
     """A client of a program that serves Groot2's protocol.
 
     Args:
-        address: Its host and port, `HOST:PORT`.
+        address: The program's host and port, `HOST:PORT`.
 
     Raises:
         UnusableRecordingError: If the address is invalid.
@@ -66,14 +64,14 @@ class Groot2Client:
             raise UnusableRecordingError(f"{address} is not HOST:PORT: {error.strerror}") from error
 
     def close(self) -> None:
-        """Disconnect."""
+        """Disconnect from the program."""
         self._context.destroy(linger=0)
 
     def read_tree(self) -> str:
-        """Return the tree with its nodes' numbers, in XML.
+        """Request the tree in XML, which includes the numbers of the nodes.
 
         Raises:
-            UnusableRecordingError: If no program answers, or not with a tree.
+            UnusableRecordingError: If no program responds, or the response is not a tree.
         """
         try:
             return self._request(b"T").decode()
@@ -81,10 +79,10 @@ class Groot2Client:
             raise UnusableRecordingError(f"the tree at {self._address} is not UTF-8") from error
 
     def start_recording(self) -> float:
-        """Start recording status changes; return the time from which they are measured, in seconds since 1970.
+        """Start recording status changes; return the start time, in seconds since 1970.
 
         Raises:
-            UnusableRecordingError: If no program answers, or not with a time.
+            UnusableRecordingError: If no program responds, or the response is not a time.
         """
         text = self._request(b"r", b"start")
         if not text.isdigit() or len(text) > len(str(2**53)):
@@ -92,27 +90,27 @@ class Groot2Client:
         return int(text) / 1e6
 
     def stop_recording(self) -> None:
-        """Stop recording.
+        """Stop recording status changes.
 
         Raises:
-            UnusableRecordingError: If no program answers.
+            UnusableRecordingError: If no program responds.
         """
         self._request(b"r", b"stop")
 
     def read_statuses(self) -> list[tuple[int, int]]:
-        """Return the number and status of each node that is not IDLE.
+        """Request the number and status of each node that is not IDLE.
 
         Raises:
-            UnusableRecordingError: If no program answers, or not with statuses.
+            UnusableRecordingError: If no program responds, or the response is not a list of statuses.
         """
         data = self._unpack_exactly(self._request(b"S"), _STATUS.size)
         return [(uid, status) for uid, status in _STATUS.iter_unpack(data) if RUNNING <= status <= SKIPPED]
 
     def read_changes(self) -> list[RecordedChange]:
-        """Return the changes since the last call, at most `MOST_WAITING`.
+        """Request the status changes since the last call, at most `MOST_WAITING`.
 
         Raises:
-            UnusableRecordingError: If no program answers, or not with changes.
+            UnusableRecordingError: If no program responds, or the response is not a list of changes.
         """
         data = self._unpack_exactly(self._request(b"t"), _CHANGE.size)
         return [
@@ -124,7 +122,7 @@ class Groot2Client:
     def _unpack_exactly(self, data: bytes, size: int) -> bytes:
         if len(data) % size:
             raise UnusableRecordingError(
-                f"{self._address} responds with {len(data)} bytes instead of entries of {size}"
+                f"{self._address} responds with {len(data)} bytes, which is not a multiple of {size}"
             )
         return data
 
@@ -135,7 +133,7 @@ class Groot2Client:
             reply, *rest = self._socket.recv_multipart()
         except zmq.ZMQError as error:
             raise UnusableRecordingError(
-                f"no program responds at {self._address}. Start one with BehaviorTree.CPP's Groot2Publisher, and name its first port"
+                f"no program responds at {self._address}. Start a program with BehaviorTree.CPP's Groot2Publisher, and pass its first port"
             ) from error
         if reply == b"error":
             text = b"".join(rest).decode("utf-8", "replace")
@@ -148,7 +146,7 @@ class Groot2Client:
             )
         if self._id not in (b"", reply[_HEADER.size :]):
             raise UnusableRecordingError(
-                f"the program at {self._address} has been restarted, with another tree"
+                f"the program at {self._address} has been restarted or has loaded another tree"
             )
         self._id = reply[_HEADER.size :]
         return b"".join(rest)

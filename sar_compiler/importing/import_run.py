@@ -1,4 +1,4 @@
-"""Convert a run that another program recorded to a journal."""
+"""Import a run that another program has recorded, and write it to a journal."""
 
 import os
 from collections.abc import Sequence
@@ -33,21 +33,21 @@ from sar_compiler.writing import write_text
 _LOG = FileKind("log of a run", 128 * 2**20)
 _NAV2 = "nav2:jazzy"
 _UNWRITTEN = ("unwritten-key", "read-before-write", "maybe-unwritten-key")
-"""The findings about keys that may be read before they are written."""
+"""The codes of findings about keys that may be read before they are written."""
 
 
 class ImportedRun(NamedTuple):
-    """A summary of the imported run.
+    """A summary of an imported recording.
 
     Attributes:
-        tree: The file of the tree.
+        tree: The tree file.
         nodes: The number of nodes.
-        changes: The number of changes of status.
-        ticks: The number of ticks with changes.
+        changes: The number of status changes.
+        ticks: The number of ticks with status changes.
         runs: The number of runs; a halt of the whole tree ends a run.
-        unsure: The number of tick boundaries that were inferred from a pause alone.
-        flaws: Problems of the recording.
-        options: Options for commands that read the tree file.
+        unsure: The number of possible tick boundaries that only a pause of ambiguous length decided.
+        flaws: A sentence for each problem of the recording.
+        options: The options that other commands need to read the tree file.
     """
 
     tree: Path
@@ -65,21 +65,21 @@ def import_run(path: Path, journal: Path, projects: Workspace, trees: Sequence[P
 
     Args:
         path: The recording.
-        journal: The journal to write.
+        journal: The path of the journal to write.
         projects: Loads the tree.
-        trees: The file of the tree that ran, or several candidates, of which the best match is used. By default the tree in the
-            recording is written next to the journal.
+        trees: The file of the tree that ran, or several candidates, of which the best match is used. By default, the tree in the
+            recording is used, and is written to a file beside the journal.
 
     Raises:
         UnusableRecordingError: If the recording cannot be used, or was made with another tree.
-        JournalError: If the journal cannot be written, or already has a run.
+        JournalError: If the journal cannot be written, or already contains a run.
         SarError: If the tree cannot be read.
     """
     recording = read_recording(path)
     if not recording.times:
         raise UnusableRecordingError(
-            f"{path} contains no status change: the program has not ticked the tree, or was killed before the "
-            "logger wrote"
+            f"{path} contains no status change. Either the program has not ticked the tree, or it was killed before the "
+            "logger wrote its file"
         )
     tree = find_tree(recording, path.resolve(), Path(f"{journal}.xml"), projects, trees)
     with closing(JournalFile.create(journal)) as file:
@@ -101,11 +101,11 @@ class RunTree(NamedTuple):
     """The tree of a recorded run.
 
     Attributes:
-        place: Its file.
-        nodes: Its nodes; the first one has the number 1.
-        about: The description of its mission in a journal.
-        of_run: The description of the run in a journal.
-        options: Options for commands that read the file, each with its value.
+        place: The tree file.
+        nodes: The nodes, ordered by their numbers from 1.
+        about: The mission's description, as in a journal.
+        of_run: The run's description, as in a journal.
+        options: The options that other commands need to read the tree file, each with its value.
     """
 
     place: Path
@@ -118,23 +118,23 @@ class RunTree(NamedTuple):
 def find_tree(
     recording: Recording, source: Path | str, place: Path, projects: Workspace, trees: Sequence[Path]
 ) -> RunTree:
-    """Return the tree of a recorded run.
+    """Find the tree of a recorded run.
 
     Args:
-        recording: The run.
-        source: Its file or address.
-        place: The file to which the tree in the recording is written if no other is named.
+        recording: The recorded run.
+        source: The recording's file or address.
+        place: The file to which the tree in the recording is written if *trees* is empty.
         projects: Loads the tree.
-        trees: The candidates; the best match is used.
+        trees: The candidates, of which the best match is used.
 
     Raises:
-        UnusableRecordingError: If none of them is the tree of the run.
+        UnusableRecordingError: If the recording has no tree and *trees* is empty, or no candidate is the tree of the run.
         SarError: If the tree cannot be read.
     """
     exported = read_exported(recording.tree) if recording.tree else None
     if exported is None and not trees:
         raise UnusableRecordingError(
-            f"{source} has no tree. Add --tree TREE, the file that bt_navigator has loaded"
+            f"{source} has no tree. Add --tree TREE with the file that bt_navigator has loaded"
         )
     palette = exported.palette if exported is not None else "" if projects.additions.palettes else _NAV2
     if palette:
@@ -147,19 +147,20 @@ def find_tree(
         if remapped:
             exported = replace(exported, file=file)
             recording.flaws.append(
-                f"its tree does not say which subtrees have _autoremap. It is assumed for {', '.join(remapped)}, whose scripts read a key before they write it"
+                "its tree does not show which subtrees have _autoremap. These subtrees are imported with _autoremap, because their scripts read a key before "
+                f"they write it: {', '.join(remapped)}"
             )
         _write_tree(place, exported, palette)
         _add_autoremap(place, exported, palette, projects, recording)
-    fits = []
+    candidates = []
     for each in trees:
         sketch = projects.load_file(each).sketch()
         nodes = run_nodes(sketch)
         names = describe_name_differences(recording.names, nodes)
-        wrong = names if exported is None else describe_node_differences(exported.nodes, nodes)
-        fits.append((wrong, each, sketch, nodes))
-    wrong, found, sketch, nodes = min(fits, key=lambda each: len(each[0]))
-    refuse_differences(wrong, found)
+        differences = names if exported is None else describe_node_differences(exported.nodes, nodes)
+        candidates.append((differences, each, sketch, nodes))
+    differences, found, sketch, nodes = min(candidates, key=lambda each: len(each[0]))
+    refuse_differences(differences, found)
     about, of_run = describe_tree(sketch)
     options = [["--model", str(each)] for each in projects.additions.models]
     of_run |= {
@@ -173,10 +174,10 @@ def find_tree(
 
 
 def read_recording(path: Path) -> Recording:
-    """Read a recording; its content determines the format.
+    """Read a recording, whose format is determined from its content.
 
     Raises:
-        UnusableRecordingError: If its format is unknown, or it cannot be used.
+        UnusableRecordingError: If the format is unknown, or the recording cannot be used.
         UnreadableFileError: If the file cannot be read.
     """
     try:
@@ -205,7 +206,7 @@ def _read_recording(path: Path) -> Recording:
 def _add_autoremap(
     place: Path, exported: ExportedTree, palette: str, projects: Workspace, recording: Recording
 ) -> None:
-    """Write `_autoremap`, which exports lack, into the tree's subtrees if it explains keys that are read and never written."""
+    """Add `_autoremap` to all subtrees of the tree file if that explains keys that are read and never written."""
     unwritten = _count_unwritten(place, projects) if exported.has_subtrees else 0
     if not unwritten:
         return
@@ -214,7 +215,7 @@ def _add_autoremap(
     write_text(place, write_xml(exported.with_autoremap().without_models_of(palette)))
     if _count_unwritten(place, projects) < unwritten:
         recording.flaws.append(
-            "its tree does not show which subtrees have _autoremap. It is assumed for all, because one of them reads a key that none of its nodes writes"
+            "its tree does not show which subtrees have _autoremap. All subtrees are imported with _autoremap, because one subtree reads a key that it does not write"
         )
     else:
         as_exported.replace(place)
@@ -228,6 +229,6 @@ def _write_tree(place: Path, exported: ExportedTree, palette: str) -> None:
     text = write_xml(exported.without_models_of(palette))
     if place.exists():
         raise UnusableRecordingError(
-            f"{place} already exists. Move it away, or name the tree of the run by --tree {place}"
+            f"{place} already exists. Move it away, or use it as the tree of the run with --tree {place}"
         )
     write_text(place, text)

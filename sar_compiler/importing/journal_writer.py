@@ -14,24 +14,24 @@ from sar_compiler.nodes.nav2.log_lines import quote_lines
 from sar_compiler.nodes.spec import Kind
 
 _BATCH = 20_000
-# A line about a failure is logged so long before the start, and after the end, of its leaf at most.
+# A log line can belong to a failed leaf if it was logged at most this long before the leaf's start or after its end, in seconds.
 _LOGGED_BEFORE_SEC, _LOGGED_AFTER_SEC = 0.1, 0.5
 _CONDITIONS = {SUCCESS: "_successIf", FAILURE: "_failureIf"}
-"""The conditions that end a node, by its status."""
+"""The attributes of preconditions that end a node, by the status that the node then has."""
 
 
 class EntrySink(Protocol):
-    """A receiver of runs and entries, such as a `JournalFile`."""
+    """The receiver of runs and journal entries, such as a `JournalFile`."""
 
     def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
-        """Add a run; return its number."""
+        """Add a run; return the run's number."""
 
     def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
-        """Write entries, and the end of a run."""
+        """Write entries and, if given, the end of a run."""
 
 
 class JournalWriter:
-    """Writes the ticks of a recorded run to a journal in the same way as `StatusWatch`."""
+    """Writes the ticks of a recorded run to a journal, with the same entries as `StatusWatch`."""
 
     def __init__(
         self,
@@ -55,26 +55,26 @@ class JournalWriter:
 
     @property
     def inferred_boundaries(self) -> int:
-        """The number of tick boundaries that were inferred from a pause alone."""
+        """The number of possible tick boundaries that only a pause of ambiguous length decided."""
         return self._finder.unsure
 
     def _begin(self) -> None:
-        # For each node its last status other than IDLE, and the tick of that.
+        # For each node, the status in the journal, and the last tick in which it had a status other than IDLE.
         self._shown = [IDLE] * (len(self._nodes) + 1)
         self._ticked = [0] * (len(self._nodes) + 1)
         self._standing: set[int] = set()
-        # The start of the last run of each node, in microseconds.
+        # For each node, the time when it last started, in microseconds.
         self._begun = [0] * (len(self._nodes) + 1)
         self._tick = self._root = 0
 
     def write(self) -> None:
-        """Write the runs."""
+        """Write all runs of the recording."""
         for tick in self._finder.ticks():
             self._write_ticks(tick)
         self.end_run()
 
     def write_next(self) -> bool:
-        """Write the changes that were recorded since the last call; return whether the root has failed in them."""
+        """Write the ticks that were recorded since the last call; return whether the root has failed in one of them."""
         has_failed = False
         for tick in self._finder.next_ticks():
             self._write_ticks(tick)
@@ -83,7 +83,7 @@ class JournalWriter:
         return has_failed
 
     def end_run(self, reason: str = "") -> None:
-        """End a run whose root has ended; any run, if there is a reason."""
+        """End the open run if its root has ended; if there is a reason, end it in any case."""
         self._flush()
         if not self._is_open:
             return
@@ -141,7 +141,7 @@ class JournalWriter:
         for uid, index in now.items():
             self._show_ancestors(uid, index, now)
         for uid, index in sorted(now.items()):
-            # Its status stays in the journal until an ancestor restarts, although the log resets it earlier.
+            # In the journal, a node keeps its status until an ancestor restarts, although the log resets it earlier. Only halts are written.
             if 1 < uid <= count and recording.statuses[index] == IDLE and self._shown[uid] == RUNNING:
                 self._row(index, uid, "HALTED", f', "last": {self._ticked[uid]}')
                 self._show(uid, IDLE)
@@ -161,7 +161,7 @@ class JournalWriter:
             self._flush()
 
     def _show_ancestors(self, uid: int, index: int, now: Mapping[int, int]) -> None:
-        """Show that the ancestors of a node that runs do too: a recording may begin in the middle of a run."""
+        """Write RUNNING for the ancestors of a running node if it is missing, because a recording may begin in the middle of a run."""
         is_running = 0 < uid < len(self._shown) and self._recording.statuses[index] == RUNNING
         is_running &= index not in self._finder.skipped
         parent = self._nodes[uid - 1].parent if is_running else 0
@@ -177,9 +177,9 @@ class JournalWriter:
         (self._standing.add if status in (SUCCESS, FAILURE) else self._standing.discard)(uid)
 
     def _shown_in(self, tick: RecordedTick) -> Iterator[tuple[int, int, int]]:
-        """Yield the index, node and status of the changes of a tick that belong in a journal.
+        """Yield the changes of a tick that belong in a journal, each with its index, node number and status.
 
-        For a leaf these are all its outcomes, for any other node only its last status.
+        A leaf's changes are all statuses that it has returned. Another node's change is its last status in the tick.
         """
         recording, nodes, skipped = self._recording, self._nodes, self._finder.skipped
         last: dict[int, int] = {}
@@ -189,13 +189,13 @@ class JournalWriter:
             uid, status = recording.uids[index], recording.statuses[index]
             if not 0 < uid <= len(nodes):
                 continue
-            self._note_unsure(index)
+            self._store_unsure(index)
             if status == IDLE:
                 if not nodes[uid - 1].children:
-                    last.pop(uid, None)  # a leaf that was halted, and starts again, returns twice
+                    last.pop(uid, None)  # a leaf that is halted and starts again returns a status twice
                 continue
             before = last.get(uid)
-            # A leaf that is RUNNING first and ends in the same tick has returned once.
+            # A leaf that is RUNNING first and ends in the same tick has returned one status.
             if before is not None and (nodes[uid - 1].children or recording.statuses[before] == RUNNING):
                 left_out.add(before)
             last[uid] = index
@@ -204,12 +204,12 @@ class JournalWriter:
             if status != IDLE and 0 < uid <= len(nodes) and index not in left_out:
                 yield index, uid, WORDS.index("SKIPPED") if index in skipped else status
 
-    def _note_unsure(self, index: int) -> None:
-        """Note whether a condition of a node may have decided a change instead of the node."""
+    def _store_unsure(self, index: int) -> None:
+        """Store that a precondition may have caused a change instead of the node itself, if that is possible."""
         uid, status = self._recording.uids[index], self._recording.statuses[index]
         condition = _CONDITIONS.get(status)
         is_possible = condition in self._nodes[uid - 1].bound.element.attributes
-        # A coroutine whose condition skips it reports that, unlike other leaves.
+        # Unlike other leaves, a coroutine logs SKIPPED when its precondition skips it.
         is_possible |= status == SKIPPED
         if is_possible and self._logged[uid] != RUNNING:
             self._unsure.add(index)
@@ -227,7 +227,7 @@ class JournalWriter:
             self._rows.append(Row(self._number, self._run, self._recording.began + time, time, STATUS, data))
 
     def _reason(self, uid: int, time: float) -> str:
-        """Return what the servers have logged about the failure of an action, as a string in JSON."""
+        """Return the lines that servers have logged about an action's failure, as a JSON string."""
         if self._nodes[uid - 1].bound.spec.kind is not Kind.ACTION:
             return '""'
         first = bisect_left(self._line_times, self._begun[uid] / 1e6 - _LOGGED_BEFORE_SEC)

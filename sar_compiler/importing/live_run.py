@@ -1,4 +1,4 @@
-"""A run of another program as the entries of a journal, during the run."""
+"""Convert a run of another program to journal entries during the run."""
 
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ from sar_compiler.project import Workspace
 
 
 class RunSource(Protocol):
-    """A source of the changes of a run."""
+    """The source of the status changes of a run."""
 
     @property
     def recording(self) -> Recording:
@@ -30,7 +30,7 @@ class RunSource(Protocol):
         """Add the changes since the last call to the recording.
 
         Raises:
-            UnusableRecordingError: If the source has ended.
+            UnusableRecordingError: If the source no longer provides changes.
         """
 
 
@@ -38,10 +38,10 @@ class Groot2Source:
     """The run of a program that serves Groot2's protocol.
 
     Args:
-        address: Its host and port, `HOST:PORT`.
+        address: The program's host and port, `HOST:PORT`.
 
     Raises:
-        UnusableRecordingError: If no program answers there.
+        UnusableRecordingError: If no program responds at the address.
     """
 
     def __init__(self, address: str) -> None:
@@ -60,18 +60,18 @@ class Groot2Source:
         """Add the changes since the last call to the recording.
 
         Raises:
-            UnusableRecordingError: If the program answers no longer.
+            UnusableRecordingError: If the program no longer responds.
         """
         changes = self._client.read_changes()
         if len(changes) >= MOST_WAITING:
             self.recording.flaws.append(
-                f"{self._address} has lost changes of status: it stores {MOST_WAITING} at most"
+                f"{self._address} may have lost status changes, because it stores at most {MOST_WAITING}"
             )
         for time, uid, status in changes:
             self.recording.add(time, uid, status)
 
     def close(self) -> None:
-        """Stop recording, and disconnect."""
+        """Stop recording, and disconnect from the program."""
         with suppress(UnusableRecordingError):
             self._client.stop_recording()
         self._client.close()
@@ -81,7 +81,7 @@ class TopicSource:
     """The run whose changes are published on `behavior_tree_log`.
 
     Args:
-        messages: Returns the messages since the last call, as they were sent.
+        messages: Returns the serialised messages since the last call.
     """
 
     def __init__(self, messages: Callable[[], Iterable[bytes]]) -> None:
@@ -102,7 +102,7 @@ class _EntryList:
         self._run, self._time = 0, 0.0
 
     def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
-        """Add a run; return its number."""
+        """Add a run; return the run's number."""
         self._run += 1
         self._time = float(str(run_about["time"]))
         data = {**about, "run": run_about}
@@ -110,7 +110,7 @@ class _EntryList:
         return self._run
 
     def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
-        """Add entries, and the end of a run."""
+        """Add entries and, if given, the end of a run."""
         for row in (*watched, *facts):
             self._entries.append(JournalEntry(*row[:5], json_value(row.data)))
             self._time = max(self._time, row.time)
@@ -125,14 +125,14 @@ class _EntryList:
 
 
 class LiveRun:
-    """Converts a run to the entries of a journal, during the run.
+    """Converts a run to journal entries during the run.
 
     Args:
-        source: The source of its changes.
+        source: The source of the run's changes.
         name: The address of the source.
         projects: Loads the tree.
-        trees: The file of the tree that runs, or several candidates; by default the source has the tree.
-        report: Called with the problems of the source.
+        trees: The file of the tree that runs, or several candidates, of which the best match is used; by default the source's own tree.
+        report: Called with a sentence for each problem of the source.
     """
 
     def __init__(
@@ -155,7 +155,7 @@ class LiveRun:
         """Return the entries since the last call.
 
         Raises:
-            SarError: If another tree runs, or the tree cannot be read.
+            SarError: If the tree cannot be read, or is not the tree of the run.
         """
         if self._has_ended:
             return []
@@ -182,7 +182,7 @@ class LiveRun:
         return self._entries.pop()
 
     def close(self) -> None:
-        """Remove the tree that the source has sent."""
+        """Delete the file of the tree that the source has sent."""
         self._folder.cleanup()
 
 
@@ -197,14 +197,14 @@ def open_live_run(
     """Yield the run of a program that publishes its changes, or serves Groot2's protocol.
 
     Args:
-        topic: The topic of its changes; None for a program that serves Groot2's protocol.
-        groot2: That program's host and port, `HOST:PORT`.
-        projects: As for `LiveRun`.
-        trees: As for `LiveRun`.
-        report: As for `LiveRun`.
+        topic: The topic on which the program publishes status changes; None for a program that serves Groot2's protocol.
+        groot2: The host and port of a program that serves Groot2's protocol, `HOST:PORT`.
+        projects: See `LiveRun`.
+        trees: See `LiveRun`.
+        report: See `LiveRun`.
 
     Raises:
-        UnusableRecordingError: If no program answers.
+        UnusableRecordingError: If no program responds at the address of *groot2*.
     """
     if topic is None:
         with (

@@ -1,4 +1,4 @@
-"""The tree of a recorded run: its file, and its nodes by BehaviorTree.CPP's numbers."""
+"""The tree of a recorded run: the tree file, and the nodes with BehaviorTree.CPP's numbers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,14 +25,14 @@ _UID, _PATH = "_uid", "_fullpath"
 
 
 class RunNode(NamedTuple):
-    """A node of the recorded tree, including its conditions.
+    """A node of the recorded tree, together with its pre- and postconditions.
 
     Attributes:
-        tag: Its tag.
-        name: Its name; of a subtree, its ID.
-        parent: The number of its parent; 0 at the root.
-        children: The numbers of its children.
-        rows: Its numbers in the journal: those of its conditions, the outermost first, and its own.
+        tag: The node's tag.
+        name: The node's name; for a subtree, the tree's ID.
+        parent: The number of the node's parent; 0 for the root.
+        children: The numbers of the node's children.
+        rows: The numbers in the journal of the node's conditions, from outermost to innermost, and of the node itself.
         bound: The bound node.
     """
 
@@ -49,8 +49,8 @@ class ExportedTree:
     """A tree that BehaviorTree.CPP has exported.
 
     Attributes:
-        file: The tree file, without numbers and repeated subtrees.
-        nodes: The tag and the name of each node; of a subtree, its ID. The first node has the number 1.
+        file: The tree file, without node numbers, in which each subtree is defined once.
+        nodes: The tag and name of each node, ordered by the node numbers from 1. The name of a subtree is the tree's ID.
     """
 
     file: TreeFile
@@ -58,7 +58,7 @@ class ExportedTree:
 
     @property
     def palette(self) -> str:
-        """The installed palette that defines most of the tree's custom controls and decorators with their ports; empty if none."""
+        """The installed palette that best matches the tree's custom controls and decorators and their ports; empty if none matches."""
         models = [
             each for child in self.file.root.children if child.tag == MODEL_TAG for each in child.children
         ]
@@ -78,11 +78,11 @@ class ExportedTree:
 
     @property
     def has_subtrees(self) -> bool:
-        """Whether the tree uses a subtree."""
+        """Whether the tree contains a subtree."""
         return any(tag == SUBTREE_TAG for tag, _ in self.nodes)
 
     def with_autoremap(self) -> "ExportedTree":
-        """Return the tree with `_autoremap` in all uses of subtrees."""
+        """Return the tree with `_autoremap` in every `SubTree` tag."""
         return replace(self, file=replace(self.file, root=_with_autoremap(self.file.root)))
 
     def without_models_of(self, palette: str) -> TreeFile:
@@ -103,19 +103,19 @@ class ExportedTree:
 
 
 def read_exported(xml: str) -> ExportedTree:
-    """Read the tree of an export with node numbers, in which each use of a subtree has its own `BehaviorTree`.
+    """Read a tree that BehaviorTree.CPP has exported: nodes have numbers, and each `SubTree` tag has its own `BehaviorTree`.
 
     Raises:
-        UnusableRecordingError: If the text is not such an export.
+        UnusableRecordingError: If the text is not such an exported tree.
     """
     try:
-        root = parse_xml(xml, "its tree").root
+        root = parse_xml(xml, "the recorded tree").root
     except TreeError as error:
         raise UnusableRecordingError(str(error)) from error
     uses = [child for child in root.children if child.tag == TREE_TAG]
     by_path = {each.attributes.get(_PATH): each for each in uses}
     if not uses or uses[0].attributes.get(_PATH) != "":
-        raise UnusableRecordingError("its tree has no numbers: it is not an export of BehaviorTree.CPP")
+        raise UnusableRecordingError("the tree has no node numbers, so BehaviorTree.CPP did not export it")
     nodes = _expand(uses[0], by_path)
     used = {tag for tag, _ in nodes}
     trees = {each.attributes.get("ID", ""): _copy_without_numbers(each) for each in reversed(uses)}
@@ -133,7 +133,7 @@ def read_exported(xml: str) -> ExportedTree:
 
 
 def _expand(main: Element, by_path: dict[str | None, Element]) -> list[tuple[str, str]]:
-    """Return the nodes of a tree with those of its subtrees, in the order of their numbers."""
+    """Return the tag and name of each node of a tree and its subtrees, ordered by node number."""
     nodes: list[tuple[str, str]] = []
     waiting = list(reversed(main.children))
     while waiting:
@@ -143,11 +143,13 @@ def _expand(main: Element, by_path: dict[str | None, Element]) -> list[tuple[str
         if element.tag == SUBTREE_TAG:
             subtree = by_path.pop(element.attributes.get(_PATH), None)
             if subtree is None:
-                raise UnusableRecordingError(f"its tree lacks the subtree '{element.attributes.get(_PATH)}'")
+                raise UnusableRecordingError(
+                    f"the subtree '{element.attributes.get(_PATH)}' is missing in the tree"
+                )
             inside = subtree.children
         if element.attributes.get(_UID) != str(len(nodes)) or len(nodes) > _MOST_NODES:
             raise UnusableRecordingError(
-                f"node {len(nodes)} of its tree has the number {element.attributes.get(_UID)}"
+                f"node {len(nodes)} of the tree has the wrong number {element.attributes.get(_UID)}"
             )
         waiting.extend(reversed(inside))
     return nodes
@@ -177,31 +179,31 @@ def _copy_without_numbers(element: Element) -> Element:
 
 
 def run_nodes(tree: Drawable) -> list[RunNode]:
-    """Return the nodes of a tree; the first one has the number 1."""
+    """Return the nodes of a tree, ordered by BehaviorTree.CPP's numbers from 1."""
     nodes: list[RunNode] = []
     rows = {id(each): number for number, each in enumerate(pre_order(tree.root))}
     children: list[list[int]] = [[]]
     waiting = [(tree.root, 0)]
     while waiting:
         behaviour, parent = waiting.pop()
-        around = [behaviour]
+        chain = [behaviour]  # the behaviours of the node's conditions, and of the node itself
         bound = tree.origins[behaviour.id].bound
-        while len(around[-1].children) == 1 and tree.origins[around[-1].children[0].id].bound is bound:
-            around.append(around[-1].children[0])
+        while len(chain[-1].children) == 1 and tree.origins[chain[-1].children[0].id].bound is bound:
+            chain.append(chain[-1].children[0])
         uid = len(nodes) + 1
         children.append([])
         children[parent].append(uid)
         is_subtree = bound.element.tag == SUBTREE_TAG
         tag = SUBTREE_TAG if is_subtree else bound.spec.tag
-        name = bound.element.attributes.get("ID", "") if is_subtree else around[-1].name
-        numbers = tuple(rows[id(each)] for each in around)
+        name = bound.element.attributes.get("ID", "") if is_subtree else chain[-1].name
+        numbers = tuple(rows[id(each)] for each in chain)
         nodes.append(RunNode(tag, name, parent, (), numbers, bound))
-        waiting.extend((child, uid) for child in reversed(around[-1].children))
+        waiting.extend((child, uid) for child in reversed(chain[-1].children))
     return [node._replace(children=tuple(below)) for node, below in zip(nodes, children[1:], strict=True)]
 
 
 def describe_node_differences(recorded: Sequence[tuple[str, str]], nodes: Sequence[RunNode]) -> list[str]:
-    """Describe the nodes whose tags or names differ from those of a recording."""
+    """Return a line for each node whose tag or name differs between a recording and a tree."""
     wrong = []
     for uid, (there, here) in enumerate(zip_longest(recorded, nodes), 1):
         if there is None or here is None or there != (here.tag, here.name):
@@ -211,22 +213,22 @@ def describe_node_differences(recorded: Sequence[tuple[str, str]], nodes: Sequen
                 if here is not None
                 else "missing"
             )
-            wrong.append(f"  node {uid} of the run is {then}; in the tree it is {now}")
+            wrong.append(f"  node {uid} is {then} in the run, but {now} in the tree")
     return wrong
 
 
 def refuse_differences(wrong: Sequence[str], path: Path) -> None:
-    """Raise an error that lists the different nodes, if there are any.
+    """Check that a tree file is the tree of a run, given the lines that describe different nodes.
 
     Raises:
-        UnusableRecordingError: If nodes differ.
+        UnusableRecordingError: If nodes differ; lists the first of them.
     """
     if wrong:
         more = [f"  and {len(wrong) - _MOST_NAMED} more"] if len(wrong) > _MOST_NAMED else []
         raise UnusableRecordingError(
             "\n".join(
                 [
-                    f"{path} is not the tree of the run, {len(wrong)} nodes differ:",
+                    f"{path} is not the tree of the run. {len(wrong)} node{'s differ' if len(wrong) > 1 else ' differs'}:",
                     *wrong[:_MOST_NAMED],
                     *more,
                 ]
@@ -235,11 +237,11 @@ def refuse_differences(wrong: Sequence[str], path: Path) -> None:
 
 
 def describe_name_differences(recorded: Mapping[int, str], nodes: Sequence[RunNode]) -> list[str]:
-    """Describe the nodes whose names differ from those of a recording with the same numbers."""
+    """Return a line for each node whose name differs between a recording, which has names by node number, and a tree."""
     names = {uid: node.name for uid, node in enumerate(nodes, 1) if node.tag != SUBTREE_TAG}
     subtrees = {uid for uid, node in enumerate(nodes, 1) if node.tag == SUBTREE_TAG}
     return [
-        f"  node {uid} of the run is '{name}'; in the tree it is {repr(names[uid]) if uid in names else 'missing'}"
+        f"  node {uid} is '{name}' in the run, but {repr(names[uid]) if uid in names else 'missing'} in the tree"
         for uid, name in sorted(recorded.items())
         if uid not in subtrees and names.get(uid) != name
     ]

@@ -1,4 +1,4 @@
-"""A run recorded by another program: the tree, and each change of a node's status."""
+"""A run that another program has recorded: the tree and all status changes of its nodes."""
 
 from array import array
 from dataclasses import dataclass, field
@@ -7,9 +7,10 @@ from sar_compiler.errors import SarError
 from sar_compiler.nodes.nav2.log_lines import LoggedLine
 
 IDLE, RUNNING, SUCCESS, FAILURE, SKIPPED = range(5)
-"""The statuses, by BehaviorTree.CPP's numbers."""
+"""BehaviorTree.CPP's numbers of the statuses."""
 
 WORDS = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
+"""The names of the statuses by number."""
 
 
 class UnusableRecordingError(SarError):
@@ -21,16 +22,16 @@ class Recording:
     """A recorded run.
 
     Attributes:
-        form: The name of the format.
-        began: The time from which the changes are measured, in seconds since 1970.
-        tree: The tree as BehaviorTree.CPP exports it, in XML; empty if the recording has none.
-        times: The time of each change, in microseconds.
-        uids: The number of each changed node, as BehaviorTree.CPP numbers the nodes: from 1, in pre-order.
+        form: The name of the recording's format.
+        began: The start time of the recording, in seconds since 1970.
+        tree: The tree in XML, as BehaviorTree.CPP exports it; empty if the recording has no tree.
+        times: The time of each change, in microseconds since the start.
+        uids: The number of each changed node. BehaviorTree.CPP numbers the nodes from 1, in pre-order.
         statuses: The status of each changed node after the change.
-        ticks: The number of the tick of each change; empty if the recording has no ticks.
-        names: The names of nodes by their numbers, if the recording has no tree.
-        lines: The warnings and errors that were logged during the run, by time; their times are those of the changes, in seconds.
-        flaws: Problems of the recording, with their locations in the file.
+        ticks: The tick number of each change; empty if the recording has no ticks.
+        names: The names of nodes by node number, if the recording has no tree.
+        lines: The warnings and errors that were logged during the run, ordered by time; their times are in seconds since the start.
+        flaws: A sentence for each problem of the recording, with its location in the file.
     """
 
     form: str
@@ -45,7 +46,7 @@ class Recording:
     flaws: list[str] = field(default_factory=list)
 
     def add(self, time: int, uid: int, status: int) -> None:
-        """Add a change."""
+        """Add a status change at the end of the recording."""
         self.times.append(time)
         self.uids.append(uid)
         self.statuses.append(status)

@@ -1,7 +1,7 @@
 """Read the logs of BehaviorTree.CPP's `SqliteLogger` (`.db3`, `.btdb`).
 
-The tables: `Definitions` (`session_id`, `date`, `xml_tree`: the tree as in `FileLogger2`) and `Transitions` (`timestamp` in microseconds since
-1970, `session_id`, `node_uid`, `state`). If a log has several sessions, the last one is read.
+A log has two tables. `Definitions` has the columns `session_id`, `date` and `xml_tree`, the tree as in `FileLogger2`. `Transitions` has the columns
+`timestamp` in microseconds since 1970, `session_id`, `node_uid` and `state`. If a log has several sessions, the last session is read.
 """
 
 import sqlite3
@@ -16,15 +16,16 @@ MAGIC = b"SQLite format 3\0"
 _TREE = "SELECT session_id, xml_tree FROM Definitions ORDER BY session_id DESC LIMIT 1"
 _CHANGES = "SELECT timestamp, node_uid, state FROM Transitions WHERE session_id = ? ORDER BY timestamp"
 _LATEST_USEC, _MOST_NODES = 2**53, 0xFFFF
-# SQLite's steps: an amount for each byte of the file, some twenty times the real need.
+# The limit of SQLite's virtual machine steps for each byte of the file is about twenty times the number that valid logs need. It is checked after
+# every `_STRIDE` steps.
 _STRIDE, _STEPS_OF_A_BYTE = 10_000, 20
 
 
 def read_sqlite_log(path: Path) -> Recording:
-    """Read a log, or a bag in SQLite format.
+    """Read a log of SqliteLogger, or a rosbag2 bag in SQLite format.
 
     Raises:
-        UnusableRecordingError: If it cannot be used.
+        UnusableRecordingError: If the log or bag is damaged, or contains no run.
         UnreadableFileError: If the file cannot be read.
     """
     uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
@@ -49,7 +50,7 @@ def read_sqlite_log(path: Path) -> Recording:
 def _read(connection: sqlite3.Connection) -> Recording:
     session, tree = connection.execute(_TREE).fetchone() or (None, "")
     if not isinstance(tree, str) or not tree:
-        raise UnusableRecordingError("its table Definitions contains no tree")
+        raise UnusableRecordingError("the table Definitions contains no tree")
     found = Recording("SqliteLogger", 0.0, tree)
     first: int | None = None
     for row, (time, uid, status) in enumerate(connection.execute(_CHANGES, (session,)), 1):

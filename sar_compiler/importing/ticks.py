@@ -1,16 +1,16 @@
-"""Find the ticks of a recorded run. A log of BehaviorTree.CPP contains only the changes of status.
+"""Find the ticks of a recorded run, because a log of BehaviorTree.CPP contains only status changes.
 
-One tick can end, and the next begin, only when the tree is settled: each RUNNING control has a RUNNING child, or is of a kind that can wait
-by itself. If the tree is settled, one of these decides:
+A tick can only end when the tree is settled: each RUNNING control has a RUNNING child, or may return RUNNING without a RUNNING child. If the tree
+is settled, one of these rules decides whether the next change belongs to a new tick:
 
-- The next change is of a node that the tick has passed: within a tick the nodes are visited in order. (A loop that restarts within a tick is
-  not settled in between.) A leaf that ends just after it has started may have reported RUNNING itself before. This is assumed if no leaf with
-  its tag was ever RUNNING when another node changed.
-- The pause before the next change is at least half of the usual pause at boundaries that are certain. A pause alone is weak evidence: a leaf may block,
+- The next change is of a node that the tick has already passed, because a tick visits the nodes in order. (A loop that restarts within a tick is
+  not settled in between.) A leaf may change to RUNNING and end within one tick. This is assumed if no leaf with its tag was ever RUNNING while
+  another node changed.
+- The pause before the next change is at least half as long as most pauses at certain boundaries. A pause alone is weak evidence: a leaf may block,
   the computer may be busy, and two ticks may follow each other without a pause.
 - The root has ended, or the program has halted the tree.
 
-A leaf with its own thread can write its end at any moment, and its parent processes the end in the next tick. Such an end is moved to the change
+A leaf with its own thread can log its end at any moment, and its parent processes the end in the next tick. Such an end is moved to the change
 at which the parent continues.
 
 If all children of a control were skipped, the control stays RUNNING in a log although none of its children runs. The start of a later sibling
@@ -19,7 +19,7 @@ reveals this.
 If the program halts the tree, it halts the root first, and then each node. So nodes that their parents have left in a status other than IDLE
 are reset after the root.
 
-A TryCatch with `catch_on_halt` ticks its last child while it is halted. These changes belong to the halt, by a time limit or by the program.
+A TryCatch with `catch_on_halt` ticks its last child while it is halted by a time limit or by the program. The changes of that child belong to the halt.
 """
 
 from array import array
@@ -36,11 +36,13 @@ from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Kind
 
 _PAUSE_USEC, _LEAST_USEC, _MOST_USEC = 1000, 100, 50_000
-"""The pause between two ticks if nothing is known of it, and its limits."""
+"""Default, minimum and maximum of the shortest pause that separates two ticks, in microseconds."""
 _TRIED = 20_000
+"""The number of changes from which the shortest pause is estimated."""
 _ENOUGH = 5
+"""The minimum number of certain tick boundaries for an estimate."""
 _NEAR = 3
-"""A pause is near the limit if it is at most so many times longer or shorter."""
+"""A pause is ambiguous if it is longer or shorter than the shortest pause by less than this factor."""
 
 
 _SILENT = ("PipelineSequence", "NonblockingSequence", "Precondition", "SkipUnlessUpdated", "WaitValueUpdate")
@@ -48,26 +50,26 @@ _SILENT = ("PipelineSequence", "NonblockingSequence", "Precondition", "SkipUnles
 
 
 class WaitRule(Enum):
-    """When a RUNNING node may have returned RUNNING."""
+    """The condition under which a RUNNING node may have returned RUNNING in the current tick."""
 
-    FREE = "always: a leaf, or a control of an unknown kind"
+    FREE = "always, for a leaf or a control of an unknown kind"
     CHILD = "while a child is RUNNING"
-    WAITS = "also while its child is IDLE"
-    LATER = "also after a success of its child, in whose tick it never ends"
-    TURNS = "also after the end of a child that was IDLE at the start of the tick, and is to restart"
-    STEPS = "also after the end of a child that was IDLE at the start of the tick, before the next one"
-    REACTIVE = "while a child is RUNNING and all others are IDLE"
-    PARALLEL = "while a child is RUNNING, all were ticked, and no threshold is reached"
+    WAITS = "while its child is RUNNING or IDLE"
+    LATER = "while its child is RUNNING, or after the child has succeeded; the node never ends in the tick of that success"
+    TURNS = "while its child is RUNNING, or after the child has started and ended in the tick and before it restarts"
+    STEPS = "while a child is RUNNING, or after a child has started and ended in the tick and before the next child starts"
+    REACTIVE = "while one child is RUNNING and all other children are IDLE"
+    PARALLEL = "while a child is RUNNING, all children were ticked, and no threshold is reached"
 
 
 _BETWEEN = (WaitRule.STEPS, WaitRule.TURNS, WaitRule.LATER)
-"""The rules of nodes that return RUNNING between two runs of children."""
+"""The rules of nodes that may return RUNNING after one child has ended and before a child starts again."""
 _TOGETHER = (WaitRule.REACTIVE, WaitRule.PARALLEL)
 """The rules of controls that tick several children in each tick."""
 
 
 class TickKind(Enum):
-    """The kind of the changes of a tick."""
+    """The kind of a `RecordedTick`."""
 
     TICK = "a tick"
     ENDS = "a tick in which the root has ended"
@@ -75,12 +77,12 @@ class TickKind(Enum):
 
 
 class RecordedTick(NamedTuple):
-    """The changes of a tick.
+    """The changes of a tick, or of a halt of the whole tree.
 
     Attributes:
-        first: The index of its first change.
-        behind: The index after its last change.
-        kind: The kind of these changes.
+        first: The index of the first change.
+        behind: The index after the last change.
+        kind: Whether this is a tick or a halt.
     """
 
     first: int
@@ -92,12 +94,12 @@ class TickFinder:
     """Finds the ticks of a recorded run.
 
     Args:
-        nodes: The nodes of the tree.
-        recording: The run.
+        nodes: The nodes of the tree, ordered by number.
+        recording: The recorded run.
 
     Attributes:
-        skipped: The indices of changes to RUNNING whose nodes were skipped; complete for the ticks that were yielded.
-        unsure: The number of decisions by a pause that is near the limit.
+        skipped: The indices of changes to RUNNING after which the node was skipped, for the ticks yielded so far.
+        unsure: The number of possible tick boundaries that only a pause of ambiguous length decided.
     """
 
     def __init__(self, nodes: Sequence[RunNode], recording: Recording) -> None:
@@ -121,7 +123,7 @@ class TickFinder:
         for uid in range(count - 1, 0, -1):
             parent = self._parents[uid]
             self._skips_silently[parent] |= self._skips_silently[uid] and self._starts_silently[parent]
-        # Decorators that wait before their child is first ticked, or may.
+        # Whether a node waits, or may wait, before it first ticks a child.
         semantics = [node.bound.spec.semantics for node in nodes]
         self._waits_first = [
             False,
@@ -131,21 +133,21 @@ class TickFinder:
             ),
         ]
         self._is_known = [False, *(each.possible is not None for each in semantics)]
-        # Whether the first child of a control decides which of the others runs.
+        # Whether the first child of a control decides which other child runs.
         self._branches = [False, *(each.possible is branches for each in semantics)]
         # Whether a node ticks no child after a RUNNING one; a PipelineSequence does.
         self._stops_at_running = [False, *(bool(language_variants(node.tag)) for node in nodes)]
         self._has_while = [False, *("_while" in node.bound.element.attributes for node in nodes)]
         self._delays = [False, *(each.wait_sec is not None for each in semantics)]
-        # The nodes with a time limit.
+        # Whether a node halts its child after a time limit.
         self._limits = [False, *(bool(node.children) and _has_limit(node) for node in nodes)]
-        # Nodes that a timer, or a condition, may halt at the beginning of a tick.
+        # Whether a node or one of its ancestors may halt its descendants at the beginning of a tick.
         may_halt = [False, *map(_halts, nodes)]
         self._repeats = [False, *map(_repeats, nodes)]
         for uid in range(1, count):
             may_halt[uid] |= may_halt[self._parents[uid]]
         self._may_halt = may_halt
-        # For each node, the TryCatch that ticks it when it is halted; 0 for none.
+        # For each node, the TryCatch that ticks the node while the TryCatch is halted; 0 for none.
         self._catches = [0] * (count + 1)
         for uid, node in enumerate(nodes, 1):
             if node.bound.spec.semantics.possible is attempt and _ticks_when_halted(node):
@@ -153,7 +155,7 @@ class TickFinder:
                     self._ends[uid] - node.children[-1]
                 )
         self._thresholds = [(count, count), *map(_thresholds, nodes)]
-        # The tags of leaves that were RUNNING when something else changed.
+        # The tags of leaves that were RUNNING while another node changed.
         self._lasting: set[str] = set()
         self._threads = self._find_threads()
         self._begin()
@@ -167,16 +169,16 @@ class TickFinder:
         self._running = [0] * count
         self._unsettled = [False] * count
         self._left = 0
-        # Of each node: the index of its last change, the tick in which it has last left IDLE, and in which it has ended.
+        # For each node: the index of its last change, the tick in which it last left IDLE, and the tick in which it last ended.
         self._since, self._started, self._ended = [0] * count, [0] * count, [0] * count
-        # The index at which a node was halted; some controls halt themselves before they end.
+        # For each node, the index of the change that last halted it. Some controls halt themselves before they end.
         self._rested = [-1] * count
-        # The tick in which it was last reset.
+        # For each node, the tick in which it was last reset to IDLE.
         self._reset = [0] * count
         self._outcomes = [IDLE] * count
-        # The RUNNING nodes that were skipped.
+        # The nodes that were skipped, although the log shows them as RUNNING.
         self._passed_over: set[int] = set()
-        # The TryCatch nodes that are being halted, and tick their last child for that.
+        # The TryCatch nodes that are being halted and therefore tick their last child.
         self._catching: set[int] = set()
         self._open: set[int] = set()
         # The nodes that have returned RUNNING between two runs of children, and those that have to tick the next child in this tick.
@@ -186,11 +188,11 @@ class TickFinder:
         self._next_tick()
 
     def end_of(self, uid: int) -> int:
-        """Return the number after the last descendant of a node."""
+        """Return the number that follows the last descendant of a node."""
         return self._ends[uid]
 
     def ticks(self) -> Iterator[RecordedTick]:
-        """Yield the ticks, with the halts of the tree between them."""
+        """Yield all ticks of the run, and the halts of the whole tree between them."""
         if self._recording.ticks:
             yield from self._split(_PAUSE_USEC, 0, len(self._recording.times))
             return
@@ -205,7 +207,7 @@ class TickFinder:
         yield from self._split(min(max(pause, _LEAST_USEC), _MOST_USEC), 0, len(self._recording.times))
 
     def next_ticks(self) -> Iterator[RecordedTick]:
-        """Yield the ticks of the changes that were recorded since the last call; the last change so far ends a tick."""
+        """Yield the ticks that were recorded since the last call. The last recorded change is assumed to end a tick."""
         first, self._read = self._read, len(self._recording.times)
         yield from self._split(_PAUSE_USEC, first, self._read)
         self._next_tick()
@@ -275,12 +277,12 @@ class TickFinder:
         return index
 
     def _ends_next(self, index: int) -> bool:
-        """Return whether the root ends by the change after its halt: some controls halt themselves before they end."""
+        """Return whether the root ends with the change after its halt, because some controls halt themselves before they end."""
         uids, statuses = self._recording.uids, self._recording.statuses
         return index + 1 < len(uids) and uids[index + 1] == 1 and statuses[index + 1] in (SUCCESS, FAILURE)
 
     def _is_first(self, index: int, pause: int, *, is_over: bool) -> bool:
-        """Return whether a change is the first of a tick."""
+        """Return whether a change is the first change of a tick."""
         if ticks := self._recording.ticks:
             return ticks[index] != ticks[index - 1]
         if self._catches[self._recording.uids[index]] in self._catching:
@@ -289,7 +291,7 @@ class TickFinder:
         return is_over or self._is_restart(index) or (is_settled and self._is_border(index, pause))
 
     def _is_restart(self, index: int) -> bool:
-        """Return whether a node starts that has already run or was reset in this tick, below no control that repeats its children in a tick."""
+        """Return whether a change starts a node that has already started or was reset in this tick, and that no ancestor repeats within a tick."""
         uid, status = self._recording.uids[index], self._recording.statuses[index]
         ends_by_halt = self._rested[uid] == index - 1 and status != RUNNING
         return (
@@ -300,7 +302,7 @@ class TickFinder:
         )
 
     def _is_repeated(self, uid: int) -> bool:
-        """Return whether a control above a node may tick it again in this tick: its child has ended in the tick, or its kind is unknown."""
+        """Return whether an ancestor may tick a node again in this tick: its kind is unknown, or its child has ended in this tick."""
         while uid:
             parent = self._parents[uid]
             if self._repeats[parent] and (self._ended[uid] == self._tick or not self._is_known[parent]):
@@ -337,8 +339,8 @@ class TickFinder:
         return True
 
     def _visit(self, uid: int, status: int) -> None:
-        """Record that the tick has passed all nodes before `_passed`, except the ancestors of the last one, `_done`."""
-        is_late = self._is_around(uid) or (
+        """Store how far the tick has come: it has passed all nodes before `_passed`, except the ancestors of the node `_done`."""
+        is_late = self._is_ancestor_of_done(uid) or (
             self._starts_silently[uid] and any(map(self._statuses.__getitem__, self._children[uid]))
         )
         if is_late or status != RUNNING or not self._children[uid]:
@@ -346,12 +348,12 @@ class TickFinder:
         else:
             self._passed, self._done = uid, 0
 
-    def _is_around(self, uid: int) -> bool:
-        """Return whether a node is an ancestor of the last one that the tick has passed."""
+    def _is_ancestor_of_done(self, uid: int) -> bool:
+        """Return whether a node is an ancestor of the node that the tick has passed last."""
         return uid < self._done and self._ends[uid] >= self._passed
 
     def _is_later_tick(self, reset: int, then: int, status: int) -> bool:
-        """Return whether a node that has returned RUNNING in this tick is skipped in another one, in which *then* has a status after *reset*."""
+        """Return whether the node *reset* has returned RUNNING in this tick and is reset in a later tick, in which *then* has the next status."""
         parent = self._parents[reset]
         if self._ends[reset] <= then < self._ends[parent] and self._rules[parent] is not WaitRule.PARALLEL:
             return self._is_waiting_for_tick(reset)
@@ -362,21 +364,21 @@ class TickFinder:
         return is_waiting and not self._is_decided(then, found)
 
     def _is_waiting_for_tick(self, uid: int) -> bool:
-        """Return whether a node has returned RUNNING in this tick without a RUNNING child, and continues in the next one."""
+        """Return whether a node has returned RUNNING in this tick without a RUNNING child, and continues in the next tick."""
         return self._rules[uid] in _BETWEEN and self._is_between(uid)
 
     def _is_passed(self, uid: int) -> bool:
-        """Return whether the tick has passed a node with all its descendants."""
-        return self._ends[uid] <= self._passed and not self._is_around(uid)
+        """Return whether the tick has passed a node and all of its descendants."""
+        return self._ends[uid] <= self._passed and not self._is_ancestor_of_done(uid)
 
     def _is_border(self, index: int, pause: int) -> bool:
-        """Return whether a change is the first of a tick, if the tree is settled."""
+        """Return whether a change is the first change of a tick, given that the tree is settled."""
         uid, status = self._recording.uids[index], self._recording.statuses[index]
         gap = self._recording.times[index] - self._recording.times[index - 1]
         known = self._is_known_border(index, uid, status)
         if known is not None:
             return known
-        if status != IDLE and uid < self._passed and not self._is_around(uid):
+        if status != IDLE and uid < self._passed and not self._is_ancestor_of_done(uid):
             return self._is_visited_again(index, gap, pause)
         if status == IDLE and not (self._may_halt[uid] or self._skips_any):
             return False
@@ -384,7 +386,7 @@ class TickFinder:
         return gap >= pause
 
     def _is_known_border(self, index: int, uid: int, status: int) -> bool | None:
-        """Return whether a change is the first of a tick by the state of its node and its parent; None if unknown."""
+        """Return whether a change is the first change of a tick, if the states of its node and the node's parent decide this; otherwise None."""
         ends = status in (SUCCESS, FAILURE)
         if ends and self._rested[uid] == index - 1:
             return False
@@ -400,7 +402,7 @@ class TickFinder:
         return True if self._is_late_halt(index) else False if self._is_of_same_halt(index) else None
 
     def _is_visited_again(self, index: int, gap: int, pause: int) -> bool:
-        """Return whether a change of a node that the tick has passed is the first of another tick."""
+        """Return whether a change of a node that the tick has already passed is the first change of a new tick."""
         uids, uid = self._recording.uids, self._recording.uids[index]
         is_adjacent = uids[index - 1] == uid and self._recording.statuses[index - 1] == RUNNING
         if is_adjacent and self._nodes[uid - 1].tag not in self._lasting:
@@ -410,7 +412,7 @@ class TickFinder:
         return True
 
     def _has_returned(self, uid: int) -> bool:
-        """Return whether the parent of a node, or the node itself, has returned RUNNING in this tick without a RUNNING child."""
+        """Return whether a node or its parent has returned RUNNING in this tick without a RUNNING child."""
         parent = self._parents[uid]
         if self._delays[parent] and self._started[parent] == self._tick > self._ended[uid]:
             return self._statuses[parent] == RUNNING
@@ -421,7 +423,7 @@ class TickFinder:
         return self._is_waiting_for_tick(parent)
 
     def _is_between(self, uid: int) -> bool:
-        """Return whether a child of a node that runs has ended in this tick, and none runs."""
+        """Return whether a RUNNING node has a child that has ended in this tick, and no RUNNING child."""
         return (
             self._statuses[uid] == RUNNING
             and not self._running[uid]
@@ -432,7 +434,7 @@ class TickFinder:
         )
 
     def _continues(self, uid: int) -> bool:
-        """Return whether a control that ends does so in the tick in which its last child has ended: otherwise a child would change first."""
+        """Return whether a node that ends does so in the same tick as its child, because in a later tick a child would change first."""
         if not self._is_between(uid):
             return False
         if self._rules[uid] is WaitRule.TURNS:
@@ -442,7 +444,7 @@ class TickFinder:
         )
 
     def _is_late_halt(self, index: int) -> bool:
-        """Return whether a change begins the halt of a child by a node that has returned RUNNING in this tick."""
+        """Return whether a change begins a halt that belongs to a new tick, because the halting node has returned RUNNING in this tick."""
         uids, statuses, done = self._recording.uids, self._recording.statuses, self._done
         first = uids[index]
         while index < len(uids) and (statuses[index] == IDLE or self._is_caught(index)):
@@ -479,7 +481,7 @@ class TickFinder:
         return self._rules[self._parents[uid]] is not WaitRule.PARALLEL
 
     def _move_halts_of_timers(self) -> None:
-        """Move the halts of children by time limits, which happen at any moment, to the ticks in which the limits fail."""
+        """Move the halts by time limits, which can happen at any moment, to the ticks in which the limiting nodes fail."""
         uids, statuses = self._recording.uids, self._recording.statuses
         held: dict[int, list[int]] = {}
         moved: dict[int, list[int]] = {}
@@ -498,13 +500,13 @@ class TickFinder:
                 and was[uid] == was[limit] == RUNNING
                 and uids[index + 1 : index + 2] != array("H", [limit])
             ):
-                held[limit] = self._halted_with(index)
+                held[limit] = self._changes_of_halt(index)
             was[uid] = statuses[index]
         if left_out:
             self._reorder(moved, left_out)
 
-    def _halted_with(self, index: int) -> list[int]:
-        """Return the changes of a halt, of which the last one is known: nodes are halted in post-order."""
+    def _changes_of_halt(self, index: int) -> list[int]:
+        """Return the indices of the changes of a halt, given the index of the last one. Nodes are halted in post-order."""
         uids, statuses, ends = self._recording.uids, self._recording.statuses, self._ends
         limit, found, caught = self._parents[uids[index]], [index], 0
         halted = {uids[index]}
@@ -519,18 +521,18 @@ class TickFinder:
             halted.add(uid)
             found.append(index)
         if caught and caught == len(found):
-            # Before the catching child, a halt resets the child that runs: this one was ticked before.
+            # A halt resets the running child before it ticks the last one. Without this reset, the last child was ticked before the halt.
             while len(found) > 1 and self._catches[uids[found[-1]]]:
                 found.pop()
         return found[::-1]
 
     def _is_caught(self, index: int) -> bool:
-        """Return whether a change is of a node that a TryCatch ticks when it is halted."""
+        """Return whether a change belongs to a node that a TryCatch ticks while the TryCatch is halted."""
         uid = self._recording.uids[index]
         return uid <= len(self._nodes) and bool(self._catches[uid])
 
     def _find_threads(self) -> list[bool]:
-        """Return for each node whether it can be a leaf with its own thread, which always starts as RUNNING."""
+        """Return for each node whether it may be a leaf with its own thread. The first status of such a leaf is always RUNNING."""
         recording, count = self._recording, len(self._nodes)
         uids, times = recording.uids, recording.times
         lasting, excluded, was = set[str](), set[str](), [IDLE] * (count + 1)
@@ -555,17 +557,17 @@ class TickFinder:
         return later <= uid < self._ends[later] if uid >= later else self._ends[uid] <= later
 
     def _is_of_same_halt(self, index: int) -> bool:
-        """Return whether a change continues the halt of several nodes, which may wait for the thread of a leaf."""
+        """Return whether a change continues a halt of several nodes. A halt may pause to wait for the thread of a leaf."""
         uids = self._recording.uids
         is_halt = self._recording.statuses[index - 1] == IDLE and uids[index - 1] <= len(self._nodes)
         return is_halt and self._is_in_post_order(uids[index - 1], uids[index])
 
     def _move_ends_of_threads(self) -> None:
-        """Move the ends of leaves to the ticks in which their parents process them."""
+        """Move the ends of leaves with their own threads to the ticks in which the parents process them."""
         recording, count = self._recording, len(self._nodes)
         uids, statuses = recording.uids, recording.statuses
         held: dict[int, int] = {}
-        # By the index of a change, the ends that are moved to before it; and the changes that are left out in their own places.
+        # The indices of the ends to insert before a change, by the index of that change; and the indices of changes to omit at their own positions.
         moved: dict[int, list[int]] = {}
         left_out: set[int] = set()
         was = [IDLE] * (count + 1)
@@ -608,7 +610,7 @@ class TickFinder:
             self._reorder(moved, left_out)
 
     def _reorder(self, moved: Mapping[int, Sequence[int]], left_out: set[int]) -> None:
-        """Insert the *moved* changes before others, by their indices, and omit those in *left_out*."""
+        """Insert the changes in *moved* before the changes with the given indices, and omit the changes in *left_out* at their own positions."""
         recording = self._recording
         ordered = Recording(recording.form, recording.began)
         for index, uid in enumerate(recording.uids):
@@ -619,11 +621,11 @@ class TickFinder:
         recording.times, recording.uids, recording.statuses = ordered.times, ordered.uids, ordered.statuses
 
     def _is_close(self, index: int, later: int) -> bool:
-        """Return whether two changes are so close that a thread has written the first one during the tick of the other."""
+        """Return whether two changes are so close in time that a thread may have logged the first one during the tick of the second one."""
         return self._recording.times[later] - self._recording.times[index] < _LEAST_USEC
 
     def _is_passed_over(self, index: int) -> bool:
-        """Return whether a Parallel had ticked a leaf, and then a later child, before the leaf ended, and continues with that child."""
+        """Return whether a Parallel had already ticked a later child when a leaf ended, and continues with that child."""
         uids, leaf = self._recording.uids, self._recording.uids[index]
         parent = self._parents[leaf]
         is_later = index > 0 and leaf < uids[index - 1] < self._ends[parent]
@@ -639,14 +641,14 @@ class TickFinder:
         return not is_in_next or self._recording.statuses[index + 1] == IDLE
 
     def _must_continue(self, index: int, parent: int, statuses: Sequence[int]) -> bool:
-        """Return whether a parent continues, or ends, in the tick in which it processes the end of a child."""
+        """Return whether a parent must tick another child or end in the tick in which it processes the end of a child."""
         if self._rules[parent] is WaitRule.FREE:
             return False
         if self._rules[parent] is WaitRule.PARALLEL:
             found = [statuses[each] for each in self._children[parent]]
             has_decided = RUNNING not in found or self._is_decided(parent, found)
             return has_decided or self._is_passed_over(index)
-        # Only a control that ticks its children in order can run several at once, and then need not continue.
+        # Only a control that ticks its children in order can have several RUNNING children, and then need not continue.
         is_in_order = self._nodes[parent - 1].bound.spec.semantics.order is Order.IN_ORDER
         return not (is_in_order and any(statuses[each] == RUNNING for each in self._children[parent]))
 
@@ -673,7 +675,7 @@ class TickFinder:
         )
 
     def _was_noticed(self, index: int, parent: int, end: int, was: Sequence[int]) -> bool:
-        """Return whether a parent had processed the end of a leaf, another change, before a change, instead of halting the leaf."""
+        """Return whether a parent had processed the end of a leaf, another change, before a change, and did not halt the leaf instead."""
         uids, statuses = self._recording.uids, self._recording.statuses
         if statuses[index] != IDLE:
             return True
@@ -700,14 +702,14 @@ class TickFinder:
         if uids[at : at + 2] == array("H", [parent, parent]) and statuses[at] == IDLE:
             at += 1  # some controls halt themselves before they end
         if at < len(uids) and uids[at] == parent:
-            # If a control that ticks its children in order ends with another status, another child has decided.
+            # If a control that ticks its children in order ends with a different status, another child has determined the result.
             is_in_order = bound.spec.semantics.order is Order.IN_ORDER
             return statuses[at] == statuses[end] if is_in_order else statuses[at] != IDLE
         is_condition = self._branches[parent] and uids[end] == first  # is never halted alone
         return bound.spec.kind is not Kind.CONTROL or bound.spec.semantics.resumes or is_condition
 
     def _change(self, index: int, uid: int, status: int) -> int:
-        """Process a change of a node; return its status before."""
+        """Process a status change of a node; return the node's previous status."""
         parent = self._parents[uid]
         self._due.discard(uid)
         self._due.discard(parent)
@@ -732,21 +734,21 @@ class TickFinder:
             self._reset[uid] = self._tick
         if status in (SUCCESS, FAILURE):
             self._ended[uid], self._outcomes[uid] = self._tick, status
-        self._decide_tick(uid)
-        self._decide_tick(parent)
+        self._update_settled(uid)
+        self._update_settled(parent)
         return was
 
     def _is_catching(self, index: int, uid: int) -> bool:
-        """Return whether a TryCatch is being halted: it has reset a running child before it ticks the last one."""
+        """Return whether a TryCatch is being halted: the change before this one has reset its running child."""
         before = self._recording.uids[index - 1]
         return uid > 0 and self._parents[before] == uid and self._rested[before] == index - 1
 
     def _find_skipped(self, index: int, uid: int, status: int) -> None:
-        """Find the controls that were skipped: they seem to run without a RUNNING child, but the tick has left them for a node."""
+        """Find the controls that were skipped: they are RUNNING without a RUNNING child, although the change is of a node outside of them."""
         if status == IDLE and self._may_halt[uid]:
             return
         if not self._children[uid] and self._statuses[uid] == RUNNING:
-            return  # a leaf with its own thread ends at any moment
+            return  # a leaf with its own thread may end at any moment
         is_found = True
         while is_found:
             left = [
@@ -799,7 +801,7 @@ class TickFinder:
         return is_before and not self._running[uid] and self._is_quick(ended[-1], uid)
 
     def _resume_skipped(self, uid: int) -> None:
-        """Show that the ancestors of a node that is ticked run again, which a log does not show after they were skipped."""
+        """Set the skipped ancestors of a ticked node to RUNNING again, because the log does not show this change."""
         while uid:
             if uid in self._passed_over:
                 self._passed_over.discard(uid)
@@ -810,20 +812,20 @@ class TickFinder:
         parent = self._parents[uid]
         self._running[parent] += (status == RUNNING) - (self._statuses[uid] == RUNNING)
         self._statuses[uid] = status
-        self._decide_tick(uid)
-        self._decide_tick(parent)
+        self._update_settled(uid)
+        self._update_settled(parent)
 
-    def _set(self, uid: int, *, is_unsettled: bool) -> None:
+    def _count_unsettled(self, uid: int, *, is_unsettled: bool) -> None:
         self._left += is_unsettled - self._unsettled[uid]
         self._unsettled[uid] = is_unsettled
         (self._open.add if is_unsettled else self._open.discard)(uid)
 
-    def _decide_tick(self, uid: int) -> None:
+    def _update_settled(self, uid: int) -> None:
         if uid and self._children[uid]:
-            self._set(uid, is_unsettled=not self._is_settled(uid))
+            self._count_unsettled(uid, is_unsettled=not self._is_settled(uid))
 
     def _is_settled(self, uid: int) -> bool:
-        """Return whether a control or a decorator may have returned its status."""
+        """Return whether a control or decorator may have returned its current status in this tick."""
         running, rule = self._running[uid], self._rules[uid]
         if self._statuses[uid] != RUNNING:
             return not running
@@ -889,36 +891,36 @@ class TickFinder:
         return is_reached or successes <= len(found) < successes + failed
 
     def _is_quick(self, uid: int, parent: int) -> bool:
-        """Return whether a node has started and ended in the current tick, so that its parent continues in the next one."""
+        """Return whether a node has started and ended in this tick with a status after which its parent may continue in the next tick."""
         is_of_tick = self._started[uid] == self._ended[uid] == self._tick
         return is_of_tick and self._outcomes[uid] in self._pauses_after[parent]
 
 
 def _wait_rule(node: RunNode) -> WaitRule:
-    """Return when a node may have returned RUNNING, according to its semantics."""
-    means, count = node.bound.spec.semantics, len(node.children)
+    """Return the condition under which a node may have returned RUNNING, according to its semantics."""
+    semantics, count = node.bound.spec.semantics, len(node.children)
     is_decorator = node.bound.spec.kind is not Kind.CONTROL
-    if not count or means.possible is None:
+    if not count or semantics.possible is None:
         return WaitRule.WAITS if count == 1 and is_decorator else WaitRule.FREE
-    if means.order is Order.TOGETHER:
+    if semantics.order is Order.TOGETHER:
         return WaitRule.PARALLEL
     if node.bound.is_reactive:
         return WaitRule.REACTIVE
     pauses = _pauses_after(node)
     if not pauses or not is_decorator:
         return WaitRule.STEPS if pauses else WaitRule.CHILD
-    if means.rounds is not None:
+    if semantics.rounds is not None:
         return WaitRule.TURNS
     return WaitRule.LATER if pauses == (SUCCESS,) else WaitRule.WAITS
 
 
 def _pauses_after(node: RunNode) -> tuple[int, ...]:
-    """Return the results of children after which a control or decorator may return RUNNING."""
+    """Return the statuses of children, SUCCESS or FAILURE, after which a control or decorator may return RUNNING."""
     return tuple(status for status, bit in ((SUCCESS, S), (FAILURE, F)) if _result(node, bit) & R)
 
 
 def _result(node: RunNode, bit: int) -> int:
-    """Return the possible results of a node whose children all have the same result."""
+    """Return the possible statuses of a node whose children all have the same status, as bits."""
     possible = node.bound.spec.semantics.possible
     return possible(node.bound, [bit] * len(node.children), ALLOWED) if possible and node.children else 0
 
@@ -951,9 +953,9 @@ def _halts(node: RunNode) -> bool:
 
 def _repeats(node: RunNode) -> bool:
     """Return whether a node may tick a child again in the tick in which the child has ended."""
-    means = node.bound.spec.semantics
-    is_unknown = means.possible is None and bool(node.children)
-    return is_unknown or means.resumes or means.rounds is not None
+    semantics = node.bound.spec.semantics
+    is_unknown = semantics.possible is None and bool(node.children)
+    return is_unknown or semantics.resumes or semantics.rounds is not None
 
 
 def _ticks_when_halted(node: RunNode) -> bool:
@@ -962,7 +964,7 @@ def _ticks_when_halted(node: RunNode) -> bool:
 
 
 def _thresholds(node: RunNode) -> tuple[int, int]:
-    """Return the numbers of successes and failures that end a Parallel; more than its children if unknown."""
+    """Return the numbers of successes and failures that end a Parallel. An unknown number exceeds the number of children."""
     ports, count = node.bound.spec.semantics.counts, len(node.children)
     if len(ports) != 2:  # noqa: PLR2004 - successes and failures
         return count + 1, count + 1

@@ -81,7 +81,7 @@ def test_the_class_of_a_leaf_is_assumed_only_if_the_run_does_not_conform_otherwi
 def test_a_subtree_that_reads_a_key_of_the_calling_tree_is_remapped(tmp_path, capsys):
     words = ["import", "tests/importing/logs/9161.btlog", "-o", tmp_path / "j"]
     _, said = answer(journal_command, words, capsys)
-    assert "It is assumed for Tree2, whose scripts read a key before they write it" in said
+    assert "because their scripts read a key before they write it: Tree2" in said
     text = Path(f"{tmp_path}/j.xml").read_text(encoding="utf-8")
     assert text.count("_autoremap") == 1
     assert '<SubTree ID="Tree2" _autoremap="true"/>' in text
@@ -145,8 +145,8 @@ def test_a_tree_that_did_not_run_is_refused_with_the_nodes_that_differ(tmp_path,
     words = ["import", FAILED, "-o", tmp_path / "delivery_failed.journal", "--tree", other]
     status, said = answer(journal_command, words, capsys)
     assert status == 2
-    assert f"{other} is not the tree of the run, 1 nodes differ:" in said
-    assert "node 10 of the run is 'grasp the box' (Grasp); in the tree it is 'take the box' (Grasp)" in said
+    assert f"{other} is not the tree of the run. 1 node differs:" in said
+    assert "node 10 is 'grasp the box' (Grasp) in the run, but 'take the box' (Grasp)" in said
 
 
 def test_a_truncated_log_is_read_as_far_as_it_goes(tmp_path, capsys):
@@ -154,7 +154,7 @@ def test_a_truncated_log_is_read_as_far_as_it_goes(tmp_path, capsys):
     log.write_bytes(FAILED.read_bytes()[:-4])
     status, said = answer(journal_command, ["import", log, "-o", tmp_path / "cut.journal"], capsys)
     assert status == 0
-    assert f"it ends at byte {len(log.read_bytes())}, within a change of status" in said
+    assert f"it ends at byte {len(log.read_bytes())}, within a status change" in said
     assert "175 changes of status" in said
 
 
@@ -246,8 +246,8 @@ def test_a_log_of_the_sqlite_logger_tells_the_same(tmp_path, capsys):
     ("change", "reason"),
     [
         ("DROP TABLE Transitions", "it is not a log of SqliteLogger: no such table: Transitions"),
-        ("DELETE FROM Definitions", "its table Definitions contains no tree"),
-        ("UPDATE Definitions SET xml_tree = x'00'", "its table Definitions contains no tree"),
+        ("DELETE FROM Definitions", "the table Definitions contains no tree"),
+        ("UPDATE Definitions SET xml_tree = x'00'", "the table Definitions contains no tree"),
         ("DELETE FROM Transitions", "contains no status change"),
         (
             "UPDATE Transitions SET state = 'x' WHERE rowid % 50 = 0",
@@ -395,7 +395,7 @@ def test_a_bag_of_nav2_is_imported_with_the_tree_that_fits(form, tmp_path, capsy
         ]
     status, said = answer(journal_command, ["import", bag, "-o", tmp_path / "none", "--tree", other], capsys)
     assert status == 2
-    assert "node 10 of the run is 'grasp the box'; in the tree it is 'take the box'" in said
+    assert "node 10 is 'grasp the box' in the run, but 'take the box' in the tree" in said
     status, said = answer(journal_command, ["import", bag, "-o", tmp_path / "none"], capsys)
     assert (status, "has no tree. Add --tree TREE" in said) == (2, True), said
 
@@ -430,11 +430,11 @@ def test_an_existing_journal_and_an_existing_tree_are_not_overwritten(tmp_path, 
         (b"", "it is neither a log of FileLogger2"),
         (MAGIC, "is not the version 1"),
         (MAGIC + b"\x02", "is not the version 1"),
-        (MAGIC + b"\x01\x05", "it ends at byte 20, before its tree"),
-        (MAGIC + b"\x01\xff\xff\xff\x7f", "its tree of 2147483647 bytes starts at byte 23"),
-        (MAGIC + b"\x01\x01\x00\x00\x00\xff" + bytes(8), "byte 23 of its tree is not UTF-8"),
-        (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + b"\xff" * 8, "its start time at byte 27 is not a date"),
-        (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + bytes(17), "its tree has no numbers"),
+        (MAGIC + b"\x01\x05", "it ends at byte 20, before the tree"),
+        (MAGIC + b"\x01\xff\xff\xff\x7f", "within the tree, which has 2147483647 bytes from byte 23 on"),
+        (MAGIC + b"\x01\x01\x00\x00\x00\xff" + bytes(8), "byte 23 of the tree is not UTF-8"),
+        (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + b"\xff" * 8, "the start time at byte 27 is not a date"),
+        (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + bytes(17), "the tree has no node numbers"),
     ],
 )
 def test_a_damaged_log_is_refused_with_the_place(data, reason, tmp_path, capsys):

@@ -71,7 +71,7 @@ def test_the_ancestors_of_a_node_run_if_the_log_begins_in_the_middle(tree):
 def test_another_tree_is_refused_as_soon_as_a_name_differs(tree):
     text = tree.read_text(encoding="utf-8").replace("grasp the box", "take the box")
     tree.write_text(text, encoding="utf-8")
-    with pytest.raises(UnusableRecordingError, match="node 10 of the run is 'grasp the box'"):
+    with pytest.raises(UnusableRecordingError, match="node 10 is 'grasp the box' in the run"):
         followed(bag_messages(FAILED), tree)
 
 
