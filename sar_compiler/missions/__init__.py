@@ -1,6 +1,7 @@
-"""The parts of a mission: the mission, its parameters, its journal, its display, and its servers.
+"""Everything that a mission needs: its base classes, and functions for parameters, events, displays and servers.
 
-This package has the interface (`mission`), the choice of a tree's mission (`choosing`), and the parameters at the start of a run (`beginning`).
+This package contains the interface of missions (`mission`), the choice of a tree's mission (`mission_choice`), and the start of a run
+(`mission_start`).
 """
 
 from typing import TYPE_CHECKING
@@ -53,9 +54,9 @@ if TYPE_CHECKING:
     from sar_compiler.tree.display_text import shorten_to_line as shorten_to_line
 
 ENTRY_POINTS = "sar_compiler.missions"
-"""The group of entry points that name missions."""
+"""The entry point group of installed missions."""
 DEFAULT = "sar_compiler.default_mission"
-"""The group whose entry point names the default mission."""
+"""The entry point group of the default mission."""
 PUBLIC_MODULES = (
     "faults",
     "mission",
@@ -65,6 +66,6 @@ PUBLIC_MODULES = (
     "parameter_reader",
     "tree_check",
 )
-"""The modules that other parts may import."""
+"""The modules that other packages may import."""
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy(__name__)

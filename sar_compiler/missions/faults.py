@@ -1,7 +1,4 @@
-"""Fault injection: the faults given by `--fault`, and a service server that can produce them.
-
-The parsing and the bookkeeping are plain Python; only :func:`create_service` touches ROS.
-"""
+"""Fault injection: the faults of `--fault`, and a service server that injects them. Only `create_service` uses ROS."""
 
 import math
 import re
@@ -21,17 +18,17 @@ NAVIGATION_FAULTS = {
     NAVIGATION: ("abort", "code", "late", "starved", "succeed", "delay", "reject", "die"),
     LOCALISATION: ("die",),
 }
-"""The faults of the Nav2 substitute, the same for every mission."""
+"""The possible faults of the simulated Nav2 by target, which every mission has."""
 
 
 class _FaultForm(NamedTuple):
-    """The syntax of a kind of fault.
+    """The syntax of one kind of fault.
 
     Attributes:
-        text: The syntax, in words.
-        parts: The parts after the kind: none, `=` and a value, `@` and a location, or both.
-        amount: The attribute that the value sets; empty if there is none.
-        option: The option after the comma, seconds; empty if there is none.
+        text: The syntax, as in messages.
+        parts: The possible parts after the kind: `=` for a value, `@` for a location, `=@` for both, or an empty string for neither.
+        amount: The attribute of `Fault` that the value sets; empty if the fault has no value.
+        option: The name of the option after the comma, whose value is in seconds; empty if the fault has no option.
     """
 
     text: str
@@ -59,8 +56,8 @@ class FaultError(SarError):
     """A fault is invalid.
 
     Attributes:
-        spec: The fault as written.
-        problem: The error in it.
+        spec: The fault as written by the user.
+        problem: The description of the error.
     """
 
     def __init__(self, spec: str, problem: str) -> None:
@@ -70,19 +67,19 @@ class FaultError(SarError):
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault of a simulated server.
+    """A fault to inject into a simulated server.
 
     Attributes:
         target: The service or action, such as `navigate_to_pose`, or the node `amcl`.
         kind: `drop`, `delay`, `refuse`, `abort`, `code`, `late`, `starved`, `succeed`, `reject` or `die`.
-        count: The number of calls or goals that it affects (`drop`, `refuse`, `reject`).
-        seconds: Seconds of the server's clock: the delay of each response (`delay`), the drive before the end (`code`), or the delay until a
-                server of Nav2 acknowledges another server's goal (`late`).
-        place: The location that it affects (`abort`, `code`, `late`, `starved`, `succeed`, `die`); "" for all.
-        code: The error code that a goal ends with (`code`).
-        drives: How long the robot continues to drive after the end of a goal, seconds of the server's clock (`late`).
-        back: The time until a crashed server returns, in simulated seconds; None for never (`die`).
-        text: The fault as written.
+        count: The number of affected calls or goals (`drop`, `refuse`, `reject`).
+        seconds: A time in seconds of the server's clock: the delay of each response (`delay`), the drive before the goal ends (`code`), or
+                the delay until one Nav2 server acknowledges the goal of another (`late`).
+        place: The affected location (`abort`, `code`, `late`, `starved`, `succeed`, `die`); "" for all locations.
+        code: The error code with which a goal ends (`code`).
+        drives: How long the robot continues to drive after a goal has ended, in seconds of the server's clock (`late`).
+        back: The time until a crashed server is available again, in simulated seconds; None if it stays unavailable (`die`).
+        text: The fault as written by the user.
     """
 
     target: str
@@ -103,17 +100,17 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
     """Parse one fault, for instance `take_photo:drop=2` or `navigate_to_pose:die@yard,back=5`.
 
     Args:
-        text: The fault as written.
-        targets: The possible faults by service or action.
+        text: The fault as written by the user.
+        targets: The possible kinds of faults by service, action or node.
 
     Raises:
-        FaultError: If it is invalid; the message lists the valid forms.
+        FaultError: If the fault is invalid; the message contains the valid syntax.
     """
     target, colon, rest = text.strip().partition(":")
     _require_among(text, "target", target, targets)
     if not colon or not rest:
         allowed = ", ".join(f"{target}:{_FORMS[kind].text}" for kind in targets[target])
-        raise FaultError(text, f"has no kind of fault: write one of {allowed}")
+        raise FaultError(text, f"the kind of fault is missing. Write one of {allowed}")
     match = _SHAPE.fullmatch(rest)
     kind, value, place, option, seconds = match.groups() if match else ("", None, None, None, "")
     _require_among(text, f"fault of {target}", kind, targets[target])
@@ -122,7 +119,7 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
     if parts not in form.parts or "" in {value, place}:
         raise FaultError(text, f"expected {target}:{form.text}")
     if option is not None and option != form.option:
-        raise FaultError(text, f"unknown option '{option}={seconds}': expected {target}:{form.text}")
+        raise FaultError(text, f"unknown option '{option}={seconds}'. Expected {target}:{form.text}")
     fault = Fault(target, kind, text=text)
     if value is not None:
         fault = replace(fault, **{form.amount: _AMOUNTS[form.amount](text, value)})
@@ -136,12 +133,12 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
 
 @dataclass(frozen=True)
 class CallFaults:
-    """The faults applied to one service call.
+    """The faults that affect one service call.
 
     Attributes:
         drop: Whether the call gets no response.
-        delay_sec: The delay of its response in seconds of the server's clock.
-        refuse: Whether the server refuses it.
+        delay_sec: The delay of the response, in seconds of the server's clock.
+        refuse: Whether the server refuses the call.
     """
 
     drop: bool = False
@@ -150,7 +147,7 @@ class CallFaults:
 
 
 class ServiceFaults:
-    """The faults of one service, consumed call by call: first the drops, then the refusals."""
+    """The remaining faults of one service. Each call consumes one drop, or one refusal if no drops are left; delays affect all calls."""
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._drops = sum(fault.count for fault in faults if fault.kind == "drop")
@@ -168,7 +165,10 @@ class ServiceFaults:
 
 
 class NavigationFaults:
-    """The faults of navigation. Aborts and codes affect every goal at their location, other faults one goal each."""
+    """The remaining faults of the simulated Nav2.
+
+    `abort` and `code` affect every goal at their location. Without a location, so do `late`, `starved` and `succeed`. Other faults affect one goal.
+    """
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._rejections = sum(fault.count for fault in faults if fault.kind == "reject")
@@ -206,7 +206,7 @@ class NavigationFaults:
         return None
 
 
-# Once for each goal at a location; without a location, a slow computer slows every goal.
+# The faults that affect only one goal at their location. Without a location, all of them except `die` affect every goal.
 _AT_ONE_GOAL = ("die", "late", "starved", "succeed")
 
 
@@ -220,14 +220,14 @@ class FaultPlan:
     """All faults of one run.
 
     Args:
-        faults: The requested faults, in any order.
-        places: Positions (metres, frame `map`) that identify goals; the world's markers if None.
-            seed: The run's seed, for servers with random behaviour.
+        faults: The faults to inject, in any order.
+        places: The positions of the locations that faults can name, in metres, frame `map`; None for the locations of the simulated world.
+        seed: The run's seed, for servers with random behaviour.
 
     Attributes:
-        faults: The requested faults.
-        places: The positions, or None.
-        seed: The seed.
+        faults: The faults to inject.
+        places: The positions of the locations, or None.
+        seed: The run's seed.
     """
 
     def __init__(
@@ -241,11 +241,11 @@ class FaultPlan:
         self.seed = seed
 
     def for_service(self, name: str) -> ServiceFaults:
-        """Return the unused faults of the service *name*."""
+        """Return the faults of the service *name*, none of which is consumed yet."""
         return ServiceFaults([fault for fault in self.faults if fault.target == name])
 
     def for_navigation(self) -> NavigationFaults:
-        """Return the unused faults of the Nav2 substitute."""
+        """Return the faults of the simulated Nav2, none of which is consumed yet."""
         return NavigationFaults([fault for fault in self.faults if fault.target in NAVIGATION_FAULTS])
 
 
@@ -261,24 +261,24 @@ def create_service(
     refuse: ServiceCallback | None = None,
     faults: ServiceFaults | None = None,
 ) -> "Service":
-    """Create a service server on *node* with fault injection.
+    """Create a service server with fault injection.
 
     Args:
-        node: Its node; the delays run on this node's clock.
+        node: The server's node, whose clock measures delays.
         service_type: The service's type.
-        name: Its name.
-        answer: Fills in the response of an ordinary call and returns it; `answer(request, response)`.
-        refuse: The same for a refused call; *answer* by default.
+        name: The service's name.
+        answer: Called as `answer(request, response)`; fills in the response and returns it.
+        refuse: Called instead of *answer* for a refused call; *answer* by default.
         faults: The faults of the service; none by default.
 
-    A dropped call is not passed to *answer*. A delayed call is passed to it after the delay; other calls and the rest of the node are
-    served meanwhile.
+    A dropped call is not passed to *answer*. A delayed call is passed to *answer* after the delay. During the delay, the node executes other
+    calls and callbacks.
     """
     if faults is None:
         return node.create_service(service_type, name, answer)
 
-    def answer_by(fate: CallFaults, request: Any, response: Any) -> Any:
-        if fate.refuse:
+    def fill_response(call_faults: CallFaults, request: Any, response: Any) -> Any:
+        if call_faults.refuse:
             node.get_logger().warning(f"Fault: {name} refuses a call.")
             return (refuse or answer)(request, response)
         return answer(request, response)
@@ -289,18 +289,18 @@ def create_service(
     service = node.create_service(service_type, name, decide)
     send = service.send_response
 
-    def send_by(decided: tuple[CallFaults, Any, Any], header: Any) -> None:
-        fate = decided[0]
-        if fate.drop:
+    def send_response(decided: tuple[CallFaults, Any, Any], header: Any) -> None:
+        call_faults = decided[0]
+        if call_faults.drop:
             node.get_logger().warning(f"Fault: {name} does not respond to a call.")
-        elif fate.delay_sec > 0.0:
-            node.get_logger().warning(f"Fault: {name} responds {fate.delay_sec:g} s late.")
-            _call_later(node, fate.delay_sec, lambda: send(answer_by(*decided), header))
+        elif call_faults.delay_sec > 0.0:
+            node.get_logger().warning(f"Fault: {name} responds {call_faults.delay_sec:g} s late.")
+            _call_later(node, call_faults.delay_sec, lambda: send(fill_response(*decided), header))
         else:
-            send(answer_by(*decided), header)
+            send(fill_response(*decided), header)
 
     # The executor sends every value that a callback returns, so a response can only be delayed or dropped here.
-    service.send_response = send_by
+    service.send_response = send_response
     return service
 
 
@@ -318,7 +318,7 @@ def _require_among(text: str, what: str, word: str, words: Collection[str]) -> N
     if word in words:
         return
     listed = ", ".join(words) or "none"
-    raise FaultError(text, f"'{word}' is no {what} (known: {listed}){did_you_mean(nearest(word, words))}")
+    raise FaultError(text, f"unknown {what} '{word}' (known: {listed}){did_you_mean(nearest(word, words))}")
 
 
 def _count(text: str, value: str) -> int:
@@ -344,7 +344,7 @@ def _check_place(text: str, value: str) -> str:
     return value
 
 
-# Attributes of options with another name.
+# The attributes of `Fault` whose names differ from their options.
 _OPTIONS = {"after": "seconds"}
 _AMOUNTS: Mapping[str, Callable[[str, str], Any]] = {
     "count": _count,

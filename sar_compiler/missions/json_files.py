@@ -14,10 +14,10 @@ _TEXT_OR_BRACKET = re.compile(r'("(?:[^"\\]|\\.)*")(\s*:)?|[{}\[\]]')
 
 
 class MalformedJsonError(SarError):
-    """An error for a text that is not JSON.
+    """The text of a file is not valid JSON.
 
     Attributes:
-        place: File, line and column, separated by colons.
+        place: File, line and column of the error, separated by colons.
     """
 
     def __init__(self, message: str, place: str) -> None:
@@ -30,14 +30,14 @@ class JsonFile:
 
     Args:
         text: The content of the file.
-        path: Its path, as shown in findings.
+        path: The file's path, as shown in messages.
 
     Attributes:
-        data: The parsed value; of equal keys in a mapping, the last one is kept.
-        has_duplicates: Whether any mapping contains a key twice.
+        data: The parsed value. If a mapping contains a key twice, the last value of the key is used.
+        has_duplicates: Whether a mapping contains a key twice.
 
     Raises:
-        MalformedJsonError: If the text is not JSON.
+        MalformedJsonError: If the text is not valid JSON.
     """
 
     def __init__(self, text: str, path: str) -> None:
@@ -47,7 +47,10 @@ class JsonFile:
             self.data: Any = json.loads(text, object_pairs_hook=self._mapping)
         except json.JSONDecodeError as error:
             raise MalformedJsonError(error.msg, self._location(error.pos)) from None
-        except (ValueError, RecursionError) as error:  # a number of thousands of digits
+        except (
+            ValueError,
+            RecursionError,
+        ) as error:  # a number with thousands of digits, or nested too deeply
             raise MalformedJsonError(f"{error}", self._location(0)) from None
         self._read = json.JSONDecoder().raw_decode
 
@@ -57,23 +60,23 @@ class JsonFile:
         return mapping
 
     def duplicates(self) -> Iterator[tuple[str, str]]:
-        """Yield each repeated key of a mapping, with file, line and column."""
-        around: list[set[str]] = []
+        """Yield each repeated key of a mapping, and the file, line and column of the repetition."""
+        enclosing_keys: list[set[str]] = []
         for match in _TEXT_OR_BRACKET.finditer(self._source.text if self.has_duplicates else ""):
             if match[0] in {"{", "["}:
-                around.append(set())
+                enclosing_keys.append(set())
             elif match[0] in {"}", "]"}:
-                around.pop()
+                enclosing_keys.pop()
             elif match[2]:
                 key = json.loads(match[1])
-                if key in around[-1]:
+                if key in enclosing_keys[-1]:
                     yield key, self._location(match.start())
-                around[-1].add(key)
+                enclosing_keys[-1].add(key)
 
     def location_of(self, *path: str | int) -> str:
         """Return the file, line and column of the value at a path of keys and indices.
 
-        If the file has no such value, return the location of the last existing value on its path.
+        If the file has no such value, return the location of the last value on the path that exists.
         """
         text, at = self._source.text, self._next(0)
         for step in path:
@@ -84,7 +87,7 @@ class JsonFile:
         return self._location(at)
 
     def _find(self, text: str, start: int, step: str | int) -> int | None:
-        """Return the offset of an entry in the mapping or list at an offset; None if there is no such entry."""
+        """Return the offset of an entry in the mapping or list that begins at *start*; None if there is no such entry."""
         found = None
         if text[start : start + 1] != ("{" if isinstance(step, str) else "["):
             return None
@@ -95,7 +98,7 @@ class JsonFile:
                 key, at = self._read(text, at)
                 at = self._next(self._next(at) + 1)  # after the colon
             if key == step:
-                found = at  # of equal keys, the last one applies
+                found = at  # if a key is repeated, its last value is used
                 if isinstance(step, int):
                     break
             _, at = self._read(text, at)
@@ -104,7 +107,7 @@ class JsonFile:
         return found
 
     def _next(self, at: int) -> int:
-        """Return the offset of the next character that is not blank."""
+        """Return the offset of the next non-blank character at or after an offset."""
         text = self._source.text
         while text[at : at + 1] and text[at] in _BLANK:
             at += 1

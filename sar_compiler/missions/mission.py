@@ -1,8 +1,8 @@
 """The interface of a mission: the base classes of your own missions.
 
-Missions are found through the entry point group `sar_compiler.missions`, whose entries name an instance of a `Mission`. Neither this module
-nor a module that an entry names may import ROS: `sar-run` imports them before ROS is initialised, and commands import them on computers
-without ROS.
+Missions are found through the entry point group `sar_compiler.missions`, each of whose entries names an instance of a `Mission`. Neither this
+module nor a module that an entry names may import ROS: `sar-run` imports them before ROS is initialised, and other commands import them on
+computers without ROS.
 """
 
 import sys
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 LONGEST = 200
-"""Largest number of characters in a text of a command."""
+"""The maximum length of a string in a command, in characters."""
 
 
 _LEAST_CORNERS, _MOST_CORNERS = 3, 100
@@ -32,20 +32,22 @@ _EMPTY: Mapping[str, Any] = {"number": None, "polygon": ()}
 
 
 class CommandError(SarError):
-    """A command is unknown or incomplete."""
+    """A command is unknown, has an invalid value, or cannot be sent."""
 
 
 class CommandField(NamedTuple):
     """A field of a command.
 
     Attributes:
-        name: Its name. `x` and `y` together are a position on the map, in metres.
-        label: Its label on the page.
-        kind: `text`; `number`; `choice`, of `choices`; `found`, the name of a landmark that was found; `polygon` on the
-            map: its corners in their order, each x and y in metres.
-        choices: For `choice`: pairs of a value and its label.
-        optional: Whether it may be empty: a number is then None, a polygon has no corners, and any other field is an empty string.
-        landmark: The kind of the landmark that its value names, of which the command is refused if it has changed; empty for none.
+        name: The field's name. Two fields `x` and `y` together are a position on the map, in metres.
+        label: The field's label on the page.
+        kind: `text`; `number`; `choice`, one of `choices`; `found`, the name of a landmark that was found; `polygon`, the corners of an area
+            on the map in order, each as x and y in metres.
+        choices: Pairs of a value and its label, for `choice`.
+        optional: Whether the field may be empty. An empty number is None, an empty polygon has no corners, and any other empty field is an
+            empty string.
+        landmark: The kind of the landmark that the value names. The command is refused if the landmark has changed since its author saw it.
+            Empty if the value does not name a landmark.
     """
 
     name: str
@@ -60,16 +62,18 @@ class OperatorCommand(NamedTuple):
     """A command of the operator.
 
     Attributes:
-        name: The name of the service on the mission's node: `pause` for `~/pause`. The response has `success` and `message`.
-        label: The text of its button.
-        named: The same with the command's object, `Skip {}`; see `Display.objects`. Empty for a command without an object's name.
-        help: Its effect, in a sentence.
+        name: The name of the service on the mission's node, such as `pause` for `~/pause`. The response has the fields `success` and
+                `message`.
+        label: The text of the command's button.
+        named: The button's text with `{}` for the name of the command's object, such as `Skip {}`; see `Display.objects`. Empty for a
+                command without an object.
+        help: The effect of the command, in a sentence.
         service_type: The service's type, `std_srvs/srv/Trigger` for a command without fields.
-        fields: Its fields.
-        confirm: The warning to confirm first; empty for a harmless command.
-        fill: Fills the service's request with the values.
-        role: Its place on pages: `stop` ends the mission where the robot stands, `hold` pauses and `release` resumes it. Empty for any
-                other.
+        fields: The command's fields.
+        confirm: The warning that the operator must confirm; empty for a command without risk.
+        fill: Fills the service's request with the values of the fields.
+        role: The command's role on pages: `stop` ends the mission where the robot stands, `hold` pauses it, and `release` resumes it. Empty
+                for other commands.
     """
 
     name: str
@@ -83,10 +87,10 @@ class OperatorCommand(NamedTuple):
     named: str = ""
 
     def check(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Check and return the values of a command.
+        """Check the values of the command's fields; return the value of every field.
 
         Raises:
-            CommandError: If a value is missing, wrong or unknown.
+            CommandError: If a value is missing or invalid, or its field is unknown.
         """
         if unknown := set(values) - {field.name for field in self.fields}:
             raise CommandError(f"{self.name} has no field {min(unknown)!r:.60}")
@@ -129,9 +133,9 @@ class SearchedArea(NamedTuple):
     """An area that the robot will search, for the route check.
 
     Attributes:
-        name: Its name.
-        corners: Its polygon: x and y in metres, frame `map`.
-        swath: Distance between the legs of a sweep, metres.
+        name: The area's name.
+        corners: The corners of the area's polygon: x and y in metres, frame `map`.
+        swath: The distance between the legs of a sweep, in metres.
     """
 
     name: str
@@ -140,86 +144,87 @@ class SearchedArea(NamedTuple):
 
 
 class MissionRun:
-    """One run of a mission: its leaves' shared state, and its result.
+    """Base class of one run of a mission: the state that its leaves share, and its result.
 
     Attributes:
-        context: The objects for its leaves, by their type (see `runtime.context.mission_context`).
-        kinds: The kinds of landmarks that it shows on the map.
+        context: The context objects of the leaves, by type (see `runtime.context.mission_context`).
+        kinds: The kinds of landmarks that the mission shows on the map.
     """
 
     context: Mapping[type, Any] = {}
     kinds: Sequence[LandmarkKind] = ()
 
     def start_lines(self) -> list[str]:
-        """Return the lines to log at the start."""
+        """Return the lines to log at the start of the run."""
         return []
 
     def initial_facts(self) -> Mapping[str, bool | int | float | str]:
-        """Return the initial facts that the parameters determine: `{"zones_left": 4}`.
+        """Return the initial values of facts that the parameters determine, such as `{"zones_left": 4}`.
 
-        Runs without a robot (`simulate`, `verify`) use them for leaves that know these facts.
+        `simulate` and `verify`, which need no robot, start with these values if the leaves of the tree have such facts.
         """
         return {}
 
     def added_facts(self) -> Mapping[str, int]:
-        """Return by how much commands have increased facts: `{"zones_left": 1}` after a zone was added.
+        """Return the amounts by which commands have increased facts, such as `{"zones_left": 1}` after a zone was added.
 
-        No outcome of a leaf includes these changes, so a run that is monitored for properties reads them here.
+        The outcomes of leaves do not include these changes, so the property monitor reads them here.
         """
         return {}
 
     def limits(self) -> Mapping[str, int]:
-        """Return upper limits of facts for monitoring, if their values are unknown at the start: `{"more_pieces": 10_000}`.
+        """Return upper limits of facts whose values are unknown at the start, such as `{"more_pieces": 10_000}`.
 
-        A limit is the largest number of occurrences: outcomes only lower it.
+        The property monitor starts with the limit as the value of the fact. Outcomes may only decrease this fact.
         """
         return {}
 
     def identity(self) -> Mapping[str, object]:
-        """Return the parameters that identify this mission, as JSON values; resuming requires equal ones."""
+        """Return the parameters that identify this mission, as JSON values. The mission can only be resumed with equal values."""
         return {}
 
     def use_journal(self, journal: "Journal") -> None:
-        """Record the mission's events in a journal from now on; called once, before the tree is compiled.
+        """Apply the events of earlier runs, and record the mission's events in a journal from now on. Called once, before the tree is compiled.
 
-        Every event that must survive the process is written with `journal.note` before it is reported anywhere, and changes the run's state by
-        `apply`. The events of earlier runs are applied here. A resumed tree starts over; its leaves use this state to skip finished work.
-        A subclass that stores the journal overrides this method and calls it.
+        The mission records every event that must survive the process with `journal.record_event` before it reports the event anywhere. The
+        journal then calls `apply`, which changes the run's state. A resumed tree starts over; its leaves use this state to skip finished work.
+        A subclass that needs the journal overrides this method, calls the base class's method and stores the journal.
 
         Raises:
-            JournalError: If the events of earlier runs are not those of such a mission.
+            JournalError: If the mission cannot process the events of earlier runs.
         """
         journal.attach(self, self.kinds)
 
     def apply(self, fact: JournalEntry) -> None:
-        """Update the run's state from an event of this run, or of an earlier run when it resumes.
+        """Update the run's state from an event of this run, or of an earlier run when the mission resumes.
 
-        It also receives the start and the end of a run, `run_began` and `run_ended`. Nothing else may change persistent state.
+        The events include the start and end of a run, `run_began` and `run_ended`. Only this method may change state that is restored when a
+        mission resumes.
 
         Raises:
             ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the event contradicts the current state.
         """
 
     def display(self) -> Display:
-        """Return the current display; it is requested after each event."""
+        """Return the display of the current state; called after each event."""
         return Display()
 
     def sentence(self, fact: JournalEntry) -> str:  # noqa: ARG002 - for subclasses
-        """Return an event as a sentence without a full stop; empty to use its kind and values."""
+        """Return a sentence without a full stop that describes an event; empty to show the event's kind and values instead."""
         return ""
 
     def verbs(self) -> Sequence[OperatorCommand]:
-        """Return the operator's commands; pages show a button for each, and leaves provide the services."""
+        """Return the operator's commands. Pages show a button for each command, and the tree's leaves provide the services."""
         return ()
 
     def places(self) -> Mapping[str, tuple[float, float]] | None:
-        """Return the positions that a fault may name: x and y in metres, frame `map`; None for the world's zones."""
+        """Return the locations that faults can name: x and y in metres, frame `map`; None for the locations of the simulated world."""
         return None
 
     def route(self) -> Sequence[tuple[str, float, float]]:
-        """Return the names and positions of the robot's targets, in order, for the route check.
+        """Return the names and positions (x and y in metres, frame `map`) of the robot's targets, in order, for the route check.
 
-        x and y in metres, frame `map`; by default its `places`.
+        By default, the targets are the locations of `places`.
         """
         return [(name, *place) for name, place in (self.places() or {}).items()]
 
@@ -228,7 +233,7 @@ class MissionRun:
         return []
 
     def searched_areas(self) -> Sequence[SearchedArea]:
-        """Return the areas that the robot will search; the route check computes the reachable part of each."""
+        """Return the areas that the robot will search. The route check computes the reachable part of each area."""
         return ()
 
     def allows(self, x: float, y: float) -> bool:  # noqa: ARG002 - for subclasses
@@ -236,11 +241,11 @@ class MissionRun:
         return True
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":  # noqa: ARG002
-        """Create the servers that a simulation needs in addition to the world's.
+        """Create the servers that a simulation of this mission needs in addition to the servers of the world.
 
         Args:
-            faults: The faults of their services (`faults.for_service`), and the run's seed (`faults.seed`).
-            options: Keyword arguments of `rclpy.node.Node` for each of them: its context, `use_sim_time`.
+            faults: The faults of the services (`faults.for_service`), and the run's seed (`faults.seed`).
+            options: Keyword arguments of `rclpy.node.Node` for each server, such as `context`.
         """
         return []
 
@@ -248,23 +253,23 @@ class MissionRun:
         """Return a sentence for each unfinished item; empty if the mission is complete.
 
         Returns:
-            The sentences; None for a mission whose end is decided by the tree's root.
+            The sentences; None for a mission without its own end condition, whose runs end with the tree's root.
         """
         return None
 
     def open_points(self) -> list[str]:
-        """Return sentences about open points of a complete mission, which follow "Mission complete."."""
+        """Return the sentences about open points of a complete mission that follow "Mission complete."."""
         return []
 
     def idle_reason(self) -> str:
         """Return a sentence if no work is left, such as "No zone is left", otherwise an empty string.
 
-        If the tree is then idle, the run ends, complete or not.
+        If the tree's root then ends on two consecutive ticks, the run ends even if the mission is not complete.
         """
         return ""
 
     def summary(self, elapsed_sec: float, ticks: int) -> str:  # noqa: ARG002
-        """Return the text to print at the end; empty for none.
+        """Return the summary to print at the end of the run; empty for the default summary.
 
         Args:
             elapsed_sec: The duration of the run, in seconds of the node's clock.
@@ -274,18 +279,19 @@ class MissionRun:
 
 
 class Mission(ABC):
-    """A kind of mission.
+    """Base class of a mission, which can be run many times.
 
     Attributes:
-        name: Its name, for `--mission` and for its node unless that is remapped.
-        context_types: The types of its context objects; a tree with a leaf that requires one is a tree of this mission.
-        parameter_names: The parameters that it reads; of a group, the first part. Used to detect typos.
-        path_parameters: Those of its parameters that are file paths (`ParameterReader.read_file`). A client of `sar-run --serve`
-                cannot set them.
-        faults: The faults that `--fault` can inject into its servers, of `drop`, `delay` and `refuse`, by service.
+        name: The mission's name, which selects it with `--mission` and is the default name of its node.
+        context_types: The types of the mission's context objects. A tree belongs to this mission if one of its leaves requires such an object.
+        parameter_names: The names of the parameters that the mission reads; for a group of parameters, the first part of their names. Used to
+                detect typos.
+        path_parameters: The names of parameters that are file paths (`ParameterReader.read_file`). A client of `sar-run --serve` cannot set
+                them.
+        faults: The faults among `drop`, `delay` and `refuse` that `--fault` can inject into the mission's servers, by service.
         default_tree: The name of a shipped tree, or a file; None if the user must name a tree.
-        is_resumable: Whether a run records events in its journal (`MissionRun.use_journal`), so that a later run can resume it. On
-                a robot such a run has a journal by default.
+        is_resumable: Whether a run records events in its journal (`MissionRun.use_journal`), so that a later run can resume the mission. On
+                a robot, such a run writes a journal by default.
     """
 
     name: str
@@ -297,11 +303,11 @@ class Mission(ABC):
     is_resumable: bool = False
 
     def default_parameters(self) -> Path | None:
-        """Return the default parameter file."""
+        """Return the default parameter file; None if there is none."""
         return None
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:  # noqa: ARG002
-        """Return the default properties to verify; None for none.
+        """Return the file of the properties that are verified by default; None if there is none.
 
         Args:
             leaves: The classes of the tree's leaves.
@@ -313,6 +319,6 @@ class Mission(ABC):
         """Start a run.
 
         Args:
-            reader: The node's parameters. Errors are reported to it; it then returns placeholders, and the run is
-                    discarded before they are used.
+            reader: Reads the node's parameters and collects their errors. An invalid parameter is read as a placeholder value, and the run
+                    is discarded before this value is used.
         """

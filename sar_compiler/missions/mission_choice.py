@@ -1,4 +1,4 @@
-"""The choice of a tree's mission."""
+"""The choice of the mission to which a tree belongs."""
 
 import functools
 import traceback
@@ -22,7 +22,7 @@ from sar_compiler.tree.guessing import did_you_mean, nearest
 if TYPE_CHECKING:
     from sar_compiler.missions.mission import Mission, MissionRun
 
-# Context types of every tree, with or without a mission.
+# The types of context objects that every tree has, with or without a mission.
 _OF_EVERY_TREE = {Clock, Enums, Scope}
 
 
@@ -31,7 +31,7 @@ class MissionError(SarError):
 
 
 class _GuardedMission:
-    """Wraps a mission or its run, so that exceptions name the mission."""
+    """Wraps a mission or its run, so that an exception in one of its methods names the mission."""
 
     def __init__(self, guarded: "Mission | MissionRun", name: str) -> None:
         self._guarded = guarded
@@ -48,7 +48,7 @@ class _GuardedMission:
         except SarError:
             raise
         except Exception as error:
-            # A missing library is not the mission's fault: the command names the extra that provides it.
+            # A missing library is not an error of the mission. The command's message names the extra that provides the library.
             if isinstance(error, ImportError) and missing_library_message(error):
                 raise
             place = traceback.extract_tb(error.__traceback__)[-1]
@@ -67,20 +67,22 @@ def load_missions(checkout: Path | None = None) -> "dict[str, Mission]":
     """Return the installed missions by name.
 
     Raises:
-        MissionError: If one cannot be imported or is not a mission, or if two have the same name.
+        MissionError: If an entry point cannot be imported or is not a mission, or if two missions have the same name.
     """
     missions: dict[str, Mission] = {}
     for entry_point in entry_points(ENTRY_POINTS, checkout):
         source = f"the mission '{entry_point.value}' (entry point '{entry_point.name}')"
         try:
             mission = getattr(import_installed(entry_point.module, checkout), entry_point.attr)
-        except (Exception, SystemExit) as error:  # whatever a module does when it is imported
+        except (Exception, SystemExit) as error:  # a module can raise any exception when it is imported
             raise MissionError(f"{source} cannot be imported: {type(error).__name__}: {error}") from error
-        flaw = _flaw(mission)
-        if flaw:
-            raise MissionError(f"{source} {flaw}")
+        problem = _find_problem(mission)
+        if problem:
+            raise MissionError(f"{source} {problem}")
         if missions.setdefault(mission.name, mission) is not mission:
-            raise MissionError(f"two missions are installed as '{mission.name}', the second by {source}")
+            raise MissionError(
+                f"two installed missions have the name '{mission.name}'. One of them is {source}"
+            )
     return missions
 
 
@@ -89,19 +91,19 @@ def default_mission() -> str | None:
     return next((entry_point.name for entry_point in entry_points(DEFAULT)), None)
 
 
-def _flaw(mission: object) -> str:
-    """Return the error of the object that an entry point names; empty if it is a mission."""
+def _find_problem(mission: object) -> str:
+    """Return why the object that an entry point names is not a valid mission; empty if it is valid."""
     from sar_compiler.missions.mission import Mission
 
     if not isinstance(mission, Mission):
         return f"must name a Mission, but names {mission!r}"
     name = getattr(mission, "name", None)
     if not isinstance(name, str) or not (name.isascii() and name.isidentifier()):
-        return f"needs a name that is valid for a node, such as 'patrol', but has {name!r}"
+        return f"must have a name that is valid for a node, such as 'patrol', but has {name!r}"
     types = mission.context_types
     if isinstance(types, Collection) and all(isinstance(each, type) for each in types):
         return ""
-    return f"needs context_types, a collection of its context objects' classes, but has {types!r}"
+    return f"must have a collection of classes as context_types, but has {types!r}"
 
 
 def find_mission(name: str, checkout: Path | None = None) -> "Mission":
@@ -115,40 +117,40 @@ def find_mission(name: str, checkout: Path | None = None) -> "Mission":
         return missions[name]
     hint = did_you_mean(nearest(name, missions))
     for _, place in ignored_entry_points(ENTRY_POINTS, checkout)[:1]:
-        hint += f". Missions of {place} are ignored because it is the checked folder: install them"
+        hint += f". Missions of {place} are ignored because this folder is being checked. Install them"
     raise MissionError(f"there is no mission '{name}' (installed: {', '.join(sorted(missions))}){hint}")
 
 
 def choose_mission(
     binding: Binding, name: str | None = None, checkout: Path | None = None
 ) -> "Mission | None":
-    """Return the mission whose context objects a bound tree's leaves require.
+    """Return the mission whose context objects the leaves of a tree require.
 
     Args:
-        binding: The tree.
-        name: The mission's name, which overrides the leaves' requirements; None to choose by the leaves.
+        binding: The tree, whose tags are bound to nodes.
+        name: The name of the mission to use whatever the leaves require; None to choose the mission by the leaves.
         checkout: A folder whose packages are not regarded as installed.
 
     Returns:
-        The mission; None for a plain tree, whose leaves require no mission's objects.
+        The mission; None if the leaves require no context objects of a mission.
 
     Raises:
-        MissionError: If there is no mission called *name*; also raised by the returned mission and its run instead of
-                any exception of their methods.
-        TreeError: If the leaves require the objects of several missions.
+        MissionError: If there is no mission called *name*. The methods of the returned mission and its run also raise this error instead of
+                other exceptions.
+        TreeError: If the leaves require the context objects of several missions.
     """
     if name is not None:
         return _guard(find_mission(name, checkout))
-    asking = [
+    required_types = [
         (bound, {each.target for each in bound.spec.handed_over} - _OF_EVERY_TREE)
         for bound in binding.all_nodes()
     ]
-    # The leaves of a plain tree need no context objects, so no mission is imported.
-    missions = [*load_missions(checkout).values()] if any(asked for _, asked in asking) else []
+    # If no leaf requires such an object, no mission is imported.
+    missions = [*load_missions(checkout).values()] if any(types for _, types in required_types) else []
     first: dict[Mission, BoundNode] = {}
-    for bound, asked in asking:
+    for bound, types in required_types:
         for mission in missions:
-            if not asked.isdisjoint(mission.context_types):
+            if not types.isdisjoint(mission.context_types):
                 first.setdefault(mission, bound)
     if len(first) > 1:
         collector = FindingCollector()
@@ -165,9 +167,9 @@ def _guard(mission: "Mission") -> "Mission":
 
 
 def mission_of(tree: ProjectTree, binding: Binding) -> "Mission | None":
-    """Return the mission of a loaded tree; None for a plain tree.
+    """Return the mission of a loaded tree; None for a tree without a mission.
 
     Raises:
-        MissionError, TreeError: As `choose_mission`.
+        MissionError, TreeError: See `choose_mission`.
     """
     return choose_mission(binding, tree.project.additions.mission, tree.project.checkout)

@@ -1,4 +1,4 @@
-"""The start of a run: reads the node's parameters for the mission, the run and the tree."""
+"""The start of a mission: reads the node's parameters for the mission, the run and the tree."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -21,17 +21,17 @@ from sar_compiler.opener import allow_reading
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.runtime.expressions import name_uses
 
-# The node of a tree without a mission.
+# The name of the node that runs a tree without a mission.
 _PLAIN_NODE_NAME = "sar_run"
 
 
 class MissionStart(NamedTuple):
-    """The start of a run.
+    """The result of a successful start.
 
     Attributes:
-        mission: The run of the mission; a plain one for a tree without a mission.
-        parameters: The parameters of every run.
-        notes: Surprising parameters, such as a probable typo in a name.
+        mission: The run of the mission; an instance of the base class for a tree without a mission.
+        parameters: The parameters that every run has, with or without a mission.
+        notes: Sentences about surprising parameters, such as a probable typo in a name.
     """
 
     mission: MissionRun
@@ -45,12 +45,12 @@ def node_name(mission: Mission | None) -> str:
 
 
 def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding) -> MissionStart:
-    """Start a run.
+    """Start a run of a mission with a node's parameters.
 
     Args:
-        mission: The mission; None for a tree without one.
-        reader: The parameters of the node.
-        binding: The tree.
+        mission: The mission; None for a tree without a mission.
+        reader: Reads the node's parameters.
+        binding: The tree, whose tags are bound to nodes.
 
     Raises:
         ParameterError: If there are errors in the parameters; lists all of them.
@@ -60,7 +60,7 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
     reader.complain()
     if mission is not None and (unlisted := reader.files.keys() - set(mission.path_parameters)):
         raise TypeError(
-            f"the mission '{mission.name}' reads a file named by {min(unlisted)}: add it to path_parameters"
+            f"the mission '{mission.name}' reads a file named by {min(unlisted)}. Add this parameter to path_parameters"
         )
     own = mission.parameter_names if mission is not None else ()
     keys = (key.removeprefix("@") for key in (*_keys(binding), *_script_keys(binding)))
@@ -70,11 +70,11 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
 
 
 class FileStart(NamedTuple):
-    """The start of a run from a parameter file, read without ROS.
+    """The result of a start with a parameter file that was read without ROS.
 
     Attributes:
-        parameters: The file's parameters by name.
-        reader: The reader of the file and of the files that it names.
+        parameters: The file's parameters by flat name.
+        reader: The reader of the parameters and of the files that they name.
         beginning: The start of a run with these parameters.
     """
 
@@ -84,10 +84,10 @@ class FileStart(NamedTuple):
 
 
 def start_without_ros(tree: ProjectTree, params: Path | None, binding: Binding) -> FileStart:
-    """Start a run of a loaded tree with the parameters of a file, without ROS.
+    """Start a run of a loaded tree with the parameters in a file, without ROS.
 
     Raises:
-        ParameterFileError: If ROS would refuse or misread the file.
+        ParameterFileError: If ROS would reject or misread the file.
         ParameterError: If the mission cannot start with the parameters.
     """
     mission = mission_of(tree, binding)
@@ -100,16 +100,17 @@ def start_without_ros(tree: ProjectTree, params: Path | None, binding: Binding) 
 def read_parameters(
     tree: ProjectTree, params: Path | None = None, tree_id: str | None = None
 ) -> ParameterReader:
-    """Read, without ROS, the parameters of a run and the files that they name.
+    """Read the parameters of a run and the files that they name, without ROS.
 
     Args:
-        tree: The tree.
-        params: The parameter file; by default that of the mission, if it has one.
-        tree_id: The tree in the file; by default the main tree.
+        tree: The loaded tree file.
+        params: The parameter file; by default the mission's default file, if it has one.
+        tree_id: The ID of the tree in the file; by default the main tree.
 
     Raises:
-        TreeError: If there are errors.
-        ParameterFileError, ParameterError: If the mission cannot start with the parameters.
+        TreeError: If there are errors in the tree.
+        ParameterFileError: If ROS would reject or misread the parameter file.
+        ParameterError: If the mission cannot start with the parameters.
     """
     binding = tree.binding(tree_id)
     mission = mission_of(tree, binding)
@@ -124,14 +125,14 @@ def parse_faults(texts: Iterable[str], mission: Mission | None) -> list[Fault]:
     """Parse the faults of `--fault`, which affect the robot's navigation or the mission's servers.
 
     Raises:
-        FaultError: If a fault is unknown.
+        FaultError: If a fault is unknown or invalid.
     """
     targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
     return [parse_fault(text, targets) for text in texts]
 
 
 def path_parameters(mission: Mission | None, binding: Binding) -> set[str]:
-    """Return the parameters that are file paths: those of the mission, and those of leaves (`{@photos}`)."""
+    """Return the names of the parameters that are file paths: parameters of the mission, and ports of leaves (`{@photos}`)."""
     ports = (
         key.removeprefix("@")
         for bound in binding.all_nodes()
@@ -142,7 +143,7 @@ def path_parameters(mission: Mission | None, binding: Binding) -> set[str]:
 
 
 def fixed_parameters(mission: Mission | None, binding: Binding) -> set[str]:
-    """Return the parameters, or their prefixes, that are read only at the start."""
+    """Return the names of the parameters that are only read at the start; for a group of parameters, the first part of their names."""
     own = mission.parameter_names if mission is not None else ()
     names = (*RUN_PARAMETER_NAMES, *own, *(key for key in _keys(binding) if key.startswith("@")))
     return {"use_sim_time", *(name.removeprefix("@").partition(".")[0] for name in names)}

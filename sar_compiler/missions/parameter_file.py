@@ -1,8 +1,8 @@
-"""Check of a ROS parameter file before ROS reads it.
+"""Check a ROS parameter file before ROS reads it.
 
-The parser of ROS (rcl's, on libyaml) accepts less than YAML, reports no column, and silently misreads or ignores some content. This check
-rejects all content that the parser rejects, misreads or ignores, and accepts the rest, whichever nodes the file is for. The parser also has
-its own rules for which scalars are numbers.
+ROS's parser (the parser of rcl, based on libyaml) accepts only a part of YAML, reports no column, and silently misreads or ignores some content. This
+check rejects all content that the parser would reject, misread or ignore, for whichever node. It accepts all other content. The parser also has its
+own rules for which scalars are numbers.
 """
 
 import difflib
@@ -21,13 +21,13 @@ from sar_compiler.tree.display_text import escape_to_one_line, shorten
 from sar_compiler.tree.yaml_spans import SPLIT, split_number
 
 _SECTION = "ros__parameters"
-# libyaml if PyYAML has it, which ROS uses as well: ten times as fast.
+# The loader based on libyaml, if PyYAML includes it, is ten times as fast. ROS uses libyaml, too.
 _LOADER: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 _PART = r"(?:\*\*?|[A-Za-z_][A-Za-z0-9_]*)"
 _NODE_NAME = re.compile(rf"/?{_PART}(?:/{_PART})*")
 _MAX_DEPTH = 64
 _MAX_EVENTS = 100_000
-"""Largest number of names, values, and list starts and ends; 30,000 parameters have fewer."""
+"""The maximum number of names, values, and starts and ends of lists and mappings. A file with 30,000 parameters has fewer."""
 _SIGNS = re.compile("[:?]")
 
 
@@ -36,8 +36,8 @@ class FileProblem:
     """An error in a parameter file.
 
     Attributes:
-        line: Its line, from 1.
-        column: Its column, from 1.
+        line: The line, from 1; 0 for an error of the whole file.
+        column: The column, from 1; 0 for an error of the whole file.
         text: The description of the error.
     """
 
@@ -47,7 +47,7 @@ class FileProblem:
 
     @property
     def location(self) -> str:
-        """Its line and column, each after a colon; empty for the whole file."""
+        """The line and column, each after a colon; empty for an error of the whole file."""
         return f":{self.line}:{self.column}" if self.line else ""
 
 
@@ -56,9 +56,9 @@ class ParameterFileError(SarError):
 
     Attributes:
         file: The file as named by the user.
-        line: Line of the first error, from 1; 0 if the file is not text.
-        column: Its column, from 1; 0 if the file is not text.
-        problems: All errors.
+        line: The line of the first error, from 1; 0 for an error of the whole file.
+        column: The column of the first error, from 1; 0 for an error of the whole file.
+        problems: All errors, ordered by location.
     """
 
     def __init__(self, file: Path, problems: Iterable[FileProblem]) -> None:
@@ -83,14 +83,14 @@ def check_parameter_file(path: Path | str) -> None:
 
 
 def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
-    """Describe which nodes parameter files apply to, if no section applies to the given node.
+    """Return a note about the nodes to which parameter files apply, if no section applies to the given node.
 
     Args:
-        paths: The files, each one that `check_parameter_file` passes.
+        paths: The files, which `check_parameter_file` accepts.
         node: The full name of the node, with its namespace.
 
     Returns:
-        The note; empty if there are no files, or a section is for the node.
+        The note; empty if there are no files, or a section applies to the node.
     """
     files = list(paths)
     names = list(dict.fromkeys(name for path in files for name in _sections(path)))
@@ -101,14 +101,14 @@ def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
 
 
 def read_parameter_file(path: Path | str, node: str) -> dict[str, object]:
-    """Return the parameters that a file gives to a node, as ROS reads them.
+    """Return a node's parameters in a file, as ROS would read them.
 
     Args:
-        path: The file.
+        path: The parameter file.
         node: The full name of the node, with its namespace.
 
     Returns:
-        The values by flat name (`points.yard.x`). If several sections are for the node, the later one applies.
+        The values by flat name (`points.yard.x`). If several sections apply to the node, a later section overrides an earlier one.
 
     Raises:
         ParameterFileError: If there are errors; lists all of them with their locations.
@@ -117,23 +117,23 @@ def read_parameter_file(path: Path | str, node: str) -> dict[str, object]:
 
 
 class _Given(NamedTuple):
-    """A value of a file, and the YAML node of its name."""
+    """A parameter in a file: its value, and the YAML node of its name."""
 
     value: object
     name: yaml.Node
 
 
 def _values_for(path: Path | str, node: str) -> dict[str, _Given]:
-    """Return the parameters of a node in a file, by flat name."""
+    """Return a node's parameters in a file, by flat name."""
     sections = _sections(path).items()
     return {key: given for name, values in sections if _is_for(name, node) for key, given in values.items()}
 
 
 class ParameterLocations:
-    """Locations in parameter files of a node's parameters.
+    """The locations of a node's parameters in parameter files.
 
     Args:
-        paths: The files, each one that `check_parameter_file` accepts; a later one takes precedence.
+        paths: The files, which `check_parameter_file` accepts. A later file overrides an earlier one.
         node: The full name of the node, with its namespace.
     """
 
@@ -147,31 +147,34 @@ class ParameterLocations:
             self._beginning = next(iter(places.values()), f"{path}:1:1")
 
     def location_of(self, key: str, parameters: Mapping[str, object]) -> str:
-        """Return the file, line and column of a parameter or its parent; empty if no file contains it.
+        """Return the file, line and column of a parameter.
+
+        For a missing parameter, this is the location of a parameter in the nearest enclosing group that the files contain, or else the first
+        parameter in the last file. The result is empty if there are no files, or the parameter's value does not come from a file.
 
         Args:
-            key: Its flat name.
-            parameters: The node's parameters; values overridden on a command line are in no file.
+            key: The flat name of the parameter.
+            parameters: The node's parameters, some of which may be set on the command line.
         """
         if key in parameters:
             value, place = self._given.get(key, (None, ""))
             return place if repr(_to_plain_value(value)) == repr(_to_plain_value(parameters[key])) else ""
-        around = key
-        while around:
+        group = key
+        while group:
             for name, (_, place) in self._given.items():
-                if name == around or name.startswith(f"{around}."):
+                if name == group or name.startswith(f"{group}."):
                     return place
-            around = around.rpartition(".")[0]
+            group = group.rpartition(".")[0]
         return self._beginning
 
 
 def _to_plain_value(value: object) -> object:
-    """Convert a ROS value to a plain one, with lists instead of arrays."""
+    """Convert a parameter value to plain Python, with lists instead of arrays."""
     return list(value) if isinstance(value, Iterable) and not isinstance(value, str) else value
 
 
 def _sections(path: Path | str) -> dict[str, dict[str, _Given]]:
-    """Return the values of a file's sections by full name, with wildcards as written.
+    """Return the parameters in each section of a file, by section name (which may contain wildcards) and flat name.
 
     Raises:
         ParameterFileError: If there are errors; lists all of them.
@@ -184,7 +187,7 @@ def _sections(path: Path | str) -> dict[str, dict[str, _Given]]:
 
 
 def _is_for(section: str, node: str) -> bool:
-    """Return whether a section applies to a node; `*` matches one part of a name, `**` any number."""
+    """Return whether a section applies to a node; `*` matches one part of the node's name, `**` any number of parts."""
     parts = {"**": r"(/\w+)*", "*": r"/\w+"}
     pattern = "".join(parts.get(part, "/" + re.escape(part)) for part in section.split("/")[1:])
     return re.fullmatch(pattern, node) is not None
@@ -205,7 +208,7 @@ def _yaml_problem(error: yaml.MarkedYAMLError, text: str) -> FileProblem:
     mark = error.problem_mark or error.context_mark
     problem = error.problem or "cannot be parsed"
     if mark is not None and "cannot start any token" in problem and text[mark.index : mark.index + 1] == "\t":
-        problem = "there is a tab: indent with spaces"
+        problem = "the line contains a tab. Indent it with spaces"
     elif error.context:
         problem = f"{error.context}: {problem}"
     line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
@@ -228,11 +231,11 @@ def _is_meant_for_section(key: str, value: yaml.Node) -> bool:
 
 
 class _Walk:
-    """Reads a parameter file in one pass.
+    """Reads the text of a parameter file, and collects errors.
 
     Attributes:
         problems: All errors.
-        sections: The values of each section, by full name and flat names; only valid without errors.
+        sections: The parameters by section name and flat name; only valid if there are no errors.
     """
 
     def __init__(self, text: str) -> None:
@@ -256,7 +259,7 @@ class _Walk:
         self._check_events()
         if self.problems:
             return
-        # This loader reads every scalar as a string: neither dates nor Python's numbers interfere.
+        # This loader reads every scalar as a string, so YAML's rules for dates and numbers do not apply.
         root = yaml.compose(self._text, Loader=_LOADER)
         if root is None:
             wrong = f"the file is empty: write a node's name (or /**) and {_SECTION} below it"
@@ -268,9 +271,9 @@ class _Walk:
             self._nodes(root, "", "")
 
     def _check_events(self) -> None:
-        """Report YAML features that ROS does not support, up to the nesting limit.
+        """Report YAML features that ROS does not support, and a file that is too large or too deeply nested.
 
-        An older libyaml, used by some builds of ROS, rejects some characters in plain scalars within brackets.
+        The older libyaml in some versions of ROS rejects some characters in plain scalars within brackets.
         """
         documents = brackets = depth = 0
         for event in self._events():
@@ -280,20 +283,25 @@ class _Walk:
                     version = f"%YAML {event.version[0]}.{event.version[1]}"
                     self._report(event, f"ROS reads YAML 1.1 only: delete '{version}'")
                 if documents == 2:  # noqa: PLR2004
-                    self._report(event, "a second document (---), which ROS mixes into the first: keep one")
+                    self._report(
+                        event,
+                        "ROS would merge this second document (---) into the first one: delete one of them",
+                    )
             elif isinstance(event, yaml.AliasEvent):
                 self._report(event, f"ROS reads no aliases: write the value of '*{event.anchor}' in full")
             elif isinstance(event, yaml.CollectionStartEvent):
                 brackets += bool(event.flow_style)
                 depth += 1
                 if depth > _MAX_DEPTH:
-                    self._report(event, "nested too deeply")
+                    self._report(event, f"nested too deeply: use at most {_MAX_DEPTH} levels")
                     return
             elif isinstance(event, yaml.CollectionEndEvent):
                 brackets = max(brackets - 1, 0)
                 depth -= 1
             elif isinstance(event, yaml.ScalarEvent) and brackets and _needs_quotes(event):
-                why = "needs quotes within [] and {}: some versions of ROS reject its ':' or '?'"
+                why = (
+                    "needs quotes within [] and {}, because some versions of ROS reject the ':' or '?' in it"
+                )
                 self._report(event, f"'{event.value}' {why}")
 
     def _events(self) -> Iterator[Any]:
@@ -305,7 +313,7 @@ class _Walk:
             yield event
 
     def _nodes(self, mapping: yaml.MappingNode, name: str, above: str) -> None:
-        """Walk through the names of nodes and namespaces, which may be nested, down to the parameters."""
+        """Read the names of nodes and namespaces, which may be nested, and the parameters below them."""
         if not mapping.value:
             whose = f"'{name}' has no {_SECTION} below it" if name else f"has no {_SECTION}"
             self._report(mapping, whose)
@@ -316,7 +324,7 @@ class _Walk:
             if key.value != _SECTION:
                 self._node(key, value, above)
             elif not name:
-                self._report(key, f"{_SECTION} has no node's name above it: write one, or /**")
+                self._report(key, f"{_SECTION} has no node name above it: write a node name, or /**")
             elif isinstance(value, yaml.MappingNode):
                 given: dict[str, _Given] = {}
                 self._parameters(value, "", given)
@@ -330,12 +338,12 @@ class _Walk:
         elif isinstance(value, yaml.MappingNode):
             if _SECTION in key.value or not _NODE_NAME.fullmatch(key.value):
                 text = (
-                    "is not a valid node name or namespace: write letters, digits, _, / between them, * or **"
+                    "is not a valid node name or namespace: use letters, digits, _, * and **, separated by /"
                 )
                 self._report(key, f"'{key.value}' {text}")
             self._nodes(value, key.value, f"{above}/{key.value.strip('/')}")
         else:
-            self._report(key, f"'{key.value}' is outside of {_SECTION}: move it below, or indent it")
+            self._report(key, f"'{key.value}' is outside of {_SECTION}: indent it below {_SECTION}")
 
     def _keys(self, mapping: yaml.MappingNode) -> None:
         seen: dict[str, int] = {}
@@ -367,7 +375,7 @@ class _Walk:
                     self._report(value, f"'{name}' is empty: delete it")
                 self._parameters(value, f"{name}.", given)
                 continue
-            # `a.b: 1` and `a: {b: 2}` are the same parameter.
+            # `a.b: 1` and `a: {b: 2}` set the same parameter.
             if name in given:
                 first = given[name].name.start_mark.line + 1
                 self._report(key, f"'{name}' is given twice (first in line {first})")
@@ -376,43 +384,53 @@ class _Walk:
 
     def _list(self, name: str, sequence: yaml.SequenceNode) -> list[object]:
         if not sequence.value:
-            # An empty list is an array of no type, which a node cannot declare.
-            wrong = "is an empty list, whose type ROS cannot determine: delete it or fill it"
+            # A node cannot declare an array without a type.
+            wrong = "is an empty list, whose type ROS cannot determine: add values, or delete the parameter"
             self._report(sequence, f"'{name}' {wrong}")
         values: list[object] = []
         kinds: list[str] = []
         for entry in sequence.value:
             if not isinstance(entry, yaml.ScalarNode):
                 what = "mappings" if isinstance(entry, yaml.MappingNode) else "lists"
-                self._report(entry, f"'{name}' is a list of {what}: ROS reads lists of plain values only")
+                self._report(
+                    entry,
+                    f"'{name}' is a list of {what}, but ROS only reads lists of strings, numbers or Booleans",
+                )
                 break
             values.append(self._scalar(name, entry))
             kinds.append(self._kind(entry))
             if kinds[-1] != kinds[0]:
                 hint = " (write 1.0 for 1)" if {kinds[-1], kinds[0]} == {"an integer", "a number"} else ""
-                mixed = f"'{name}' mixes {kinds[0]} with {kinds[-1]}: a list must be all of one type{hint}"
+                mixed = f"'{name}' mixes {kinds[0]} with {kinds[-1]}: all values of a list must have the same type{hint}"
                 self._report(entry, mixed)
                 break
         return values
 
     def _scalar(self, name: str, node: yaml.ScalarNode) -> object:
-        """Return a value as ROS reads it, and report probable errors."""
+        """Return a value as ROS would read it; report a value that is probably meant differently."""
         text = node.value
         if node.tag != "tag:yaml.org,2002:str":
-            # ROS ignores tags: it reads `!degrees 90` as 90, `!!int '3'` as a string.
-            self._report(node, f"'{name}' has the tag {node.tag}, which ROS ignores: write the value itself")
+            # ROS ignores tags: it reads `!degrees 90` as 90 and `!!int '3'` as a string.
+            self._report(
+                node, f"'{name}' has the tag {node.tag}, which ROS ignores: write the value without the tag"
+            )
         elif self._is_text(node):
             return text
         elif text == "":
-            self._report(node, f"'{name}' has no value")
+            self._report(node, f"'{name}' has no value: write a value, or delete the parameter")
         elif text in ("~", "null", "Null", "NULL"):
-            self._report(node, f"'{name}' is {text}: ROS has no empty values and would read it as a string")
+            self._report(
+                node, f"'{name}' is {text}, which ROS would read as a string, because it has no empty values"
+            )
         elif re.fullmatch(r"[+-]?0[0-7]+", text) and int(text, 8) != int(text):
-            octal = f"'{name}': ROS reads {text} as an octal number, {int(text, 8)}: write it without the 0"
+            octal = (
+                f"'{name}' is {text}, which ROS reads as the octal number {int(text, 8)}: omit the leading 0"
+            )
             self._report(node, octal)
         elif rcl_kind(text) == "text" and _means_number(text):
             self._report(
-                node, f"'{name}': ROS reads {text} as a string, not as a number: write it in plain digits"
+                node,
+                f"'{name}' is {text}, which ROS reads as a string instead of a number: write it in plain digits",
             )
         return _READ[self._kind(node)](text)
 
@@ -420,7 +438,7 @@ class _Walk:
         return "text" if self._is_text(node) else rcl_kind(node.value)
 
     def _is_text(self, node: yaml.ScalarNode) -> bool:
-        # An explicit tag begins at the node's start; only !!str can occur here.
+        # An explicit tag begins at the node's start, and only the tag !!str can occur here.
         return (
             node.style in ("'", '"') or self._text[node.start_mark.index : node.start_mark.index + 1] == "!"
         )
@@ -440,8 +458,8 @@ _WORDS = re.compile(r"[+-]?(inf|infinity|nan)|[+-]?\.inf|\.nan", re.IGNORECASE)
 def rcl_kind(text: str) -> str:
     """Return the type of an unquoted scalar according to ROS's parser.
 
-    It decides like C's `strtol` (base 0) and `strtod`, not like YAML: `1e3` and `0x10` are numbers,
-    `1_000` and `0o10` are text, and so is a number that is too large for a double.
+    The parser uses the rules of C's `strtol` (base 0) and `strtod` instead of YAML's rules: `1e3` and `0x10` are numbers. `1_000` and `0o10` are
+    text, and so is a number that is too large for a double.
 
     Returns:
         `a Boolean`, `an integer`, `a number` or `text`.
@@ -462,7 +480,7 @@ def _c_integer(text: str) -> int:
 
 
 def _c_double(text: str) -> float:
-    # C writes infinity and NaN as Python does; YAML puts a dot before them.
+    # YAML writes infinity and NaN with a leading dot, C and Python without one.
     plain = text.lower().replace(".inf", "inf").replace(".nan", "nan")
     return float.fromhex(plain) if "0x" in plain else float(plain)
 

@@ -1,7 +1,7 @@
-"""Reading the parameters of a mission and a run, without ROS. Errors are collected.
+"""Read the parameters of a mission and a run without ROS, and collect their errors.
 
-The keys are those of a ROS node, flat and relative: `points.yard.x`, `initial_pose.yaw`, `point_order`.
-Lengths are in metres, angles in radians, in the frame `map`.
+The keys are flat names of ROS parameters, such as `points.yard.x`, `initial_pose.yaw` or `point_order`.
+Lengths are in metres and angles in radians, in the frame `map`.
 """
 
 import math
@@ -31,8 +31,8 @@ _POSE = ("x", "y", "yaw")
 
 # The parameters of every ROS node.
 _ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
-# Similarity of two names, from 0 to 1, from which one is regarded as a typo of the other.
-_ALIKE = 0.8
+# The minimum similarity, from 0 to 1, at which a name is regarded as a typo of another name.
+_SIMILARITY = 0.8
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class ParameterProblem:
     """An error in the parameters.
 
     Attributes:
-        key: The parameter, such as `points.yard.x`.
+        key: The flat name of the parameter, such as `points.yard.x`.
         text: The description of the error.
-        place: File, line and column of the parameter; empty if no file gives it.
+        place: File, line and column of the parameter; empty if no file contains it.
     """
 
     key: str
@@ -50,7 +50,7 @@ class ParameterProblem:
     place: str = ""
 
     def __str__(self) -> str:
-        """Return the location, the key and the error."""
+        """Return the location, the key and the description of the error."""
         return _with_place(self.place, f"{self.key}: {self.text}")
 
 
@@ -75,12 +75,13 @@ class ParameterError(SarError):
 def lookalikes(
     given: Iterable[str], read: Iterable[str], place_of: Callable[[str], str] = lambda _name: ""
 ) -> list[str]:
-    """Report unused parameters whose names are similar to used ones.
+    """Return notes about unused parameters whose names are similar to names of used parameters.
 
     Args:
-        given: The flat names of a node's parameters. Names without a similar one are ignored.
-        read: The names that are used, in addition to ROS's own; of a group, such as `points`, the first part.
-        place_of: Returns file, line and column of a parameter; empty if no file gives it.
+        given: The flat names of a node's parameters.
+        read: The names of the parameters that are used, in addition to the parameters of every ROS node. For a group, such as `points`, only the
+            first part of the names.
+        place_of: Returns file, line and column of a parameter; empty if no file contains it.
 
     Returns:
         A note for each probable typo, with the name that was probably meant.
@@ -93,7 +94,7 @@ def lookalikes(
         if name in known or first in known:
             continue
         for written, names in ((name, known), (first, plain)):
-            near = get_close_matches(written.lower(), names, 1, _ALIKE)
+            near = get_close_matches(written.lower(), names, 1, _SIMILARITY)
             if near:
                 note = f"parameter '{written}' is not used: did you mean '{near[0]}'?"
                 notes.setdefault(note, _with_place(place_of(name), note))
@@ -102,11 +103,11 @@ def lookalikes(
 
 
 def report_unused_files(reader: "ParameterReader", read: Iterable[str]) -> list[str]:
-    """Report if no parameter of the files is used.
+    """Return a note if no parameter of the parameter files is used; otherwise an empty list.
 
     Args:
-        reader: The parameters.
-        read: The names that are used; see `lookalikes`.
+        reader: The reader of the parameters.
+        read: The names of the parameters that are used; see `lookalikes`.
     """
     if reader.elsewhere:
         return [f"no parameter of the file is used: {reader.elsewhere}. Write '/**:' above the section"]
@@ -116,31 +117,31 @@ def report_unused_files(reader: "ParameterReader", read: Iterable[str]) -> list[
         return []
     found = ", ".join(given[:_MOST_NAMED]) + (", …" if len(given) > _MOST_NAMED else "")
     known = ", ".join(sorted(firsts))
-    text = f"no parameter of the file is used by the run: it has {found}, and the run uses {known}"
+    text = f"no parameter of the file is used by the run. The file has {found}, and the run uses {known}"
     return [_with_place(reader.place_of(given[0]), text)]
 
 
 _MOST_NAMED = 5
 MOST_PLACES = 1_000
-"""Largest number of locations that a mission visits; this many are ordered within two seconds."""
+"""The maximum number of locations that a mission visits, which can be ordered within two seconds."""
 
 
 class ParameterReader:
-    """Reads values and collects errors in them; an invalid value is read as 0, and reading continues.
+    """Reads parameters and collects their errors. An invalid number is read as 0, so that reading can continue.
 
     Args:
-        parameters: A node's parameters by flat name. Unused names are ignored.
-        elsewhere: A note of the nodes that parameters were given for instead
-            (`parameter_file.sections_elsewhere`), for the message about a missing list of locations.
-        places: Locations of the parameters, if they come from files.
+        parameters: A node's parameters by flat name. Unused parameters are ignored.
+        elsewhere: A note that the parameter files only apply to other nodes (`parameter_file.sections_elsewhere`), which is added to the
+            message about a missing list of locations.
+        places: The locations of the parameters in parameter files; None if there are no files.
 
     Attributes:
-        parameters: The parameters.
-        elsewhere: The note.
+        parameters: The node's parameters by flat name.
+        elsewhere: The note that the parameter files only apply to other nodes.
         problems: All errors so far.
-        notes: Notes on valid but surprising parameters, such as a point that is never visited.
-        files: The files named by parameters, as they were read, by parameter name.
-        places_elsewhere: Functions that return file, line and column of a parameter from such a file.
+        notes: Notes about valid but surprising parameters, such as a point that is never visited.
+        files: The files that parameters name, with the content that was read, by parameter name.
+        places_elsewhere: For each parameter that comes from such a file, a function that returns file, line and column.
     """
 
     def __init__(
@@ -158,30 +159,30 @@ class ParameterReader:
     def from_files(
         cls, parameters: Mapping[str, object], files: Sequence[Path | str], node: str
     ) -> "ParameterReader":
-        """Return a reader of the files' parameters for a node, by its full name."""
+        """Create a reader of a node's parameters, given the parameter files and the full name of the node."""
         return cls(parameters, sections_elsewhere(files, node), ParameterLocations(files, node))
 
     def report_error(self, key: str, text: str, place: str = "") -> None:
         """Report an error in a parameter.
 
         Args:
-            key: The parameter.
+            key: The flat name of the parameter.
             text: The description of the error.
-            place: File, line and column; by default those of the parameter.
+            place: File, line and column of the error; by default those of the parameter.
         """
         problem = ParameterProblem(key, text, place or self.place_of(key))
-        # A mission may read a parameter that every run reads.
+        # A mission may read a parameter that every run reads, too.
         if problem not in self.problems:
             self.problems.append(problem)
 
     def place_of(self, key: str) -> str:
-        """Return the file, line and column of a parameter or its parent; empty if no file contains it."""
+        """Return the file, line and column of a parameter, or of the nearest group if it is missing; empty if no file contains it."""
         if key in self.places_elsewhere:
             return self.places_elsewhere[key]()
         return self._places.location_of(key, self.parameters) if self._places is not None else ""
 
     def group(self, prefix: str, allowed: tuple[str, ...]) -> dict[str, set[str]]:
-        """Return the names of `<prefix>.<id>.<name>` by ID; report any other parameter with this prefix."""
+        """Return the names in the parameters `<prefix>.<id>.<name>` by ID; report all other parameters with this prefix."""
         groups: dict[str, set[str]] = {}
         pattern = f"{prefix}.<id>.{{{','.join(allowed)}}}"
         for key in self.parameters:
@@ -189,19 +190,19 @@ class ParameterReader:
                 continue
             member, _, name = key[len(prefix) + 1 :].rpartition(".")
             if not member or not name:
-                self.report_error(key, f"is not of the form {pattern}")
+                self.report_error(key, f"must have the form {pattern}")
                 continue
             groups.setdefault(member, set()).add(name)
             if name not in allowed:
-                self.report_error(key, f"is unknown; {_did_you_mean(name, allowed)}")
+                self.report_error(key, f"is unknown, {_did_you_mean(name, allowed)}")
         return groups
 
     def places(self, noun: str, more: tuple[str, ...] = ()) -> list[dict[str, Any]]:
-        """Read poses that are visited in order: for `point`, `point_order` and `points.<id>.{x,y,yaw}`.
+        """Read the poses to visit from `<noun>_order` and `<noun>s.<id>.{x,y,yaw}`.
 
         Args:
-            noun: The noun for one of them.
-            more: Further names beside a pose, which the caller reads.
+            noun: The noun in the names of the parameters, such as `point`.
+            more: Further names allowed in `<noun>s.<id>`, which the caller reads.
 
         Returns:
             The poses, each with `id`, `x`, `y` (m) and `yaw` (rad), in the order of their visits.
@@ -209,21 +210,21 @@ class ParameterReader:
         groups = self.group(f"{noun}s", (*_POSE, *more))
         order = self._order(noun, groups)
         for key in [f"{noun}s.{name}" for name in groups if name not in order]:
-            note = f"{key} is not in {noun}_order and is never visited"
+            note = f"{key} is not in {noun}_order, so it is never visited"
             self.notes.append(_with_place(self.place_of(key), note))
         return [{"id": name, **self.point(f"{noun}s.{name}", _POSE)} for name in order]
 
     def point(self, prefix: str, names: Iterable[str]) -> dict[str, float]:
-        """Read coordinates, all of which are required.
+        """Read the coordinates of a point, all of which are required.
 
         Args:
-            prefix: The prefix of their names.
-            names: The coordinates, such as `x` and `y`.
+            prefix: The prefix of the parameters, such as `points.yard`.
+            names: The names of the coordinates, such as `x` and `y`.
         """
         return {name: self.number(f"{prefix}.{name}") for name in names}
 
     def _order(self, noun: str, known: Collection[str]) -> list[str]:
-        """Return the IDs to visit, each known and listed once."""
+        """Return the IDs in `<noun>_order` that have a pose, each of them once; report all other entries."""
         key, allowed = f"{noun}_order", f"must be a list of {noun} ids"
         example = f': list the {noun}s to visit, for example {key}: ["{noun}_a", "{noun}_b"]'
         if key not in self.parameters:
@@ -268,16 +269,16 @@ class ParameterReader:
         return {name: self.number(key, 0.0) for name, key in keys.items()}
 
     def report_unknown_names(self, prefix: str, names: tuple[str, ...]) -> None:
-        """Report parameters below a prefix that are not among the given names."""
+        """Report each parameter below a prefix whose name is not among the given names."""
         listed = f"{', '.join(names[:-1])} and {names[-1]}"
         for key in self.parameters:
             if key == prefix:
                 self.report_error(key, f"must contain {listed}, but is {_describe(self.parameters[key])}")
             elif key.startswith(f"{prefix}.") and key.partition(".")[2] not in names:
-                self.report_error(key, f"is unknown; {_did_you_mean(key.partition('.')[2], names)}")
+                self.report_error(key, f"is unknown, {_did_you_mean(key.partition('.')[2], names)}")
 
     def number(self, key: str, default: float | None = None) -> float:
-        """Return a finite number; a missing one is the default, or an error without a default."""
+        """Return the finite number of a parameter; a missing parameter has the default, or is an error without a default."""
         if key not in self.parameters:
             if default is None:
                 self.report_error(key, "is missing: write a number")
@@ -285,12 +286,12 @@ class ParameterReader:
         return self._check_unit(key, self.parameters[key])
 
     def _check_unit(self, key: str, value: object, whose: str = "") -> float:
-        """Check a number against its parameter's unit; report implausible ones.
+        """Return a number; report it if it is not a finite number, or implausible in the parameter's unit.
 
         Args:
-            key: The parameter.
-            value: Its value, or one of them.
-            whose: Text before the description of one of several values.
+            key: The flat name of the parameter.
+            value: The value of the parameter, or an entry of its list.
+            whose: The beginning of a message about an entry of a list; empty for a single value.
         """
         unit = unit_of_key(key)
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -316,7 +317,7 @@ class ParameterReader:
         return number
 
     def numbers(self, key: str) -> list[float]:
-        """Return a list of finite numbers; a missing one is empty."""
+        """Return the list of finite numbers of a parameter; a missing parameter is an empty list."""
         value = self.parameters.get(key, ())
         if isinstance(value, str | bytes) or not isinstance(value, Iterable):
             self.report_error(key, f"must be a list of numbers, but is {_describe(value)}")
@@ -326,19 +327,19 @@ class ParameterReader:
         return numbers if len(self.problems) == before else []
 
     def read_file(self, key: str, noun: str, most_bytes: int) -> str | None:
-        """Return the text of the file that a parameter names, in UTF-8.
+        """Return the text of the UTF-8 file that a parameter names.
 
-        The path is relative to the parameter file and must stay in its repository, or without a repository in its folder. A path on the
-        command line may be anywhere. Goals of `sar-run --serve` cannot set such a parameter, so a mission lists it in its
+        The path is relative to the parameter file, and the file must be in the same repository, or in the same folder if there is no repository. A
+        path on the command line may lead to any file. Goals of `sar-run --serve` must not set such a parameter, so the mission must list it in
         `path_parameters`.
 
         Args:
-            key: The parameter, which must be set.
-            noun: The kind of file, for messages.
-            most_bytes: The largest size.
+            key: The flat name of the parameter, which must be set.
+            noun: The noun for the kind of file in messages.
+            most_bytes: The maximum size of the file.
 
         Returns:
-            The text; None if there is no such file, which is reported as an error of the parameter.
+            The text; None if the file cannot be read, which is reported as an error of the parameter.
         """
         value = self.parameters[key]
         if not isinstance(value, str) or not value:
@@ -347,15 +348,15 @@ class ParameterReader:
         given_in = self.place_of(key).rsplit(":", 2)[0]
         path = Path(given_in).parent / value
         if given_in:
-            # An installation with links to its sources has two folders.
+            # In an installation with symbolic links to the sources, a file has two folders.
             folders = {enclosing_folder(Path(each).parent) for each in (given_in, Path(given_in).resolve())}
             path = NamedPath.confined_to(path, sorted(folders))
         try:
             content = read_file(path, FileKind(noun, most_bytes))
             text = content.decode()
         except PathOutsideError as error:
-            there = f"move it next to {given_in}, or name it on the command line: -p {key}:=PATH"
-            self.report_error(key, f"{path} cannot be read: {error.reason}. To fix this, {there}")
+            remedy = f"Move it next to {given_in}, or pass it on the command line with -p {key}:=PATH"
+            self.report_error(key, f"{path} cannot be read: {error.reason}. {remedy}")
             return None
         except UnreadableFileError as error:
             self.report_error(key, f"{path} cannot be read: {error.reason}")
@@ -364,7 +365,7 @@ class ParameterReader:
         return text
 
     def read_json_file(self, key: str, noun: str, most_bytes: int) -> JsonFile | None:
-        """Return the content of a JSON file named by a parameter; report errors, and return None."""
+        """Return the content of the JSON file that a parameter names; None if it has errors, which are reported."""
         text = self.read_file(key, noun, most_bytes)
         if text is None:
             return None
@@ -374,7 +375,7 @@ class ParameterReader:
             self.report_error(key, f"is not a valid {noun}: {error}", error.place)
             return None
         for name, place in file.duplicates():
-            self.report_error(key, f"has the key '{name}' twice in one mapping: delete one of them", place)
+            self.report_error(key, f"contains the key '{name}' twice in a mapping: delete one of them", place)
         return file
 
     def complain(self) -> None:
@@ -387,7 +388,7 @@ class ParameterReader:
             raise ParameterError(self.problems)
 
     def positive(self, key: str, default: float, most: float = math.inf) -> float:
-        """Return a positive number, at most *most*, in the unit of its key."""
+        """Return the positive number of a parameter, which must be at most *most*, in the unit of the parameter."""
         value = self.number(key, default)
         is_reported = any(problem.key == key for problem in self.problems)
         if not 0.0 < value <= most and key in self.parameters and not is_reported:
@@ -396,11 +397,11 @@ class ParameterReader:
         return value
 
     def cruise_speed(self) -> float:
-        """Return the robot's speed for estimates of time, m/s."""
+        """Return the speed of the robot that time estimates assume, in m/s."""
         return self.positive("cruise_speed_mps", RunParameters.cruise_speed_mps)
 
     def switch(self, key: str, *, default: bool) -> bool:
-        """Return a Boolean."""
+        """Return the Boolean of a parameter; a missing parameter has the default."""
         value = self.parameters.get(key, default)
         if isinstance(value, bool):
             return value
@@ -425,7 +426,7 @@ def _describe(value: object) -> str:
 
 
 def _as_float(value: float) -> float:
-    """Return a number as a double, as in C."""
+    """Convert a number to a double; an integer that is too large becomes infinity."""
     try:
         return float(value)
     except OverflowError:  # an integer of hundreds of digits
@@ -433,7 +434,7 @@ def _as_float(value: float) -> float:
 
 
 def _remedy(value: object, unit: str) -> str:
-    """Return a suggestion for a value that is not a number; empty if there is none."""
+    """Return a suggestion, in parentheses, for a value that should be a number; empty if there is none."""
     if isinstance(value, Iterable) and not isinstance(value, str | bytes):
         return f" (write {only[0]}, without brackets)" if len(only := list(value)) == 1 else ""
     if not isinstance(value, str):
@@ -453,31 +454,32 @@ def _did_you_mean(name: str, allowed: tuple[str, ...]) -> str:
 
 
 SETTLE_SEC = 5.0
-"""Longest wait for the goals of a halted tree to end: Nav2 brakes, and responds late on a busy machine."""
+"""The maximum wait until the goals of a halted tree have ended, in seconds: Nav2 has to brake, and responds late on a busy machine."""
 BLOCKED_TICK_SEC = 10.0
-"""How long a leaf may block the tick before the goals are cancelled; equal to a supervisor's limit."""
+"""The time for which a leaf may block a tick before the goals are cancelled, in seconds. The supervisor has the same limit."""
 
-# The range that a timer and a tick can handle; other values are regarded as typos.
+# The range of tick rates that timers and ticks can handle. Other values are regarded as typos.
 _FASTEST_TICK_HZ = 1000.0
 _SLOWEST_TICK_HZ = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunParameters:
-    """The parameters of a run, the same for every tree.
+    """The parameters that every run has, with or without a mission.
 
     Attributes:
-        tick_rate_hz: The lowest rate of ticks, in Hz.
+        tick_rate_hz: The minimum tick rate, in Hz.
         set_initial_pose: Whether the initial pose is sent to the localisation before the start.
         initial_pose: The initial pose: x, y (m), yaw (rad), in the frame `map`.
-        startup_timeout_sec: The longest wait for the tree's requirements before the first tick, in seconds.
+        startup_timeout_sec: The maximum wait for the tree's requirements before the first tick, in seconds.
         time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
         robot_radius_m: The radius of the robot's body, for planning before the run, in metres.
-        cruise_speed_mps: The speed that estimates of time assume, in m/s.
-        settle_timeout_sec: The longest wait for the goals to end when the run is stopped, in seconds.
-        blocked_tick_timeout_sec: How long a leaf may block ticks before the goals are cancelled, in steady seconds.
-        arrival_tolerance_m: Largest distance from its goal of a robot that has arrived, in metres; None for Nav2's tolerance and half a metre.
-        georeference: The position of the frame `map` on the earth; None if not given.
+        cruise_speed_mps: The speed of the robot that time estimates assume, in m/s.
+        settle_timeout_sec: The maximum wait until the goals have ended when the run is stopped, in seconds.
+        blocked_tick_timeout_sec: The time for which a leaf may block a tick before the goals are cancelled, in seconds of the steady clock.
+        arrival_tolerance_m: The maximum distance between the robot and its goal at which it has arrived, in metres; None for Nav2's tolerance
+            plus half a metre.
+        georeference: The position and heading of the frame `map` on the earth; None if no parameter sets it.
     """
 
     tick_rate_hz: float = 2.0
@@ -497,7 +499,7 @@ RUN_PARAMETER_NAMES = tuple(field.name for field in fields(RunParameters))
 
 
 def read_run(reader: ParameterReader) -> RunParameters:
-    """Read the parameters of a run; missing ones have their default, and the reader collects errors."""
+    """Read the parameters that every run has. Missing parameters have their defaults, and the reader collects errors."""
     limit, start, tolerance = "time_limit_sec", reader.pose("initial_pose"), "arrival_tolerance_m"
     return RunParameters(
         tick_rate_hz=_rate(reader, "tick_rate_hz", RunParameters.tick_rate_hz),

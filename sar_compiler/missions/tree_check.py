@@ -1,4 +1,4 @@
-"""Checks that all leaves of a tree belong to one mission."""
+"""Check that all leaves of a tree belong to the same mission."""
 
 from sar_compiler.missions import ENTRY_POINTS
 from sar_compiler.nodes.installed import entry_points
@@ -7,13 +7,13 @@ from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 
 
 def check_mission(tree: ProjectTree) -> list[Diagnostic]:
-    """Return the findings about the mission of a file's main tree; none for a file with errors.
+    """Return a finding if the leaves of a file's main tree belong to several missions; empty if the tree has errors.
 
     Raises:
-        MissionError: If the mission named by the user does not exist, or a mission cannot be imported.
+        MissionError: If the mission that the user has named does not exist, or a mission cannot be imported.
     """
     project = tree.project
-    # A single installed mission need not be imported to choose it.
+    # If only one mission is installed, the leaves cannot belong to several missions, so it need not be imported.
     if project.additions.mission is None and len(entry_points(ENTRY_POINTS, project.checkout)) < 2:  # noqa: PLR2004
         return []
     try:

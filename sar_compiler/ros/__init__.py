@@ -1,4 +1,4 @@
-"""The interface to ROS 2: the runner of trees, the wait for their requirements, parameters, servers."""
+"""The interface to ROS 2: engines that tick trees, the wait for a tree's requirements, parameters and servers."""
 
 PUBLIC_MODULES = (
     "arguments",
@@ -32,4 +32,4 @@ PUBLIC_MODULES = (
     "tick_watch",
     "tree_log_listener",
 )
-"""The modules that other parts may import."""
+"""The modules that other packages may import."""

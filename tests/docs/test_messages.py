@@ -117,13 +117,13 @@ FURTHER = [
     ('zone_order: ["attic", "attic"]', "parameter zone_order: names 'attic' more than once"),
     (
         'zone_order: ["attic", 2]',
-        "'zone_order' mixes text with an integer: a list must be all of one type",
+        "'zone_order' mixes text with an integer: all values of a list must have the same type",
     ),
     ("attic: {x: 3.5, y: .nan, yaw: 1.57}", "parameter zones.attic.y: must be a finite number, but is nan"),
     ("attic: {x: 3.5, y: 3.0}", "parameter zones.attic.yaw: is missing: write a number"),
     (
         "attic: {x: 3.5, y: 3.0, yaw: 1.57, z: 0.0}",
-        "parameter zones.attic.z: is unknown; expected one of x, y, yaw, poa, pod, look_sec",
+        "parameter zones.attic.z: is unknown, expected one of x, y, yaw, poa, pod, look_sec",
     ),
     ("tick_rate_hz: fast", "parameter tick_rate_hz: must be a number, but is the string 'fast'"),
     ("set_initial_pose: 3", "parameter set_initial_pose: must be true or false, but is the number 3"),

@@ -135,14 +135,17 @@ def test_a_mission_that_only_looks_installed_in_the_checkout_is_said_to_be_passe
             ["farm_d:Crop"],
             "'farm_d:Crop' (entry point 'entry0') must name a Mission, but names <class 'farm_d.Crop'>",
         ),
-        (["farm_d:UNNAMED"], "needs a name that is valid for a node, such as 'patrol', but has 'my farm'"),
+        (
+            ["farm_d:UNNAMED"],
+            "must have a name that is valid for a node, such as 'patrol', but has 'my farm'",
+        ),
         (
             ["farm_d:LOOSE"],
-            "context_types, a collection of its context objects' classes, but has <class 'farm_d.Crop'>",
+            "must have a collection of classes as context_types, but has <class 'farm_d.Crop'>",
         ),
         (
             ["farm_d:FARM", "farm_d:OTHER"],
-            "two missions are installed as 'farming', the second by the mission 'farm_d:OTHER'",
+            "two installed missions have the name 'farming'. One of them is the mission 'farm_d:OTHER'",
         ),
     ],
 )

@@ -63,7 +63,7 @@ def test_the_parameters_say_what_a_robot_uses_and_what_is_to_be_left() -> None:
         ),
         ({"reserve": 1.0}, "energy.reserve: is 1: write a share from 0 to below 1"),
         ({"wrong_by": -0.1}, "energy.wrong_by: must be a share from 0 to 1, but is -0.1"),
-        ({"per_metre": 0.1}, "energy.per_metre: is unknown; did you mean 'per_m'?"),
+        ({"per_metre": 0.1}, "energy.per_metre: is unknown, did you mean 'per_m'?"),
         ({"reserve": "much"}, "energy.reserve: must be a number"),
     ],
 )

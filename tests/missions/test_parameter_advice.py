@@ -165,7 +165,7 @@ def test_a_key_of_an_areas_file_that_is_written_twice_is_an_error_at_its_second_
     with pytest.raises(ParameterError) as raised:
         begun(tmp_path, text)
     (problem,) = raised.value.problems
-    assert "has the key 'name' twice" in str(problem)
+    assert "contains the key 'name' twice" in str(problem)
     line, column = map(int, problem.place.rsplit(":", 2)[1:])
     assert text.splitlines()[line - 1][column - 1 :].startswith('"n\\u0061me" :')
 

@@ -89,7 +89,7 @@ def test_a_file_of_which_nothing_is_read_is_reported_with_what_would_be(tmp_path
     [note] = unread(own, "tick_rate_hz", "zones")
     assert (
         note
-        == f"{own}:2:21: no parameter of the file is used by the run: it has x, and the run uses tick_rate_hz, zones"
+        == f"{own}:2:21: no parameter of the file is used by the run. The file has x, and the run uses tick_rate_hz, zones"
     )
 
 

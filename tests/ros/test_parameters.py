@@ -169,7 +169,7 @@ class TestPlacesOfAnotherName:
         pose = {"points.gate.x": 1, "points.gate.y": 2.0, "points.gate.yaw": 0.5}
         reader = ParameterReader({"point_order": ["gate"], **pose, "points.yard.x": 1.0})
         assert reader.places("point") == [{"id": "gate", "x": 1.0, "y": 2.0, "yaw": 0.5}]
-        assert reader.notes == ["points.yard is not in point_order and is never visited"]
+        assert reader.notes == ["points.yard is not in point_order, so it is never visited"]
 
     def test_their_mistakes_are_told_in_that_name(self) -> None:
         reader = ParameterReader({"point_ordr": ["gate"]}, elsewhere="look there")
@@ -430,9 +430,9 @@ class TestParameterFiles:
             ("x: [true, 1]", 3, 15, "mixes a Boolean with"),
             ("x: [a, {b: 1}]", 3, 12, "list of mappings"),
             ("x: [[1], [2]]", 3, 9, "list of lists"),
-            ("x: [a, ~]", 3, 12, "ROS has no empty values"),
+            ("x: [a, ~]", 3, 12, "because it has no empty values"),
             ("y: 1\nx:", 4, 7, "'x' has no value"),
-            ("x: null", 3, 8, "would read it as a string"),
+            ("x: null", 3, 8, "would read as a string"),
             ("zones:\n  a: {x: ~}", 4, 14, "'zones.a.x' is ~"),
             ("x: 1\nx: 2", 4, 5, "'x' is given twice (first in line 3)"),
             ("a.b: 1\na:\n  b: 2", 5, 7, "'a.b' is given twice (first in line 3)"),
@@ -440,10 +440,10 @@ class TestParameterFiles:
             ("x: &a 1\ny: *a", 4, 8, "no aliases: write the value of '*a' in full"),
             ("x: !degrees 90", 3, 8, "has the tag !degrees"),
             ("x: !!int '3'", 3, 8, "which ROS ignores"),
-            ("x: 1_000", 3, 8, "ROS reads 1_000 as a string"),
-            ("x: 0o10", 3, 8, "ROS reads 0o10 as a string"),
-            ("x: 1e999", 3, 8, "ROS reads 1e999 as a string"),
-            ("x: 010", 3, 8, "octal number, 8"),
+            ("x: 1_000", 3, 8, "'x' is 1_000, which ROS reads as a string"),
+            ("x: 0o10", 3, 8, "'x' is 0o10, which ROS reads as a string"),
+            ("x: 1e999", 3, 8, "'x' is 1e999, which ROS reads as a string"),
+            ("x: 010", 3, 8, "octal number 8"),
             ("? [a]\n: 1", 3, 7, "a key must be a name"),
             ("\tx: 1", 3, 5, "tab"),
             ("x: [1, 2", 4, 1, "not YAML"),
@@ -474,10 +474,10 @@ class TestParameterFiles:
             ("/**:\n  ros__parameters: {'': 1}\n", "a name is missing before this ':'"),
             ("/**:\n  ros__parameters: {x: a:b}\n", "'a:b' needs quotes within [] and {}"),
             ("/**:\n  ros__parameters: {x: [why?]}\n", "'why?' needs quotes within [] and {}"),
-            ("ros__parameters:\n  x: 1\n", "no node's name"),
+            ("ros__parameters:\n  x: 1\n", "no node name"),
             ("/**:\n  ros__parameters:\n", "must contain parameters"),
             ("/**:\n  ros__parameters: [1]\n", "must contain parameters"),
-            (HEAD + "    x: 1\n---\n" + HEAD + "    x: 2\n", "a second document"),
+            (HEAD + "    x: 1\n---\n" + HEAD + "    x: 2\n", "second document"),
             ("%YAML 1.2\n---\n" + HEAD + "    x: 1\n", "YAML 1.1 only"),
             ("/**: " + "{a: " * 2000 + "}" * 2000, "nested too deeply"),
             (HEAD.encode() + b"    x: \xff\n", "not UTF-8"),
@@ -538,7 +538,7 @@ def test_where_the_map_lies_is_read_and_not_asked_for():
                 "georeference.heading": 0.0,
                 "georeference.yaw": 1.0,
             },
-            "georeference.yaw: is unknown; expected one of lat, lon, heading",
+            "georeference.yaw: is unknown, expected one of lat, lon, heading",
         ),
     ],
 )

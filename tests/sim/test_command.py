@@ -114,7 +114,7 @@ def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> N
         (["run", "--fault", "navigate_to_pose:abrt=zone_a"], "did you mean 'abort'?"),
         (
             ["run", "--fault", "report_survivor:drop=1"],
-            "'report_survivor' is no target (known: navigate_to_pose, amcl)",
+            "unknown target 'report_survivor' (known: navigate_to_pose, amcl)",
         ),
         (["run", "--robot", ""], "the robot has no name; expected NAME, NAME:X,Y"),
         (["run", "--robot", ":1,2"], "robot ':1,2': has no name; expected NAME, NAME:X,Y"),
