@@ -1,4 +1,4 @@
-"""Split and compose command lines with ROS arguments, and explain ROS's errors about them."""
+"""Split and compose command lines with ROS arguments, and explain errors that ROS reports about them."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,7 @@ _ENCLAVE_FLAGS = ("-e", "--enclave")
 
 @dataclass(frozen=True)
 class SplitArguments:
-    """A command line, split in two.
+    """A command line, split into the command's arguments and ROS arguments.
 
     Attributes:
         own: The command's own arguments.
@@ -48,12 +48,12 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
     """Return the arguments for `rclpy.init`.
 
     Args:
-        ros: The user's own ROS arguments, without `--ros-args`.
-        params_file: A parameter file that is applied before all of them.
+        ros: The user's ROS arguments, without `--ros-args`.
+        params_file: A parameter file that is applied before the user's arguments.
 
     Raises:
         UnreadableFileError: If a parameter file does not exist or cannot be read.
-        ParameterFileError: If ROS would refuse or misread a parameter file, including one of the user's arguments.
+        ParameterFileError: If ROS would reject or misread a parameter file, including files in the user's arguments.
     """
     first = [] if params_file is None else [_FILE_FLAG, str(params_file)]
     arguments = [*first, *ros]
@@ -61,23 +61,24 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
         from sar_compiler.missions.parameter_file import check_parameter_file
 
         check_parameter_file(file)
-    kept = _without_node_names(arguments)
-    return [_BEGIN, *kept] if kept else []
+    for_process = _without_node_names(arguments)
+    return [_BEGIN, *for_process] if for_process else []
 
 
 def parameter_files(ros: Sequence[str], params_file: Path | None = None) -> list[Path]:
-    """Return the parameter files in use: the separate one, then those in the ROS arguments."""
+    """Return the parameter files in the order in which ROS applies them: *params_file*, then the files in the ROS arguments."""
     first = [] if params_file is None else [params_file]
     return first + [Path(value) for flag, value in pairwise(ros) if flag == _FILE_FLAG]
 
 
 def node_arguments(ros: Sequence[str]) -> list[str]:
-    """Return the arguments for the node itself, in addition to those of `rclpy.init`.
+    """Return the arguments for the mission's node, in addition to the arguments of `rclpy.init`.
 
-    A `-p name:=value` must override an earlier file. ROS ensures this only within one section: a value given for the whole process belongs to `/**`, and a section of the file with the node's name overrides it. A node's own arguments are applied last.
+    A `-p name:=value` must override an earlier file. As an argument of the whole process it would belong to the section `/**`, which a section with the
+    node's name in a file overrides. A node's own arguments are applied last.
 
-    A new name (`-r __node:=name`) is for this node only: given for the whole process it would also rename
-    the servers' and the simulator's nodes in it.
+    A new name (`-r __node:=name`) is only for this node. As an argument of the whole process it would also rename other nodes in the process, such as
+    those of servers and the simulator.
     """
     last_file = max((index for index, argument in enumerate(ros) if argument == _FILE_FLAG), default=-1)
     rules: list[str] = []
@@ -88,7 +89,7 @@ def node_arguments(ros: Sequence[str]) -> list[str]:
 
 
 def security_arguments(ros: Sequence[str]) -> list[str]:
-    """Return the ROS arguments for SROS 2, for another process of the same mission."""
+    """Return the arguments that set the SROS 2 enclave, for another process of the same mission."""
     return [part for flag, value in pairwise(ros) if flag in _ENCLAVE_FLAGS for part in (flag, value)]
 
 
@@ -103,12 +104,12 @@ def _without_node_names(arguments: Sequence[str]) -> list[str]:
 
 
 class RosArgumentError(SarError):
-    """ROS rejected its arguments, or a parameter file among them."""
+    """ROS has rejected arguments, or a parameter file in them."""
 
 
 @contextmanager
 def convert_ros_errors() -> Iterator[None]:
-    """Convert rclpy's errors about arguments and names to readable ones.
+    """Convert rclpy's errors about arguments and names to readable errors.
 
     Raises:
         RosArgumentError: Instead of rclpy's own errors.
@@ -121,7 +122,7 @@ def convert_ros_errors() -> Iterator[None]:
     except rcl.UnknownROSArgsError as error:
         unknown = ", ".join(re.findall(r"'([^']*)'", str(error))) or str(error)
         raise RosArgumentError(
-            f"not a ROS argument: {unknown} (all arguments after --ros-args belong to ROS, up to a --). "
+            f"unknown ROS argument: {unknown} (all arguments between --ros-args and -- are ROS arguments). "
             "Write a parameter as -p name:=value"
         ) from error
     except (rcl.RCLError, rcl.RCUtilsError, NameValidationException) as error:
@@ -129,14 +130,14 @@ def convert_ros_errors() -> Iterator[None]:
 
 
 _FORMS = {
-    "parameter override rule": "a parameter is given as name:=value, and a list has values of one type",
-    "remap rule": "a name is replaced by from:=to, a node's by __node:=name, the namespace by __ns:=/name",
-    "log level": "a level is debug, info, warn, error or fatal, or logger:=level",
+    "parameter override rule": "write a parameter as name:=value, where all values of a list have the same type",
+    "remap rule": "write from:=to for a name, __node:=name for a node name, or __ns:=/name for a namespace",
+    "log level": "write debug, info, warn, error or fatal, or logger:=level",
 }
 
 
 def _readable_error(text: str) -> str:
-    """Return a readable text for an error of rcl, without locations in rcl's source code."""
+    """Return a readable message for an error message of rcl, without locations in rcl's source code."""
     text = re.sub(r"(, at /\S+:\d+)+$", "", text.strip())
     text = re.sub(r"\s*, at /\S+:\d+", "", text).removeprefix("failed to initialize rcl: ")
     trailing = re.search(r"Couldn't parse trailing (\S+) flag", text)
@@ -144,31 +145,31 @@ def _readable_error(text: str) -> str:
         return f"{trailing[1]} must be followed by a value"
     rule = re.search(r"Couldn't parse ([a-z ]+): '(.*?)'\. Error: (.*)", text, re.DOTALL)
     if rule is None:
-        return f"ROS does not accept its arguments: {' '.join(text.split())}"
+        return f"the ROS arguments are invalid: {' '.join(text.split())}"
     kind, given, reason = rule[1], rule[2], " ".join(rule[3].split())
     in_name = _wrong_in_remap(given.partition(" ")[2]) if kind == "remap rule" else None
     return f"'{given}' is invalid: {in_name or _FORMS.get(kind, reason)}"
 
 
-# The patterns that rcl rejects in the new name of a rule, in addition to single characters.
+# The patterns that rcl rejects in the new name of a remap rule, in addition to single characters.
 _FAULTS = {
     r"^$": "a name is missing after :=",
-    r"(^|/)\d": "a name, and each part of it between slashes, begins with a letter or _",
+    r"(^|/)\d": "each part of a name between slashes must begin with a letter or _",
     r"//|/$": "a name is missing between or after slashes",
     r"__": "a name cannot contain two consecutive underscores",
 }
 
 
 def _wrong_in_remap(rule: str) -> str | None:
-    """Return the invalid name in `from:=to` and the reason; None if the syntax is wrong."""
+    """Return the error in a name of a remap rule `from:=to`; None if the rule's syntax is wrong."""
     old, assigned, new = rule.partition(":=")
     if not assigned or not old:
         return None
-    what = old.rpartition(":")[2]  # without the node that the rule is for
+    what = old.rpartition(":")[2]  # without the name of the node to which the rule applies
     if what == "__ns" and new and not new.startswith("/"):
-        return f"a namespace begins with a slash: {old}:=/{new.removeprefix('~/')}"
+        return f"a namespace must begin with a slash: {old}:=/{new.removeprefix('~/')}"
     if what in ("__node", "__name") and "/" in new:
-        return "a node's name cannot contain a slash: set its namespace with __ns:=/name"
+        return "a node name cannot contain a slash: set the namespace with __ns:=/name"
     wrong = re.search(r"[^A-Za-z0-9_/]", re.sub("[~*:]", "", old) + new.removeprefix("~"))
     if wrong:
         return f"'{wrong[0]}' is not allowed in a name: use letters, digits, _ and /"

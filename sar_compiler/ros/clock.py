@@ -1,7 +1,7 @@
 """Clocks of a node and of this process, and deadlines.
 
-Limits for other programs are measured in awake time. A process that is stopped, or gets no processor time, receives no
-messages meanwhile. Late answers are then not the servers' fault, and DDS may have to discover them again.
+Time limits for other programs are measured in awake time. A process that is suspended, or gets no processor time, receives no
+messages meanwhile. Late responses are then not the servers' fault, and DDS may have to discover the servers again.
 """
 
 import math
@@ -18,19 +18,20 @@ if TYPE_CHECKING:
     from rclpy.timer import Timer
 
 
-# Longest time between two turns of the executor before the process is assumed to have been stopped, seconds.
+# If more time passes between two turns of the executor, the process is assumed to have been suspended, in seconds.
 _STANDSTILL_SEC = 2.0
-# Time that others may need to be discovered again: participants of Fast DDS announce themselves every three seconds.
+# Grace time after a suspension, in seconds, in which other nodes can be discovered again: participants of Fast DDS announce themselves every three
+# seconds.
 _RECOVERY_SEC = 5.0
-# A process that stops repeatedly, for instance because a leaf blocks, gets this grace time only this many times.
+# Minimum time between two grace times, in seconds, because a process may stop repeatedly, for instance if a leaf blocks.
 _SPARED_EVERY_SEC = 60.0
 
 
 class AwakeTime:
-    """Steady time, excluding suspensions of this process and the rediscovery after them.
+    """The time of the steady clock, excluding suspensions of this process and the grace time after each of them.
 
     Attributes:
-        stood_still_at: When the last standstill was detected, by `time.monotonic`.
+        stood_still_at: The time of `time.monotonic` at which the last suspension was detected.
     """
 
     def __init__(self) -> None:
@@ -52,7 +53,7 @@ class AwakeTime:
         """Mark a block in which the executor's loop calls `now` several times a second.
 
         Args:
-            say: Called with a line after a standstill.
+            say: Called with a message after a suspension.
         """
         self._turned_at, self._say = time.monotonic(), say
         try:
@@ -82,30 +83,29 @@ AWAKE = AwakeTime()
 _NANOSECONDS = 1_000_000_000
 
 PATIENCE_SEC = 10.0
-"""Steady seconds that a clock may stand still before the machine's time replaces it."""
+"""The time for which a clock may stand still before the machine's time replaces it, in seconds of the steady clock."""
 
-# No simulation runs so much faster than the machine's time. A faster advance is a jump.
+# The maximum speed of a simulation, in simulated seconds per second. A faster advance of more than `_JUMP_SEC` is a jump.
 _FASTEST = 200.0
 _JUMP_SEC = 10.0
 _INSTANT_SEC = 1e-9
-# A clock that has not advanced for longer has stopped; steady seconds.
+# If a clock has not advanced for this time, in seconds of the steady clock, it has stopped.
 _GAP_SEC = 1.0
 
 
 class NodeTime:
-    """Time of a node's clock, without jumps, backward steps or permanent stops.
+    """The time of a node's clock, without jumps, backward steps or permanent stops.
 
-    Simulated time (`use_sim_time`) is used as it arrives, however slow or fast. A jump is replaced by the
-    machine's time that has passed meanwhile. If a clock has stood still for longer than its patience, the
-    machine's time replaces it from its last advance on, until it advances again. So every wait ends. Without
-    simulated time the steady clock of the machine is used, which cannot be set.
+    Simulated time (`use_sim_time`) may advance at any speed. A jump is replaced by the machine's time that has passed meanwhile. If
+    simulated time has stood still for longer than *patience_sec*, the machine's time replaces it, until simulated time advances again.
+    So every wait ends. Without simulated time, the steady clock of the machine is used, which cannot be set.
 
     Args:
         node: The node.
-        patience_sec: The longest standstill of simulated time that is accepted, steady seconds.
-        fastest: The largest accepted ratio of simulated to steady seconds. Any excess is cut off.
-        say: Called with a line when the clock stops, resumes or jumps.
-        steady: The machine's time.
+        patience_sec: The maximum time for which simulated time may stand still, in seconds of the steady clock.
+        fastest: The maximum speed, in simulated seconds per second; a faster advance is limited to this speed.
+        say: Called with a message when the clock stops, advances again or jumps.
+        steady: Returns the machine's time, in seconds; by default the time of the steady clock.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class NodeTime:
 
     def _advance(self, steady: float, ros: float) -> None:
         step, passed = ros - self._ros, steady - self._counted_to
-        # The first time that arrives is no jump.
+        # The first simulated time that arrives is not a jump.
         jumped = self._ros > 0.0 and not 0.0 <= step <= _JUMP_SEC + _FASTEST * (steady - self._advanced_at)
         if jumped:
             self._say(
@@ -166,16 +166,16 @@ class NodeTime:
             self._stands_still = True
             self._say(
                 f"The clock has stood still for {self._patience_sec:g} s (is the simulator running?). The "
-                "machine's time is used until it advances again."
+                "machine's time is used until the clock advances again."
             )
         self._now += steady - self._counted_to
         self._counted_to = steady
 
 
 class ClockedTime:
-    """Awake time during which a node's clock advances, for deadlines of programs that pause with it.
+    """The awake time during which a node's clock advances, for deadlines of programs that pause together with the clock.
 
-    Without simulated time they are all that pass.
+    Without simulated time, this is the whole awake time.
 
     Args:
         node: The node.
@@ -187,7 +187,7 @@ class ClockedTime:
         self._now = self._counted_to = AWAKE.now()
 
     def now(self) -> float:
-        """Return the time in seconds from an arbitrary origin; call it at least twice a second."""
+        """Return the time in seconds from an arbitrary origin. Call this method at least twice a second."""
         awake, is_simulated = AWAKE.now(), self._clock.ros_time_is_active
         ros_ns = int(self._clock.now().nanoseconds) if is_simulated else -1
         if ros_ns != self._ros_ns or not is_simulated:
@@ -198,25 +198,25 @@ class ClockedTime:
 
 
 def mission_clock(node: "Node") -> NodeTime:
-    """Return the mission time of a node, the same object in every call: simulated time under `use_sim_time`.
+    """Return the node's mission clock, which uses simulated time if `use_sim_time` is set; every call returns the same object.
 
-    A stop or a jump of the clock is logged once by the node.
+    The node logs each stop and each jump of the clock once.
     """
     return of_node(node, NodeTime, lambda: NodeTime(node, say=lambda text: node.get_logger().warning(text)))
 
 
 def steady_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "Timer":
-    """Return a timer of a node that uses the steady clock of the machine, which no simulator stops."""
+    """Create a timer of a node that uses the machine's steady clock, which no simulator stops."""
     from rclpy.clock import Clock, ClockType
 
-    # One for all: the executor of events has a thread for each clock.
+    # All timers of a node share a clock, because rclpy's EventsExecutor has a thread for each clock.
     clock = of_node(node, ClockType.STEADY_TIME, lambda: Clock(clock_type=ClockType.STEADY_TIME))
     return node.create_timer(period_sec, call, clock=clock)
 
 
-# After this time without an advance simulated time counts as stopped, well before most deadlines (10 s).
+# The time without an advance after which simulated time has stopped for deadlines, in seconds. Most deadlines are longer (10 s).
 _DEADLINES_PATIENCE_SEC = 3.0
-# A fast simulation does not make the machine's network faster: a limit of 10 s takes at least one of these.
+# The maximum speed of simulated time for deadlines, because a fast simulation does not make the network faster: a deadline of 10 s takes at least 1 s.
 _DEADLINES_FASTEST = 10.0
 
 
@@ -225,32 +225,32 @@ class _Pace:
 
 
 def trust_simulation(node: "Node") -> None:
-    """Measure deadlines in simulated time, because the simulated servers wait for the executor."""
+    """Measure a node's deadlines in simulated time at any speed, because the simulated servers wait for the node's executor."""
     of_node(node, _Pace, _Pace).fastest = math.inf
 
 
 def deadline_clock(node: "Node") -> Clock:
-    """Return the clock for a node's deadlines: simulated time if it is used, else the machine's time.
+    """Create a clock for a node's deadlines: simulated time if the node uses it, otherwise the machine's time.
 
-    Simulated time advances at most ten times as fast as the machine's, unless it is trusted (`trust_simulation`). The
-    machine's time is used while simulated time stands still. Standstills of this process are excluded from both.
+    Simulated time advances at most ten times as fast as the machine's time, unless it is trusted (`trust_simulation`). While simulated time
+    stands still, the machine's time is used. Suspensions of this process are excluded.
     """
     fastest = of_node(node, _Pace, _Pace).fastest
     return NodeTime(node, patience_sec=_DEADLINES_PATIENCE_SEC, fastest=fastest, steady=AWAKE.now)
 
 
 def deadline_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "Timer":
-    """Return a timer of a node: in simulated time if that is trusted, otherwise on the steady clock."""
+    """Create a timer of a node, which uses simulated time if it is trusted (`trust_simulation`), otherwise the steady clock."""
     if of_node(node, _Pace, _Pace).fastest == math.inf:
         return node.create_timer(period_sec, call)
     return steady_timer(node, period_sec, call)
 
 
 class Deadline:
-    """A time limit.
+    """A point in time until which something must happen.
 
     Args:
-        seconds: The time until it passes, in seconds.
+        seconds: The time from now to the deadline, in seconds.
         clock: The clock to use; by default the steady clock of the machine.
     """
 
@@ -260,10 +260,10 @@ class Deadline:
 
     @property
     def remaining_sec(self) -> float:
-        """The remaining seconds; 0 after the deadline."""
+        """The time until the deadline, in seconds; 0 after the deadline."""
         return max(0.0, self._at - self._clock.now())
 
     @property
     def has_passed(self) -> bool:
-        """Whether it has passed."""
+        """Whether the deadline has passed."""
         return self._clock.now() >= self._at

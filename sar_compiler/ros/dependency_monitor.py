@@ -1,4 +1,4 @@
-"""Monitor the requirements of a running tree, and robot motion without an active goal."""
+"""Monitor the requirements of a running tree, and detect robot motion without an active goal."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -30,29 +30,29 @@ from sar_compiler.ros.readiness import MOVED_M, SHADOW_SEC
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.ros.robot_lease import RobotLease
 
-# How long a robot may brake, and how long after a goal's end a movement is attributed to that goal, seconds.
+# Maximum braking time of a robot, and maximum time from a goal's end to a motion that is attributed to the goal, in seconds.
 _BRAKES_SEC, _LATEST_SEC = 0.7, 2.0
-# The same for an aborted goal: on a busy machine Nav2's controller can start a goal that the navigator gave up seconds
-# before (3 s were seen).
+# Maximum time from the end of an aborted goal to a motion that is attributed to the goal, in seconds. On a busy machine, Nav2's controller can
+# start to execute a goal seconds after the navigator has aborted it (3 s were observed).
 _LATEST_ABORTED_SEC = 10.0
-# How soon everything is cancelled after an aborted goal: Nav2's controller may not have received the end, and drive on.
+# Duration of a motion after an aborted goal at which all goals are cancelled, in seconds. Nav2's controller may not know that the goal has ended.
 _ABORTED_SEC = 0.3
-# How often everything is cancelled while the robot still moves, steady seconds.
+# Interval at which all goals are cancelled while the robot still moves, in seconds of the steady clock.
 _CANCEL_SEC = 1.0
-# Other actions with which Nav2 drives: their goals can outlive the navigator's own.
+# The actions by which Nav2's servers move the robot. Their goals can outlive the navigator's goal.
 _SERVERS = ("navigate_to_pose", "follow_path", "spin", "backup")
 
 
 class UnrequestedMotion:
     """Detects robot motion while no goal of this node is active.
 
-    The end of a goal does not prove that the robot stands: Nav2's navigator can give up a goal that its controller
-    still executes. Such a movement is reported, and every goal of Nav2 is cancelled, unless another client's goal is
-    active. Any other movement is only reported.
+    The end of a goal does not prove that the robot stands still: Nav2's navigator can abort a goal that its controller
+    still executes. Such a motion is reported, and all goals of Nav2 are cancelled, unless another client's goal is
+    active. Any other motion is only reported.
 
     Args:
         node: The node that sends the goals.
-        actions: The actions that drive the robot, with resolved or relative names.
+        actions: The resolved or relative names of the actions that move the robot.
     """
 
     def __init__(self, node: Node, actions: Iterable[str]) -> None:
@@ -67,13 +67,13 @@ class UnrequestedMotion:
         self._has_sent = False
         self._ended: tuple[float, float] | None = None
         self._since: tuple[float, float] | None = None
-        self._told = self._blindness_told = self._was_aborted = self._cancels_early = False
+        self._is_reported = self._lacks_odometry_reported = self._was_aborted = self._cancels_early = False
         self._cancelled_at = -math.inf
         self._goals.add_listener(self._on_goal)
         self._robot.listen_to_odometry(self.poll)
 
     def poll(self) -> None:
-        """Check once, report changes, and cancel goals if necessary."""
+        """Check whether the robot moves without a goal; report changes, and cancel goals if necessary."""
         if self._goals.drives(self._actions):
             self._ended = self._since = None
             return
@@ -83,23 +83,25 @@ class UnrequestedMotion:
             self._since = self._since or self._now()
             seconds = self._seconds_since(self._since)
             if seconds >= _BRAKES_SEC:
-                self._judge()
+                self._handle_motion()
             elif seconds >= _ABORTED_SEC and self._cancels_early and self._is_ours:
-                self._cancels_early = False  # once: a robot that still moves then is reported
+                self._cancels_early = (
+                    False  # only once, because a robot that continues to move must be reported
+                )
                 self._cancel_all_goals()
         elif self._robot.moves is None:
             self._report_missing_odometry()
         elif self._robot.is_standing:
             self._on_standstill()
 
-    def _judge(self) -> None:
-        """Report a moving robot, and stop one that moves after the end of a goal."""
+    def _handle_motion(self) -> None:
+        """Report that the robot moves, and cancel all goals if it moves after the end of a goal of this mission."""
         if self._is_ours:
-            if not self._told:
+            if not self._is_reported:
                 self._report_motion()
             if AWAKE.now() - self._cancelled_at >= _CANCEL_SEC:
                 self._cancel_all_goals()
-        elif not self._told:
+        elif not self._is_reported:
             self._report(
                 f"The robot moves ({self._robot.speed_text}), although no goal of this mission is active."
             )
@@ -121,82 +123,86 @@ class UnrequestedMotion:
     def _cancel_all_goals(self) -> None:
         self._cancelled_at = AWAKE.now()
         for client in self._available_servers().values():
-            # A request with neither id nor stamp cancels every goal.
-            client.call_async(CancelGoal.Request())  # the odometry shows the effect
+            # A request with neither goal ID nor time stamp cancels all goals. The response is ignored, because the odometry shows the effect.
+            client.call_async(CancelGoal.Request())
 
     def _on_standstill(self) -> None:
         """Record that the robot stands still, so that later motion is not attributed to an earlier goal."""
         self._since = None
-        if self._told:
-            self._told = False
+        if self._is_reported:
+            self._is_reported = False
             self._node.get_logger().info("The robot has stopped.")
         latest = _LATEST_ABORTED_SEC if self._was_aborted else _LATEST_SEC
         if self._ended is not None and self._seconds_since(self._ended) >= latest:
             self._has_sent, self._ended = False, None
 
     def _report_missing_odometry(self) -> None:
-        if self._ended is not None and not self._blindness_told:
-            self._blindness_told = True
+        if self._ended is not None and not self._lacks_odometry_reported:
+            self._lacks_odometry_reported = True
             self._node.get_logger().info(
                 "No odometry arrives on odometry/filtered. The robot is assumed to stand still when its goal "
                 "has ended."
             )
 
     def _report(self, text: str) -> None:
-        self._told = True
+        self._is_reported = True
         self._node.get_logger().warning(text)
 
     def _on_goal(self, news: GoalEvent) -> None:
         if news.action in self._actions:
             self._was_aborted = self._cancels_early = news.status == ABORTED
         if news.action in self._actions and not news.is_over:
-            self._has_sent, self._ended, self._since, self._told = True, None, None, False
+            self._has_sent, self._ended, self._since, self._is_reported = True, None, None, False
 
     def _now(self) -> tuple[float, float]:
         return AWAKE.now(), self._clock.now()
 
     def _seconds_since(self, since: tuple[float, float]) -> float:
-        """Return the elapsed seconds on the slower of the two clocks, because a robot brakes in its own time."""
+        """Return the elapsed seconds on the slower of the two clocks, because a simulated robot brakes in simulated time."""
         return min(now - then for now, then in zip(self._now(), since, strict=True))
 
 
 _PERIOD_SEC = 0.5
-# How long Nav2 may be inactive before that is reported (a silent node is reported at once, which takes 2 s), and how
-# long a new localisation may publish nothing.
+# Maximum time, in seconds, for which Nav2 may be inactive without a report, and for which a new localisation may publish nothing. A node that does
+# not respond is reported at once, after the 2 s in which it should have responded.
 _LOST_SEC = 2.0
-# Two unanswered queries are no coincidence. A crashed process has left the graph long before the second.
+# Time without a response from any Nav2 node, in seconds, after which discovery is lost: for nodes that have never sent anything to this process, and
+# for other nodes, whose process may have crashed. A crashed process leaves the graph earlier.
 _DEAF_SEC, _DEAD_SEC = 4.0, SHADOW_SEC + 8.0
-_ANOTHER = "start a new process (--resume continues from the journal; --supervise does both by itself)"
-# For this long after a crash of a Nav2 node its lifecycle manager tries to restart it, seconds
-# (bond_respawn_max_duration). After that, a person must.
+_REMEDY = (
+    "Restart it with --resume, which continues from the journal. With --supervise, this is done automatically"
+)
+# Time for which Nav2's lifecycle manager tries to restart a crashed node, in seconds (bond_respawn_max_duration). After that, a person must
+# configure the node.
 _RESPAWN_SEC = 12.0
-# Rotations below this are ignored, as by AMCL (its update_min_a), radians.
+# Rotations below this angle are ignored, as by AMCL (update_min_a), in radians.
 _TURNED = 0.2
 
 
 class DependencyMonitor:
-    """Watches servers, the localisation and transforms of a running mission, and reports their changes.
+    """Monitors the servers, the localisation and the transforms of a running mission.
 
-    The node logs each event once.
+    It logs each of these events once:
 
-    * A second server of an action or service: reported. A second server of an action that remains after a killed one
-    would have left the graph ends the run, as at the start: both would drive the robot. * Another mission on this
-    robot: reported, or ends the run if that mission has priority. * The localisation is lost: reported. When it returns
-    without a pose, it is sent the last `amcl_pose` again if the odometry shows that the robot has not moved since.
-    Otherwise the operator is asked for the pose. Leaves that use Nav2 wait meanwhile (`ActionLeaf.hold_timeout_sec`). *
-    The robot moves without a goal of the mission: reported, or stopped (`UnrequestedMotion`). * No transform from `map` for
-    3 s: reported, whatever the nodes answer. * A frame, the clock, or a topic that should have one source now has
-    several: reported. * No node of Nav2 in the graph answers any more, even to a new client: reported (`lost_discovery`).
+    * An action or service has a second server. If the second server of an action remains after a killed server would have left the graph, the run
+      ends, because both servers would move the robot.
+    * Another mission uses this robot. The run ends if the other mission has priority.
+    * The localisation is lost. When it returns without a pose, it receives the last `amcl_pose` again if the odometry shows that the robot has not
+      moved since. Otherwise the operator is asked for the pose. Meanwhile, leaves that use Nav2 wait (`ActionLeaf.hold_timeout_sec`).
+    * The robot moves without a goal of the mission (`UnrequestedMotion`).
+    * No transform from `map` has arrived for 3 s.
+    * A frame, the clock, or a topic that should have one source has several.
+    * No Nav2 node in the graph responds, not even to a new client (`lost_discovery`).
 
     Args:
-        node: The node that the tree runs on.
+        node: The mission's node.
         uses: The resources that the tree's leaves use, with resolved names.
-        sole: The claim of the mission to its robot.
-        drives: The actions that drive the robot.
+        sole: The mission's lease of its robot.
+        drives: The names of the actions that move the robot.
 
     Attributes:
-        trouble: The reason why the run must end; empty if it need not.
-        lost_discovery: The reason why another process must continue the mission; empty if there is none.
+        trouble: The reason why the run must end; empty if there is none.
+        lost_discovery: The reason why the mission must continue in a new process; empty if there is none.
     """
 
     def __init__(
@@ -216,11 +222,11 @@ class DependencyMonitor:
         if self._localisation is not None:
             self._topics += ["odometry/filtered", "map"]
         self._motion = UnrequestedMotion(node, drives) if drives else None
-        # Steady: the node's clock may have stopped.
+        # The node's clock may stop, unless the simulation is trusted.
         deadline_timer(node, _PERIOD_SEC, self.poll)
 
     def poll(self) -> None:
-        """Check once, and report changes."""
+        """Check all requirements, and log changes."""
         if not is_node_valid(self._node):
             return
         if self._sole is not None:
@@ -249,7 +255,7 @@ class DependencyMonitor:
             self.trouble = self.trouble or str(answer.line)
 
     def _count_sources(self) -> None:
-        """Report each frame, topic and clock with several sources, once."""
+        """Log each frame, topic and clock that has several sources once."""
         lines = [self._graph.clock(), *map(self._graph.publisher_conflict, self._topics)]
         if self._hears_transforms:
             lines.append(frame_sources(self._node).conflict())
@@ -279,8 +285,8 @@ class _Localisation:
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
 
     def poll(self) -> Iterable[str]:
-        """Yield the changes."""
-        looked = [(each, each.poll()) for each in self._nodes]
+        """Yield a message for each change since the last call."""
+        states = [(each, each.poll()) for each in self._nodes]
         was_deaf, self.lost_discovery = bool(self.lost_discovery), self._lost_discovery()
         if self.lost_discovery:
             if not was_deaf:
@@ -290,11 +296,11 @@ class _Localisation:
         if any(
             each.is_there and each.has_heard_nothing and each.silent_sec < _DEAF_SEC for each in self._nodes
         ):
-            return  # it may be present but silent: items missing before are still missing
-        missing = [line for each, line in looked if line is not None and not each.is_awaited()]
+            return  # a node that is present may be silent, so the result of the last call still applies
+        missing = [line for each, line in states if line is not None and not each.is_awaited()]
         if missing:
             yield from self._report_missing(missing)
-            # It stays missing while a node that is back has not answered yet.
+            # Nav2 is inactive until every node that has returned has responded.
             self._inactive = f"the navigation (Nav2) is not active: {'; '.join(missing)}" if self._is_lost else ""
         elif not any(each.is_awaited() for each in self._nodes):
             self._lost_since = None
@@ -307,10 +313,10 @@ class _Localisation:
         self._robot.lacks = self._inactive or self._robot.lost_transforms()
 
     def _lost_discovery(self) -> str:
-        """Describe nodes that do not respond although the graph shows them; empty if one does.
+        """Describe the loss of discovery: no Nav2 node responds, although the graph shows the nodes. Empty if one of them responds.
 
-        Fast DDS: a participant that was silent for longer than its lease is forgotten by others, and does not know
-        that. It then sees them for good, but receives nothing from them until it becomes another participant.
+        In Fast DDS, other participants forget a participant that was silent for longer than its lease. The forgotten participant does not notice
+        this: it still sees the others, but receives nothing from them until it is replaced by a new participant.
         """
         there = [each for each in self._nodes if each.is_there]
         silent_sec = min((each.silent_sec for each in there), default=0.0)
@@ -318,12 +324,10 @@ class _Localisation:
             return ""
         names = " and ".join(each.name for each in there)
         if all(each.has_heard_nothing for each in there):
-            return f"Since its suspension, this process receives nothing from {names}, although the ROS graph shows them: {_ANOTHER}"
+            return f"Since its suspension, this process receives nothing from {names}, although the ROS graph shows them. {_REMEDY}"
         if silent_sec < _DEAD_SEC:
             return ""
-        return (
-            f"{names} do not respond, not even to new clients, although the ROS graph shows them: {_ANOTHER}"
-        )
+        return f"{names} do not respond to this process, not even to new clients, although the ROS graph shows them. {_REMEDY}"
 
     def _report_missing(self, missing: list[str]) -> Iterable[str]:
         now = AWAKE.now()
@@ -334,7 +338,7 @@ class _Localisation:
             yield f"Nav2 is no longer active: {'; '.join(missing)}. Leaves that drive wait for it."
 
     def _check_unconfigured(self) -> Iterable[str]:
-        """Report a restarted node that its lifecycle manager does not configure."""
+        """Yield a message for each restarted node that the lifecycle manager does not configure."""
         now = AWAKE.now()
         for each in self._nodes:
             if each.state != "unconfigured":
@@ -344,12 +348,12 @@ class _Localisation:
             if now - since >= _RESPAWN_SEC:
                 self._unconfigured_since[each.name] = math.inf  # once
                 name = self._node.resolve_service_name(f"{each.name}/get_state").removesuffix("/get_state")
-                # Not the lifecycle manager: version 1.3.13 waits forever for an answer of the crashed process.
+                # The lifecycle manager cannot do this: its version 1.3.13 waits forever for a response of the crashed process.
                 steps = " && ".join(f"ros2 lifecycle set {name} {step}" for step in ("configure", "activate"))
-                yield f"{each.name} was restarted and is not configured: {steps}"
+                yield f"{each.name} was restarted and is not configured. Run: {steps}"
 
     def _check_new_localizer(self) -> Iterable[str]:
-        """Detect a new localisation process that has not sent a pose or a transform."""
+        """Restore the pose of a restarted localisation process that has sent neither a pose nor a transform; yield a message."""
         sources, now = self._sources_of_poses(), AWAKE.now()
         if not self._known:
             self._known = sources
@@ -370,7 +374,7 @@ class _Localisation:
         }
 
     def _restore(self) -> str:
-        """Send the last pose, if it is still valid, to a localisation that has restarted without one."""
+        """Send the last pose to a restarted localisation if the robot has not moved since; return a message."""
         if conflict := self._robot.localisation_conflict():
             return f"A localisation has appeared. No pose is sent to it, because it may belong to another robot: {conflict}."
         ask = f"send it the pose ({self._poses}; in RViz: 2D Pose Estimate)"
@@ -396,23 +400,23 @@ class _Localisation:
 
 
 def _pose_difference(there: Sequence[float], here: Sequence[float]) -> tuple[float, float]:
-    """Return the distance between two poses, x, y and yaw: metres, radians."""
+    """Return the distance (metres) and the rotation (radians) between two poses (x, y, yaw)."""
     return math.dist(here[:2], there[:2]), abs(math.remainder(here[2] - there[2], math.tau))
 
 
 def refuse_parameters(node: Node, names: Collection[str]) -> None:
-    """Reject changes of parameters that were read before the start and would have no effect.
+    """Reject changes of parameters that are only read before the start, because they would have no effect.
 
     Args:
-        node: The node.
-        names: The names of the parameters, or their prefixes: `points` for `points.kitchen.x`.
+        node: The node with the parameters.
+        names: The names of the parameters; for a group of parameters, the first part of their names, such as `points` for `points.kitchen.x`.
     """
 
-    def judge(parameters: list[Parameter]) -> SetParametersResult:
+    def check(parameters: list[Parameter]) -> SetParametersResult:
         fixed = [each.name for each in parameters if each.name.partition(".")[0] in names]
         reason = (
             f"{', '.join(fixed)} is only read before the start. Stop the run, and start it with the new value"
         )
         return SetParametersResult(successful=not fixed, reason=reason if fixed else "")
 
-    node.add_on_set_parameters_callback(judge)
+    node.add_on_set_parameters_callback(check)

@@ -7,25 +7,25 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-# Twice the time in which half of the participants discover each other; seconds.
+# The default time without a new node, in seconds: twice the time in which half of the participants discover each other.
 SETTLING_SEC = 1.0
-# The maximum, as a multiple, if nodes keep appearing.
+# The maximum duration of the wait if new nodes keep appearing, as a multiple of the time without a new node.
 _LONGEST = 10.0
 
 
 def node_names(node: "Node") -> "Counter[str]":
-    """Return the full names of all nodes that a node has discovered, including its own, with their counts."""
+    """Return the full names of all nodes that a node has discovered, including its own name, with the number of nodes for each name."""
     return Counter(f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces())
 
 
 class DiscoveryWait:
-    """A wait that is over when no other node has appeared for some time.
+    """A wait that is over when no new node has appeared for some time.
 
-    Discovery begins when a node is created. Create this object then, so that other work is done meanwhile.
+    Discovery begins when a node is created. Create this object at the same time, and do other work during the wait.
 
     Args:
-        node: The node that discovers the others.
-        settling_sec: The time without a new node, seconds.
+        node: The node that discovers other nodes.
+        settling_sec: The time without a new node after which the wait is over, in seconds.
     """
 
     def __init__(self, node: "Node", settling_sec: float = SETTLING_SEC) -> None:
@@ -35,15 +35,15 @@ class DiscoveryWait:
         self._over_at = self._since + settling_sec
 
     def ignore(self, name: str) -> None:
-        """Ignore that one node with a full name appears: another one of this process."""
+        """Ignore the appearance of one node with this full name, which also belongs to this process."""
         self._seen |= Counter([name])
 
     def extend(self, share: float) -> None:
-        """Wait from now on for at least a share of the time, because a new subscription receives nothing at once."""
+        """Wait at least for a share of the settling time from now on, because a new subscription does not receive messages at once."""
         self._over_at = max(self._over_at, time.monotonic() + share * self._settling_sec)
 
     def has_settled(self) -> bool:
-        """Look for new nodes, and return whether the wait is over; discovery is slow on a busy machine."""
+        """Check for new nodes, and return whether the wait is over."""
         now, names = time.monotonic(), node_names(self._node)
         if names - self._seen:
             self._seen |= names

@@ -1,7 +1,7 @@
-"""Interface of the engines that tick a tree: the project's own runner, or `py_trees_ros` if installed.
+"""The interface of the engines that tick a tree: the project's own runner, and `py_trees_ros` if it is installed.
 
-The module holds the parts that both share: log lines about exceptions of behaviours, the limit of a tree's
-depth, the clean-up when setup fails, and a stop that leaves no robot driving, whatever the leaves raise.
+This module also contains the code that both engines share: log messages about exceptions of behaviours, the limit of a tree's
+depth, the clean-up when setup fails, and a stop that ends all goals even if leaves raise exceptions.
 """
 
 import os
@@ -33,11 +33,11 @@ _OURS = tuple(
     f"{folder}{os.sep}" for folder in (Path(__file__).parents[1], Path(str(py_trees.__file__)).parent)
 )
 _TRACEBACKS = "traceback"
-"""Suffix that the logger of tracebacks adds to the node's name."""
+"""The last part of the name of the logger for tracebacks, which is a child of the node's logger."""
 
 
 def error_text(error: BaseException) -> str:
-    """Return an exception's type and text in one line, without the type for the project's own errors."""
+    """Return an exception's type and message on one line; for the project's own errors, only the message."""
     text = " ".join(str(error).split())
     if isinstance(error, SarError):
         return text
@@ -45,41 +45,41 @@ def error_text(error: BaseException) -> str:
 
 
 def raising_behaviour(error: BaseException) -> Behaviour | None:
-    """Return the innermost behaviour of a tree that an exception passed through, or None."""
+    """Return the innermost behaviour through which an exception has passed; None if it has passed through none."""
     passed = _behaviours_passed(error)
     return passed[-1] if passed else None
 
 
 def behaviour_title(behaviour: Behaviour | None) -> str:
-    """Return a behaviour's name for an error message."""
+    """Return a behaviour's name and class for an error message."""
     if behaviour is None:
         return "a tick handler"
     return f"'{behaviour.name}' ({type(behaviour).__name__})"
 
 
 def failure_locations(behaviour: Behaviour | None, error: BaseException) -> str:
-    """Return the source locations of a behaviour's exception in brackets: in the tree file and in Python.
+    """Return the source locations of a behaviour's exception, in parentheses: the lines in the tree file and in Python code.
 
-    The result is empty if neither is known. The Python line is the one in the behaviour's own method. The
-    traceback has the called functions.
+    The line in Python code is in the behaviour's own method; the traceback shows the functions that it has called. The result is empty if
+    neither location is known.
     """
     return source_locations(behaviour, reversed(list(traceback.walk_tb(error.__traceback__))))
 
 
 def source_locations(behaviour: Behaviour | None, frames: Iterable[tuple[FrameType, int]]) -> str:
-    """Return a behaviour's location in brackets: the lines in the tree file and of its own method.
+    """Return a behaviour's source locations, in parentheses: the lines in the tree file and in its own method.
 
     Args:
         behaviour: The behaviour; None for a tick handler.
-        frames: The frames of the stack with their lines, the innermost first.
+        frames: The stack frames with their line numbers, innermost first.
     """
     known = [file_and_line_of(behaviour) if behaviour is not None else None, _line_of(behaviour, frames)]
-    said = "; ".join(place for place in known if place is not None)
-    return f" ({said})" if said else ""
+    listed = "; ".join(location for location in known if location is not None)
+    return f" ({listed})" if listed else ""
 
 
 def failure_text(error: BaseException) -> str:
-    """Return a text with the behaviour that raised an exception in a tick, the exception and its location."""
+    """Describe an exception in a tick: the behaviour that raised it, the exception and its source locations."""
     behaviour = raising_behaviour(error)
     return f"{behaviour_title(behaviour)} failed: {error_text(error)}{failure_locations(behaviour, error)}"
 
@@ -104,12 +104,12 @@ def _traceback_logger(node: Node) -> rclpy.logging.RcutilsLogger:
 
 
 def log_error(node: Node | None, text: str, error: BaseException | None = None) -> None:
-    """Log an error if there is a node to log it.
+    """Log an error on a node.
 
     Args:
-        node: The node.
-        text: What is wrong.
-        error: Its cause; the traceback is logged at debug level.
+        node: The node; None to log nothing.
+        text: The error message.
+        error: The exception that caused the error, whose traceback is logged at debug level.
     """
     if node is None:
         return
@@ -122,7 +122,7 @@ def log_failure(node: Node | None, error: BaseException) -> Behaviour | None:
     """Log the exception in a tick that stops the tree.
 
     Returns:
-        The behaviour that raised it; None if it was not a behaviour of the tree.
+        The behaviour that raised the exception; None if other code did.
     """
     log_error(node, f"{failure_text(error)}. The tree is stopped.", error)
     return raising_behaviour(error)
@@ -130,13 +130,13 @@ def log_failure(node: Node | None, error: BaseException) -> Behaviour | None:
 
 def _behaviours_passed(error: BaseException) -> list[Behaviour]:
     owners = [frame.f_locals.get("self") for frame, _ in traceback.walk_tb(error.__traceback__)]
-    # An exception that the kernel raises about a behaviour has passed through none of its methods.
+    # An exception that the kernel raises about a behaviour has not passed through a method of the behaviour.
     owners.append(getattr(error, "behaviour", None))
     return [owner for owner in owners if isinstance(owner, Behaviour)]
 
 
-# Python allows a thousand frames. These are reserved for the program around the tree.
-_FRAMES_AROUND = 200
+# The number of Python's stack frames (a thousand by default) that are reserved for the code that calls the tree.
+_RESERVED_FRAMES = 200
 
 
 class TreeTooDeepError(SarError):
@@ -149,37 +149,37 @@ class TreeTooDeepError(SarError):
     def __init__(self, depth: int) -> None:
         self.depth = depth
         super().__init__(
-            f"the tree is nested {depth} levels deep, which is more than can be ticked and stopped"
+            f"the tree is nested {depth} levels deep, which is too deep to tick and stop it. Reduce the depth of the tree"
         )
 
 
 def require_tickable_depth(root: Behaviour, frames_per_level: int = 1) -> None:
-    """Check that py_trees can traverse a tree without a stack overflow.
+    """Check that a tree can be traversed without exceeding Python's recursion limit.
 
     Args:
-        root: The root.
-        frames_per_level: The Python frames that a level needs: one for `iterate`, two for the tree's own ticks.
+        root: The root of the tree.
+        frames_per_level: The number of stack frames for each level of the tree: one for `iterate`, two for ticks in Python.
 
     Raises:
-        TreeTooDeepError: If it is too deep.
+        TreeTooDeepError: If the tree is too deep.
     """
     depth, level = 0, [root]
     while level:
         depth += 1
         level = [child for behaviour in level for child in behaviour.children]
-    if depth * frames_per_level > sys.getrecursionlimit() - _FRAMES_AROUND:
+    if depth * frames_per_level > sys.getrecursionlimit() - _RESERVED_FRAMES:
         raise TreeTooDeepError(depth)
 
 
-# How long one turn of the executor may take while stopped leaves settle.
+# Maximum duration of one turn of the executor while it waits for stopped leaves, in seconds.
 _TURN_SEC = 0.02
 
 
 def stop_behaviours(root: Behaviour, failed: Behaviour | None, node: Node | None) -> None:
-    """Stop the leaf that failed, then the root, then all behaviours that the root did not reach.
+    """Stop the failed leaf, then the root, then all behaviours that the root has not stopped.
 
-    A composite that raised in its first tick is INVALID and stops none of its children, and the leaf
-    that raised is INVALID too, although it may have sent its goal.
+    After an exception in its first tick, a composite is INVALID and does not stop its children. The leaf that raised the exception is INVALID,
+    too, although it may have sent a goal.
     """
     if failed is not None and not failed.children:
         _stop_behaviour(failed, node)
@@ -191,16 +191,16 @@ def stop_behaviours(root: Behaviour, failed: Behaviour | None, node: Node | None
 
 
 def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node | None) -> list[str]:
-    """Spin until none of a stopped tree's leaves has work in progress.
+    """Spin until no leaf of a stopped tree has work in progress.
 
     Args:
-        root: The tree.
-        executor: The executor of its node.
-        timeout_sec: The longest time to spin, in seconds of the steady clock.
-        node: Logs exceptions of callbacks.
+        root: The root of the tree.
+        executor: The executor of the tree's node.
+        timeout_sec: The maximum time to spin, in seconds of the steady clock.
+        node: The node that logs exceptions of callbacks.
 
     Returns:
-        The names of the leaves that still had work in progress at the end.
+        The names of the leaves that still have work in progress.
     """
     deadline = time.monotonic() + timeout_sec
     while leaves_at_work(root) and time.monotonic() < deadline:
@@ -208,24 +208,24 @@ def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node |
             executor.spin_once(timeout_sec=_TURN_SEC)
         except (ExternalShutdownException, InvalidHandle):
             break
-        except Exception as error:  # noqa: BLE001 - a user's callback; the goals must end all the same
-            log_error(node, f"while the tree was stopping: {error_text(error)}")
+        except Exception as error:  # noqa: BLE001 - raised by a user's callback, after which the goals must still end
+            log_error(node, f"A callback failed while the tree was stopped: {error_text(error)}")
         if not executor.context.ok():
             break
     return [leaf.name for leaf in leaves_at_work(root)]
 
 
 def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
-    """Stop the leaves among the behaviours of a tree that was not ticked yet."""
+    """Stop the leaves among some behaviours of a tree that has not been ticked yet."""
     for behaviour in behaviours:
         if not behaviour.children:
             _stop_behaviour(behaviour, node)
 
 
 def send_cancels(root: Behaviour, node: Node | None) -> None:
-    """Cancel the goals of a tree's leaves from another thread, because the executor's thread is blocked.
+    """Stop a tree's leaves from another thread while the executor's thread is blocked, so that they send requests to cancel their goals.
 
-    The requests are sent without waiting for the responses. Leaves that can have work in progress come first.
+    The responses are not awaited. Leaves that may have work in progress after their stop come first.
     """
     leaves = [each for each in root.iterate() if not each.children]
     for leaf in sorted(leaves, key=lambda each: not isinstance(each, SettlingLeaf)):
@@ -242,24 +242,24 @@ def shut_down(behaviours: Iterable[Behaviour], node: Node | None) -> None:
 def _stop_behaviour(behaviour: Behaviour, node: Node | None) -> None:
     try:
         behaviour.stop(Status.INVALID)
-    except Exception as error:  # noqa: BLE001 - the others must be stopped all the same
+    except Exception as error:  # noqa: BLE001 - the remaining behaviours must still be stopped
         failed = raising_behaviour(error) or behaviour
         words = f"{error_text(error)}{failure_locations(failed, error)}"
         log_error(node, f"'{failed.name}' failed while it was stopped: {words}", error)
-        # Do not stop it again, and do not treat it as running.
+        # The behaviour is not stopped again, and does not count as running.
         failed.status = Status.INVALID
 
 
 def _shut_down_behaviour(behaviour: Behaviour, node: Node | None) -> None:
     try:
         behaviour.shutdown()
-    except Exception as error:  # noqa: BLE001 - the others must be shut down all the same
+    except Exception as error:  # noqa: BLE001 - the remaining behaviours must still be shut down
         words = f"{error_text(error)}{failure_locations(behaviour, error)}"
         log_error(node, f"'{behaviour.name}' could not be shut down: {words}", error)
 
 
 def leaves_at_work(root: Behaviour) -> list[Behaviour]:
-    """Return the stopped tree's leaves whose work has not ended."""
+    """Return the leaves of a stopped tree that still have work in progress."""
     return [leaf for leaf in root.iterate() if isinstance(leaf, SettlingLeaf) and not leaf.is_settled()]
 
 
@@ -278,13 +278,13 @@ class SetupFailedError(SarError, RuntimeError):
 
 
 def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:
-    """Stop and shut down the behaviours already set up, and raise the setup error.
+    """Stop and shut down the behaviours that are already set up, and raise the error of the failed setup.
 
     Raises:
-        SetupFailedError: If it was raised by a behaviour's setup.
-        Exception: The original exception, if it needs no context (a `SarError`) or was raised elsewhere.
+        SetupFailedError: If a behaviour's setup raised the exception.
+        Exception: The original exception, if it is a `SarError` or other code raised it.
     """
-    # The engine has already called the outermost of them.
+    # The engine has called the setup of the outermost behaviour that the exception has passed. All behaviours before it are set up.
     called = next(iter(_behaviours_passed(error)), None)
     ready = list(takewhile(lambda behaviour: behaviour is not called, root.iterate()))
     stop_leaves(ready, node)
@@ -300,34 +300,34 @@ class EngineError(SarError):
 
 
 class Engine(Protocol):
-    """Interface between a run and the engine that ticks its tree. See `TreeRunner` for the methods.
+    """The interface between a run and the engine that ticks its tree. `TreeRunner` documents the methods.
 
     Attributes:
         count: The number of ticks so far.
-        failure: The exception of a leaf or a handler that stopped the tree; None if there was none.
+        failure: The exception of a leaf or a tick handler that has stopped the tree; None if there is none.
     """
 
     count: int
     failure: Exception | None
 
     def add_post_tick_handler(self, handler: Callable[[BehaviourTree], None]) -> None:
-        """Register a handler to be called after every tick."""
+        """Add a handler that is called after every tick."""
 
     def add_visitor(self, visitor: VisitorBase) -> None:
-        """Show every ticked node to a visitor."""
+        """Add a visitor that is called for every ticked node."""
 
     def setup(self, node: Node) -> None:
         """Set up every behaviour of the tree on a node.
 
         Raises:
-            SetupFailedError: If the setup of a behaviour raised an exception; the others are shut down.
+            SetupFailedError: If the setup of a behaviour raised an exception; the behaviours that are already set up are then shut down.
         """
 
     def tick_tock(self, period_ms: float) -> None:
-        """Start ticking, from the node's executor, and return at once."""
+        """Start ticking in the node's executor, and return at once."""
 
     def settle(self, executor: Executor, timeout_sec: float) -> list[str]:
-        """Stop the tree, wait briefly for its leaves, and return the names of the active ones."""
+        """Stop the tree, wait until its leaves have no work in progress, and return the names of leaves that still have."""
 
     def shutdown(self) -> None:
         """Stop the tree and release its resources."""

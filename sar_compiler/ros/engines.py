@@ -1,4 +1,4 @@
-"""The engines that can tick a tree."""
+"""The choice of the engine that ticks a tree."""
 
 from collections.abc import Callable
 
@@ -10,13 +10,13 @@ EngineFactory = Callable[[Behaviour], Engine]
 
 
 def find_engine(name: str) -> EngineFactory:
-    """Return the factory that makes an engine for a tree.
+    """Return the factory that creates an engine for the root of a tree.
 
     Args:
-        name: `own`, or `py_trees_ros`.
+        name: The engine's name, `own` or `py_trees_ros`.
 
     Raises:
-        EngineError: If the engine, or a module that it needs, is not installed.
+        EngineError: If the engine, or a module that the engine needs, is not installed.
     """
     if name == "own":
         from sar_compiler.ros.runner import TreeRunner
@@ -28,10 +28,11 @@ def find_engine(name: str) -> EngineFactory:
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if (missing or "").partition(".")[0] == "py_trees_ros":
             message = (
-                f"--engine py_trees_ros: it is not installed here ({error}). On a robot: sudo apt install "
-                "ros-jazzy-py-trees-ros (it is not on PyPI). Or omit --engine to use the built-in engine"
+                f"--engine py_trees_ros: py_trees_ros is not installed ({error}) and not on PyPI. On a robot, run sudo apt install "
+                "ros-jazzy-py-trees-ros, or omit --engine to use the built-in engine"
             )
         else:
-            message = f"--engine py_trees_ros: it is installed but cannot be loaded: {f'{missing} is missing' if missing else error}. Fix that, or omit --engine to use the built-in engine"
+            reason = f"{missing} is missing" if missing else str(error)
+            message = f"--engine py_trees_ros: py_trees_ros cannot be loaded ({reason}). Fix its installation, or omit --engine to use the built-in engine"
         raise EngineError(message) from error
     return PyTreesRosEngine

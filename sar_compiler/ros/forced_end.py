@@ -1,4 +1,4 @@
-"""End a run from another thread if the ticking thread is blocked or a second signal has arrived."""
+"""End the process of a run from another thread, because the ticking thread is blocked or a second signal has arrived."""
 
 from collections.abc import Callable
 from typing import NoReturn
@@ -13,23 +13,23 @@ from sar_compiler.ros.leaves.goals import active_goals_of
 from sar_compiler.ros.orphaned_goals import CancelFunction
 from sar_compiler.ros.signals import StopSignals
 
-# Limits in seconds: to stop the leaves from a thread that is not the blocked one, to create a ROS context,
-# and for its node to discover the servers.
-_LEAVES_SEC, _APART_SEC, _DISCOVERY_SEC = 1.0, 5.0, 5.0
+# Maximum times in seconds: to stop the leaves from another thread, to create another ROS context, and for the node
+# in that context to discover the servers.
+_LEAVES_SEC, _CONTEXT_SEC, _DISCOVERY_SEC = 1.0, 5.0, 5.0
 
 
 class ForcedEnd:
     """Ends the process of a run after a signal that the ticking thread does not handle.
 
     Args:
-        name: The name of the program, for its messages.
+        name: The program's name, for messages.
         node: The run's node.
-        root: The tree.
+        root: The root of the tree.
         signals: The requests to stop.
-        cancel: Cancels the node's goals; None if the goals end with this process, as in a simulation.
-        settle_sec: The time that the goals have to end, steady seconds.
-        moves: Whether the robot moves although no goal is active.
-        before_message: Called before anything is printed.
+        cancel: Cancels the node's goals; None if the goals end together with this process, as in a simulation.
+        settle_sec: The maximum wait until the goals have ended, in seconds of the steady clock.
+        moves: Returns whether the robot moves although no goal is active.
+        before_message: Called before a message is printed.
     """
 
     def __init__(
@@ -49,12 +49,12 @@ class ForcedEnd:
         self._moves, self._before_message = moves, before_message
 
     def end_blocked(self, where: str) -> NoReturn:
-        """End the process if the ticking thread is blocked in the code *where*."""
+        """End the process although the ticking thread is blocked, as *where* describes."""
         settle_sec = self._settle_sec + _DISCOVERY_SEC
 
         def cancel() -> int | None:
             self._print(f"stopped although {where}")
-            # Leaves may have to stop more than goals. If a leaf blocks here too, the end does not wait for it.
+            # Leaves may have to stop other work than goals. If a leaf also blocks here, the process ends without it.
             call_with_limit(_LEAVES_SEC, lambda: send_cancels(self._root, self._node))
             active = self._cancel(settle_sec) if self._cancel is not None else []
             if not active:
@@ -65,18 +65,17 @@ class ForcedEnd:
 
         could_still_move = self._cancel is not None and active_goals_of(self._node).active()
         status = ROBOT_MAY_MOVE if could_still_move else self._signals.exit_status
-        end_at_once(status, cancel, _LEAVES_SEC + _APART_SEC + settle_sec)
+        end_at_once(status, cancel, _LEAVES_SEC + _CONTEXT_SEC + settle_sec)
 
     def end_immediately(self) -> int | None:
-        """Clean up quickly after a second signal; return the exit status, or None for the signal's."""
+        """Stop the leaves after a second signal; return the exit status, or None for the signal's own exit status."""
         active = len(active_goals_of(self._node)) or self._moves()
-        # Restore the terminal first: the following steps may take longer than the time that is left.
         send_cancels(self._root, self._node)
         if not active:
             self._print("terminated at once after the second signal")
             return None
         self._print(
-            "terminated at once after the second signal: leaves were stopped, but the robot may still be moving"
+            "terminated at once after the second signal. The leaves were stopped, but the robot may still be moving"
         )
         return ROBOT_MAY_MOVE
 

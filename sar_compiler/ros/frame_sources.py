@@ -1,4 +1,4 @@
-"""Detection of frames with transforms from several nodes, such as two robots on one `/tf`."""
+"""Detect frames whose transforms come from several nodes, for example from two robots on the same `/tf`."""
 
 import math
 import time
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
     from rclpy.node import Node
 
-# Messages that are queued until the next query: half a second of a busy robot.
+# The number of messages that are queued until the next query, which a busy robot sends in half a second.
 _DEPTH = 100
 _MOST_FRAMES = 10_000
-# Two publishers of a frame are detected within this time if each sends one transform a second, seconds.
+# The time, in seconds, in which two publishers of a frame are detected if each of them sends one transform a second.
 _CONFLICT_SEC = 2.0
-# A static frame that also moves is reported until this long after its last moving transform, seconds.
+# The time after the last moving transform of a static frame for which the conflict is reported, in seconds.
 _MOVING_SEC = 1.0
-# Byte sizes in a serialised message: its head, a stamp, and the seven numbers of a transform.
+# The sizes of parts of a serialised message, in bytes: the header, a time stamp, and the seven numbers of a transform.
 _HEAD, _STAMP, _NUMBERS = 4, 8, 56
 _NANOSECONDS = 1_000_000_000
 
@@ -28,8 +28,8 @@ _NANOSECONDS = 1_000_000_000
 class PublisherAlternation:
     """Detects frames whose transforms come from alternating publishers.
 
-    rclpy does not identify the sender of a message, but gives the message's number among those of its publisher. These numbers
-    rise for one publisher. They fall again and again for two that alternate, and once for one that was restarted.
+    rclpy does not identify the publisher of a message, but provides the sequence number that the publisher has assigned to it. The numbers of a
+    single publisher increase. They decrease once if the publisher is restarted, and repeatedly if two publishers alternate.
     """
 
     def __init__(self) -> None:
@@ -37,12 +37,12 @@ class PublisherAlternation:
         self._falls: dict[str, tuple[float, float]] = {}
 
     def add(self, children: "Iterable[str]", number: int, at_sec: float) -> None:
-        """Record a message.
+        """Process a message with transforms.
 
         Args:
-            children: The frames of which it has a transform.
-            number: Its number among the messages of its publisher.
-            at_sec: Its time of arrival, seconds.
+            children: The child frames of the transforms.
+            number: The sequence number that the publisher has assigned to the message.
+            at_sec: The time at which the message has arrived, in seconds.
         """
         for child in children:
             last = self._numbers.get(child)
@@ -53,12 +53,12 @@ class PublisherAlternation:
                 self._falls[child] = (self._falls.get(child, (-math.inf, -math.inf))[1], at_sec)
 
     def contested_frames(self, now_sec: float) -> list[str]:
-        """Return the frames with several publishers, with the times passed to `add`."""
+        """Return the frames with several publishers, given the current time on the clock of `add`."""
         return sorted(child for child, (at, _) in self._falls.items() if now_sec - at <= _CONFLICT_SEC)
 
 
 class _StaticFrame(NamedTuple):
-    """The last static transform of a frame, and the publishers of differing ones."""
+    """The last static transform of a frame, its sequence number, and the publishers if their transforms for the frame differ."""
 
     transform: RigidTransform
     number: int
@@ -71,13 +71,13 @@ def listener_name(node: "Node") -> str:
 
 
 class FrameSources:
-    """Listens to transforms and their message numbers; use `frame_sources`.
+    """Listens to transforms and the sequence numbers of their messages; created by `frame_sources`.
 
-    It has a node of its own that is never spun: messages are queued until the next query, and cost nothing before. (A
-    subscription's callback would not do: rclpy's EventsExecutor cannot call one that takes the message number.)
+    It has its own node, which is never spun: messages are queued until the next query, and cost no time before. (A subscription's callback is
+    not possible, because rclpy's EventsExecutor cannot pass the sequence number.)
 
     Args:
-        node: The node whose topics are watched, with its remappings.
+        node: The node whose remappings determine the topics.
     """
 
     def __init__(self, node: "Node") -> None:
@@ -89,7 +89,7 @@ class FrameSources:
         self._turns, self._moved_at = PublisherAlternation(), dict[str, float]()
         self._static: dict[str, _StaticFrame] = {}
         self._topics = tuple(node.resolve_topic_name(topic) for topic in ("/tf", "/tf_static"))
-        # Without the process's arguments, which would give it the name of the other node.
+        # The arguments of the process are not used, because they may set the name of the mission's node.
         self._listener = Node(
             listener_name(node),
             namespace=node.get_namespace(),
@@ -106,7 +106,7 @@ class FrameSources:
         ]
 
     def conflict(self) -> str:
-        """Describe the first frame with several publishing nodes; empty if there is none."""
+        """Describe the first frame that several nodes publish; empty if there is none."""
         self._listen()
         found = (
             self._describe(child) for child in (*self._turns.contested_frames(time.time()), *self._static)
@@ -114,7 +114,7 @@ class FrameSources:
         return next(filter(None, found), "")
 
     def frame_conflict(self, child: str) -> str:
-        """Describe the nodes that publish the same frame; empty if only one does."""
+        """Describe the nodes that publish a frame; empty if only one node does."""
         self._listen()
         return self._describe(child)
 
@@ -137,7 +137,7 @@ class FrameSources:
 
     def _two_sources(self, child: str, topic: str) -> str:
         nodes = ros_graph(self._node).publishers(topic)
-        # With more than two publishers, the numbers do not show which of them alternate.
+        # If the topic has more than two publishers, the sequence numbers do not show which of them alternate.
         among = f"among its {len(nodes)} publishers " if len(nodes) > 2 else ""  # noqa: PLR2004
         who = f"{among}{join_names(nodes)}" if nodes else "two publishers"
         return (
@@ -153,11 +153,11 @@ class FrameSources:
             self._subscriptions, (self._on_moving, self._on_static), strict=True
         ):
             with subscription.handle:
-                # As `rclpy.wait_for_message` does.
+                # `rclpy.wait_for_message` reads messages in the same way.
                 while (came := subscription.handle.take_message(subscription.msg_type, True)) is not None:  # noqa: FBT003
                     message, info = came
                     number = info.get("publication_sequence_number")
-                    if number is not None:  # the middleware knows it
+                    if number is not None:  # not every middleware provides it
                         at_sec = info["received_timestamp"] / _NANOSECONDS or time.time()
                         on_message(message, number, at_sec)
 
@@ -177,12 +177,12 @@ class FrameSources:
             try:
                 transform = read_transform(each)._replace(stamp_sec=0.0)
             except UnusableValueError:
-                continue  # which `FrameTree` reports
+                continue  # `FrameTree` reports the invalid transform
             before = self._static.get(transform.child)
             if before is None and len(self._static) >= _MOST_FRAMES:
                 continue
             rivals = before.rivals if before is not None else frozenset[bytes]()
-            # A later transform of the same publisher is a correction. One of another publisher is a conflict.
+            # A different transform of the same publisher, which has a higher number, is a correction. Otherwise it is a conflict.
             if (
                 before is not None
                 and number <= before.number
@@ -194,12 +194,12 @@ class FrameSources:
 
 
 def frame_sources(node: "Node") -> FrameSources:
-    """Return the node's object that tracks sources of transforms."""
+    """Return the `FrameSources` of a node, which all callers share."""
     return of_node(node, FrameSources, lambda: FrameSources(node))
 
 
 def child_frames(message: bytes) -> list[str]:
-    """Return the child frames in a serialised message of `/tf`, as far as the message is complete."""
+    """Return the child frames of all complete transforms in a serialised message of `/tf`."""
     order: Literal["little", "big"] = "little" if message[1:2] == b"\1" else "big"
     at, children = _HEAD + 4, []
     for _ in range(int.from_bytes(message[_HEAD : _HEAD + 4], order)):
@@ -208,7 +208,7 @@ def child_frames(message: bytes) -> list[str]:
             length = int.from_bytes(message[at : at + 4], order)
             name = message[at + 4 : at + 3 + length]
             at = (at + 4 + length + 3) // 4 * 4
-        # Numbers of eight bytes are aligned to multiples of eight, counted from the end of the head.
+        # Numbers of eight bytes are aligned to multiples of eight bytes after the header.
         at += (_HEAD - at) % 8 + _NUMBERS
         if at > len(message):
             break

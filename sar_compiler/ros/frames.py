@@ -1,6 +1,6 @@
-"""Transforms between frames from `/tf` and `/tf_static`, with the latest transform of each frame.
+"""Poses of frames in other frames, computed from the latest transforms on `/tf` and `/tf_static`.
 
-tf2's own listener has no Python package on PyPI. Unlike it, this module keeps no history and does not interpolate.
+tf2's listener is not on PyPI. Unlike tf2, this module stores no history of transforms and does not interpolate.
 """
 
 import math
@@ -24,11 +24,11 @@ from sar_compiler.tree.guessing import did_you_mean, nearest
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-# As in tf2: the number of messages that are queued.
+# The number of messages that are queued, as in tf2.
 _DEPTH = 100
 _MOST_FRAMES = 10_000
 _SUBJECT = "the transforms are"
-# Limits for the frames named in a message, and for those compared with a name.
+# The maximum number of frames that a message names, and of frames that are compared with an unknown name.
 _MOST_NAMED, _MOST_COMPARED = 8, 200
 _Displacement = tuple[float, float, float]
 
@@ -37,13 +37,13 @@ class Transform(NamedTuple):
     """The pose of one frame in another.
 
     Attributes:
-        x: Metres.
-        y: Metres.
-        z: Metres.
-        qx: A part of the rotation, a quaternion of length one, like the following.
-        qy: See `qx`.
-        qz: See `qx`.
-        qw: See `qx`.
+        x: The position's x, in metres.
+        y: The position's y, in metres.
+        z: The position's z, in metres.
+        qx: The x component of the rotation, a unit quaternion.
+        qy: The y component of the quaternion.
+        qz: The z component of the quaternion.
+        qw: The scalar component of the quaternion.
     """
 
     x: float = 0.0
@@ -56,11 +56,11 @@ class Transform(NamedTuple):
 
     @property
     def yaw(self) -> float:
-        """The rotation about z, rad."""
+        """The rotation about the z axis, in radians."""
         return yaw_of_quaternion(self.qx, self.qy, self.qz, self.qw)
 
     def compose(self, inner: "Transform") -> "Transform":
-        """Convert a pose in the inner frame to one in the outer frame."""
+        """Return the pose in the outer frame of a frame whose pose in the inner frame is given."""
         x, y, z = self._rotate((inner.x, inner.y, inner.z))
         ax, ay, az, aw = self[3:]
         bx, by, bz, bw = inner[3:]
@@ -76,7 +76,7 @@ class Transform(NamedTuple):
 
     @property
     def inverse(self) -> "Transform":
-        """The pose of the outer frame in the inner one."""
+        """The pose of the outer frame in the inner frame."""
         turn = Transform(0.0, 0.0, 0.0, -self.qx, -self.qy, -self.qz, self.qw)
         x, y, z = turn._rotate((self.x, self.y, self.z))
         return turn._replace(x=-x, y=-y, z=-z)
@@ -90,42 +90,42 @@ class Transform(NamedTuple):
 
 
 class FramePose(NamedTuple):
-    """The pose of a frame in another one, with the age of the transforms.
+    """The pose of a frame in another frame, and the age of the transforms from which it was computed.
 
     Attributes:
         transform: The pose.
-        age_sec: The age of the oldest of these transforms, seconds of the node's clock; static ones do not age.
+        age_sec: The age of the oldest of these transforms, in seconds of the node's clock. Static transforms do not age.
     """
 
     transform: Transform
     age_sec: float
 
 
-class _Heard(NamedTuple):
-    """The last transform of a frame, or several in a row.
+class _FrameTransform(NamedTuple):
+    """The latest transform of a frame, or the composition of several consecutive transforms.
 
     Attributes:
-        parent: The parent frame.
-        transform: The pose in the parent frame.
-        of_sec: The oldest stamp, seconds; infinite if all are static.
-        newest_sec: The newest stamp of those that are not static, seconds; minus infinite without one.
-        came_sec: The time of arrival, by the node's clock, seconds.
+        parent: The outer frame.
+        transform: The pose in the outer frame.
+        oldest_sec: The oldest time stamp of the transforms, in seconds; infinite if all of them are static.
+        newest_sec: The newest time stamp of the transforms that are not static, in seconds; minus infinity if all of them are static.
+        came_sec: The time of the node's clock at which the transform arrived, in seconds.
     """
 
     parent: str
     transform: Transform
-    of_sec: float
+    oldest_sec: float
     newest_sec: float
     came_sec: float
 
 
 class FrameTree:
-    """The frames that a node has received; use `frame_tree`.
+    """The frames whose transforms a node receives; created by `frame_tree`.
 
-    A frame that two nodes publish, or that is both static and moving, has no pose: it is unknown which of them is right.
+    A frame has no pose if two nodes publish it, or if it is both static and moving, because it is unknown which transform is right.
 
     Args:
-        node: The rclpy node.
+        node: The rclpy node that receives the transforms.
     """
 
     def __init__(self, node: "Node") -> None:
@@ -133,29 +133,29 @@ class FrameTree:
         from tf2_msgs.msg import TFMessage
 
         self._node = node
-        self._heard: dict[str, _Heard] = {}
+        self._received: dict[str, _FrameTransform] = {}
         self._listeners: list[Callable[[], None]] = []
         moving = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
         latched = QoSProfile(depth=_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        # Absolute, as tf2 has them; a node in a namespace remaps them, as Nav2 does.
+        # Absolute names, as in tf2. A node in a namespace remaps them, as Nav2's nodes do.
         node.create_subscription(TFMessage, "/tf", self._on_moving, moving)
         node.create_subscription(TFMessage, "/tf_static", self._on_static, latched)
 
     def add_listener(self, listener: Callable[[], None]) -> None:
-        """Register a callback for arriving transforms."""
+        """Add a callback that is called when transforms have arrived."""
         self._listeners.append(listener)
 
     def remove_listener(self, listener: Callable[[], None]) -> None:
-        """Remove a callback that was given to `add_listener`."""
+        """Remove a callback that was added with `add_listener`."""
         self._listeners.remove(listener)
 
     def look_up(self, target: str, source: str, max_age_sec: float = math.inf) -> FramePose | str:
-        """Return the pose of the source frame in the target frame, or why it is unknown.
+        """Return the pose of the source frame in the target frame, or the reason why it is unknown.
 
         Args:
             target: The outer frame.
-            source: The frame to locate.
-            max_age_sec: The largest accepted age of the transforms, seconds of the node's clock.
+            source: The inner frame, whose pose is returned.
+            max_age_sec: The maximum age of the transforms, in seconds of the node's clock.
         """
         target, source = frame_name(target), frame_name(source)
         up, down = self._ancestors(source), self._ancestors(target)
@@ -163,12 +163,13 @@ class FrameTree:
         if shared is None:
             return self._describe_gap(target, source, next(reversed(up)), next(reversed(down)))
         sources = frame_sources(self._node)
-        for way in (up, down):
-            for frame in list(way)[: list(way).index(shared)]:
+        for ancestors in (up, down):
+            for frame in list(ancestors)[: list(ancestors).index(shared)]:
                 if conflict := sources.frame_conflict(frame):
                     return conflict
         outward, inward = up[shared], down[shared]
-        oldest, newest = min(outward.of_sec, inward.of_sec), max(outward.newest_sec, inward.newest_sec)
+        oldest = min(outward.oldest_sec, inward.oldest_sec)
+        newest = max(outward.newest_sec, inward.newest_sec)
         age_sec = 0.0
         if oldest < math.inf:
             try:
@@ -179,41 +180,43 @@ class FrameTree:
         return FramePose(inward.transform.inverse.compose(outward.transform), age_sec)
 
     def _describe_gap(self, target: str, source: str, above_source: str, above_target: str) -> str:
-        known = sorted({*self._heard, *(each.parent for each in self._heard.values())})
+        known = sorted({*self._received, *(each.parent for each in self._received.values())})
         missing = [frame for frame in dict.fromkeys((target, source)) if frame not in known]
         if not missing:
-            return f"'{above_source}' and '{above_target}', above them, are not connected"
+            return f"no transforms connect '{above_source}' and '{above_target}', the roots of these frames"
         text = f"no transform of {' and '.join(map(repr, missing))} has arrived"
         if not known:
             graph = ros_graph(self._node)
             topic = self._node.resolve_topic_name("/tf")
-            nobody = "" if graph.publishers(topic) else f"; no node publishes on {topic}"
+            cause = "" if graph.publishers(topic) else f", because no node publishes on {topic}"
             elsewhere = graph.transforms()
-            return f"{text}; {elsewhere}" if elsewhere else f"{text}{nobody}"
+            return f"{text}: {elsewhere}" if elsewhere else f"{text}{cause}"
         ends = {each.rpartition("/")[2]: each for each in known[:_MOST_COMPARED]}
         guesses = (ends.get(frame) or nearest(frame, known[:_MOST_COMPARED]) for frame in missing)
         near = next(filter(None, guesses), None)
         named = [*map(repr, known[:_MOST_NAMED]), *(["others"] if len(known) > _MOST_NAMED else [])]
-        return f"{text}; there {'is' if len(named) == 1 else 'are'} {join_names(named)}{did_you_mean(near)}"
+        return (
+            f"{text}, but there {'is' if len(named) == 1 else 'are'} {join_names(named)}{did_you_mean(near)}"
+        )
 
-    def _ancestors(self, frame: str) -> dict[str, _Heard]:
-        """Return a frame's ancestors from the inside out, with the frame's pose in each and the stamp."""
+    def _ancestors(self, frame: str) -> dict[str, _FrameTransform]:
+        """Return a frame and its ancestors, innermost first, with the frame's pose in each of them."""
         now = node_sec(self._node)
-        at = _Heard(frame, Transform(), math.inf, -math.inf, now)
-        way = {frame: at}
-        # A stamp later than now is from before the clock restarted, as a simulator's does.
-        while (above := self._heard.get(at.parent)) is not None and above.came_sec <= now:
-            if above.parent in way:  # the frames form a cycle
+        at = _FrameTransform(frame, Transform(), math.inf, -math.inf, now)
+        ancestors = {frame: at}
+        # A transform that arrived after the current time is from before the clock restarted, as a simulator's clock does.
+        while (above := self._received.get(at.parent)) is not None and above.came_sec <= now:
+            if above.parent in ancestors:  # the frames form a cycle
                 break
-            at = _Heard(
+            at = _FrameTransform(
                 above.parent,
                 above.transform.compose(at.transform),
-                min(at.of_sec, above.of_sec),
+                min(at.oldest_sec, above.oldest_sec),
                 max(at.newest_sec, above.newest_sec),
                 above.came_sec,
             )
-            way[at.parent] = at
-        return way
+            ancestors[at.parent] = at
+        return ancestors
 
     def _on_moving(self, message: Any) -> None:
         now = node_sec(self._node)
@@ -230,11 +233,11 @@ class FrameTree:
         read = value_reports(self._node).read(topic, lambda: read_transform(message))
         if read is None or not read.child or not read.parent or read.child == read.parent:
             return
-        if read.child in self._heard or len(self._heard) < _MOST_FRAMES:
-            # A transform without a stamp gets its time of arrival.
+        if read.child in self._received or len(self._received) < _MOST_FRAMES:
+            # If a transform has no time stamp, its time of arrival is used.
             times = (math.inf, -math.inf) if is_static else (read.stamp_sec or came_sec,) * 2
             transform = Transform(*read.offset, *read.turn)
-            self._heard[read.child] = _Heard(read.parent, transform, *times, came_sec)
+            self._received[read.child] = _FrameTransform(read.parent, transform, *times, came_sec)
 
     def _notify(self) -> None:
         for listener in tuple(self._listeners):
@@ -242,7 +245,7 @@ class FrameTree:
 
 
 def frame_tree(node: "Node") -> FrameTree:
-    """Return the frames that a node receives, one object per node that lives as long as the node."""
+    """Return the frames whose transforms a node receives; every call for a node returns the same object."""
     return of_node(node, FrameTree, lambda: FrameTree(node))
 
 

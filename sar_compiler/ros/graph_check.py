@@ -1,4 +1,4 @@
-"""Detection of conflicting sources in the ROS graph, without a mission."""
+"""Detect topics, clocks and frames with several sources in the ROS graph, without a mission."""
 
 import time
 
@@ -8,15 +8,16 @@ from rclpy.node import Node
 from sar_compiler.ros.frame_sources import frame_sources
 from sar_compiler.ros.graph_queries import ros_graph
 
-# Half of the participants on one machine meet within a third of this, seconds.
+# Duration of the search, in seconds: three times the time in which half of the participants on one machine discover each other. The second value is
+# the interval of the checks.
 _LOOK_SEC, _TURN_SEC = 1.0, 0.1
 
 
 def find_conflicts(look_sec: float = _LOOK_SEC) -> list[str]:
-    """Describe the topics, clocks and frames with several sources instead of one.
+    """Describe the topics, clocks and frames that should have one source, but have several.
 
     Args:
-        look_sec: How long to look and to listen, seconds.
+        look_sec: The duration of the search, in seconds.
     """
     context = Context()
     context.init(initialize_logging=False)

@@ -1,7 +1,7 @@
-"""Queries of the ROS graph: providers of a name, similar names, and connectivity.
+"""Queries of the ROS graph: the nodes that provide a name, similar names, and reasons why messages do not arrive.
 
-The readiness check, the monitoring, leaves' messages and `ros2 doctor` use these queries. They do not block or subscribe to anything: the
-answers contain what discovery has found so far.
+The readiness check, the monitor of a running tree, messages of leaves and `ros2 doctor` use these queries. They neither block nor subscribe to
+a topic: the results contain what discovery has found so far.
 """
 
 import math
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-# Answers are reused for this long, steady seconds: a wait queries 20 times a second.
+# The time for which results are reused, in seconds of awake time, because a wait queries 20 times a second.
 _FRESH_SEC = 0.25
 _GOAL_SERVICE, _STATE_SERVICE = "/_action/send_goal", "/get_state"
 # The attributes of a leaf that declare its endpoints.
@@ -38,13 +38,13 @@ _DECLARED_IN = {
 }
 _ACTION_PARTS = ("send_goal", "cancel_goal", "get_result", "feedback", "status")
 _CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
-# The number of candidates that a message names.
+# The maximum number of similar names in a message.
 _MOST = 3
-# The minimum number of common letters for a longer name that begins with the wanted one.
+# If a name begins with another name that is longer than this, the two names are similar.
 _LEAST_SHARED = 4
-# Types that do not show the use of a name.
+# Types that do not indicate the purpose of a name.
 _GENERIC_TYPES = ("std_msgs/", "std_srvs/", "lifecycle_msgs/", "rcl_interfaces/")
-# Types that should have one source: two sources are two robots, or an old node and a new one.
+# Types of topics that should have one publisher. Two publishers belong to two robots, or to an old node and its replacement.
 _ONE_SOURCE = (
     "nav_msgs/msg/Odometry",
     "nav_msgs/msg/OccupancyGrid",
@@ -52,20 +52,21 @@ _ONE_SOURCE = (
     "sensor_msgs/msg/BatteryState",
 )
 _REMAP_TRANSFORMS = "-r /tf:=tf -r /tf_static:=tf_static"
-# The name of a node whose publisher is announced before the node itself.
+# The name that the ROS graph shows for a node whose endpoints are discovered before the node itself.
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A name that a program uses, with its kind, type and quality of service.
+    """An action, service, topic or node that a program uses.
 
     Attributes:
-        kind: `action`, `service`, `topic` (published by others), `listeners` (to a topic) or `node` (a lifecycle node).
-        name: The name as it is written, mostly relative.
-        type_name: Its type, `package/srv/Name`; empty for any.
-        qos: The quality of service of each subscription to a topic; for listeners, of what is published.
-        attribute: The attribute of a tree file that sets the name; empty if there is none.
+        kind: `action`, `service`, `topic` (to which the program subscribes), `listeners` (of a topic on which the program publishes) or
+            `node` (a lifecycle node).
+        name: The name as the program writes it, usually relative.
+        type_name: The type, such as `package/srv/Name`; empty for any type.
+        qos: The QoS profiles of the program's subscriptions to the topic, or of its publishers for `listeners`.
+        attribute: The attribute of the tree file that sets the name; empty if there is none.
     """
 
     kind: str
@@ -75,7 +76,7 @@ class Endpoint:
     attribute: str = ""
 
     def remappings(self, target: str) -> list[str]:
-        """Return the remapping rules from this name to another one, given as a full name."""
+        """Return the remapping rules from this name to another name, given as a full name."""
         parts = {
             "action": [f"/_action/{part}" for part in _ACTION_PARTS],
             "node": [_STATE_SERVICE],
@@ -89,13 +90,13 @@ class EndpointState:
 
     Attributes:
         endpoint: The endpoint that was queried.
-        full_name: Its full name, remapped.
-        nodes: The full names of the other nodes that provide it.
-        problem: The reason why it cannot be used, in words; empty if it can.
-        is_there: Whether any node provides it.
+        full_name: The endpoint's full name after remapping.
+        nodes: The full names of the other nodes that provide the endpoint.
+        problem: The reason why the endpoint cannot be used, in words; empty if it can be used.
+        is_there: Whether another node provides the endpoint.
         is_contested: Whether several servers would accept the same call.
-        elsewhere: The full names that provide the same or the most similar endpoint, the likeliest first.
-        is_same: Whether these are the same relative name in other namespaces.
+        elsewhere: The full names of the same endpoint in other namespaces, or of similar endpoints, most likely first.
+        is_same: Whether `elsewhere` contains the same relative name in other namespaces.
     """
 
     endpoint: Endpoint
@@ -109,14 +110,14 @@ class EndpointState:
 
     @property
     def title(self) -> str:
-        """The kind and the name."""
+        """The endpoint's kind and name."""
         kind = "topic" if self.endpoint.kind == "listeners" else self.endpoint.kind
         return f"{kind} {with_full_name(self.endpoint.name, self.full_name)}"
 
     @property
     def hint(self) -> str:
-        """The alternatives, such as `; there is /tb1/scan`; empty if there are none."""
-        return f"; there is {join_names(self.elsewhere, 'or')}" if self.elsewhere else ""
+        """The end of a sentence with the alternatives, such as `, but there is /tb1/scan`; empty if there are none."""
+        return f", but there is {join_names(self.elsewhere, 'or')}" if self.elsewhere else ""
 
     @property
     def line(self) -> str | None:
@@ -125,7 +126,7 @@ class EndpointState:
 
     @property
     def remedy(self) -> str:
-        """The remedy for this endpoint alone: `run with …`; empty without an alternative."""
+        """The instruction that remaps this endpoint to the first alternative, such as `run with …`; empty without an alternative."""
         if not self.elsewhere:
             return ""
         target = self.elsewhere[0]
@@ -135,12 +136,12 @@ class EndpointState:
 
     @property
     def explanation(self) -> str:
-        """The alternatives and the remedy as the end of a sentence; empty without an alternative."""
+        """The end of a sentence with the alternatives and the remedy; empty without an alternative."""
         return f"{self.hint}: {self.remedy}" if self.elsewhere else ""
 
     @property
     def namespaces(self) -> list[str]:
-        """The namespaces with the same relative name."""
+        """The namespaces that contain the same relative name."""
         tail = f"/{self.endpoint.name}"
         relative = self.is_same and not self.endpoint.name.startswith(("/", "~"))
         return [name.removesuffix(tail) or "/" for name in self.elsewhere if relative and name.endswith(tail)]
@@ -150,7 +151,7 @@ class RosGraph:
     """The ROS graph as a node sees it.
 
     Args:
-        node: The node that queries; its own endpoints are left out of all answers.
+        node: The node that queries the graph. Its own endpoints are not part of the results.
     """
 
     def __init__(self, node: "Node") -> None:
@@ -160,21 +161,21 @@ class RosGraph:
         self._cached_at = -math.inf
 
     def query(self, endpoint: Endpoint) -> EndpointState:
-        """Return the state of an endpoint: usable, present but unusable, or elsewhere."""
+        """Return whether an endpoint can be used, and otherwise the problem and the alternatives."""
         return self._get_cached((endpoint, str(endpoint.qos)), lambda: self._query_endpoint(endpoint))
 
     def advice(self, endpoints: Iterable[Endpoint]) -> str:
-        """Return command-line rules that remap all endpoints to their alternatives; empty if there are none.
+        """Return an instruction that remaps all missing endpoints to their alternatives; empty if there are no alternatives.
 
-        A namespace is recommended if it takes fewer rules than remapping each name.
+        It sets a namespace if this takes fewer rules than remapping each name.
         """
-        answers = [self.query(each) for each in dict.fromkeys(endpoints)]
-        absent = [each for each in answers if not each.is_there and each.elsewhere]
+        states = [self.query(each) for each in dict.fromkeys(endpoints)]
+        absent = [each for each in states if not each.is_there and each.elsewhere]
         if not absent:
             return ""
         spaces = sorted({space for each in absent for space in each.namespaces})
-        one_by_one = self._rules_in(answers, "")
-        in_spaces = {space: self._rules_in(answers, space) for space in spaces}
+        one_by_one = self._rules_in(states, "")
+        in_spaces = {space: self._rules_in(states, space) for space in spaces}
         space = min(spaces, key=lambda each: len(in_spaces[each]), default="")
         if not space or len(in_spaces[space]) > len(one_by_one) - (len(absent) == 1):
             text = f"run with `--ros-args {' '.join(one_by_one)}`"
@@ -186,24 +187,24 @@ class RosGraph:
         return f"{text}, or with {' or '.join(others)} instead of {space}" if others else text
 
     def node_counts(self) -> "Counter[str]":
-        """Return the full names of all visible nodes, including this one, with their counts."""
+        """Return the full names of all discovered nodes, including the querying node, with the number of nodes for each name."""
         return self._get_cached("names", lambda: node_names(self._node))
 
     def publishers(self, topic: str) -> tuple[str, ...]:
         """Return the sorted full names of the other nodes that publish on a topic.
 
         Args:
-            topic: The topic, relative or full; remappings apply.
+            topic: The relative or full name of the topic, which is remapped.
         """
         return tuple(sorted({_node_of(each) for each in self._infos(self._node.resolve_topic_name(topic))}))
 
     def publisher_ids(self, topic: str) -> frozenset[bytes]:
-        """Return the identities of other nodes' publishers on a topic."""
+        """Return the unique IDs of other nodes' publishers on a topic."""
         infos = self._infos(self._node.resolve_topic_name(topic))
         return frozenset(bytes(each.endpoint_gid) for each in infos)
 
     def publisher_conflict(self, topic: str) -> str:
-        """Describe a single-source topic that has several publishers; empty if it does not."""
+        """Describe the publishers of a topic that should have one, but has several; empty if there is no such conflict."""
         full = self._node.resolve_topic_name(topic)
         nodes, types = self.publishers(topic), {each.topic_type for each in self._infos(full)}
         if len(nodes) < 2 or not types & set(_ONE_SOURCE):  # noqa: PLR2004 - one source
@@ -211,7 +212,7 @@ class RosGraph:
         return f"topic {with_full_name(topic, full)}: published by {join_names(nodes)}. Stop all but one"
 
     def contested_topics(self) -> list[str]:
-        """Describe all discovered single-source topics that have several publishers."""
+        """Describe all discovered topics that should have one publisher, but have several."""
         several = {topic: nodes for topic, nodes in self._topics_of_others().items() if len(nodes) > 1}
         single = {*_ONE_SOURCE, _CLOCK_TYPE}
         return [
@@ -221,25 +222,25 @@ class RosGraph:
         ]
 
     def transforms(self) -> str:
-        """Explain why the node does not receive this robot's transforms; empty if there is no problem.
+        """Explain that this robot's transforms are published on another topic than the node's `/tf`; empty if they are not.
 
-        The topic is `/tf` as written; a namespaced robot has its transforms in its namespace.
+        The robot's nodes may be in a namespace and remap `/tf` to a topic in this namespace.
         """
         return self._get_cached("transforms", self._find_transforms)
 
     @property
     def is_clock_contested(self) -> bool:
-        """Whether simulated time is used and has several publishers."""
+        """Whether the node uses simulated time, and `/clock` has several publishers."""
         return bool(self._node.get_clock().ros_time_is_active) and len(self.publisher_ids("/clock")) > 1
 
     def explain_missing_transforms(self) -> str:
-        """Explain why the node receives no transforms; empty if it can receive some."""
+        """Explain why the node cannot receive transforms; empty if it can receive them."""
         there = self.publishers("/tf") or self.publishers("/tf_static")
         here = self._node.resolve_topic_name("/tf")
         return self.transforms() or ("" if there else f"transforms: no publisher on {here} or {here}_static")
 
     def clock(self) -> str:
-        """Describe a problem with simulated time; empty if there is none."""
+        """Describe a problem of the node's simulated time; empty if there is no problem, or the node does not use simulated time."""
         node_clock = self._node.get_clock()
         if not node_clock.ros_time_is_active:
             return ""
@@ -247,8 +248,8 @@ class RosGraph:
         nodes = self.publishers(topic)
         if self.is_clock_contested:
             return (
-                f"topic {topic}: {len(self.publisher_ids(topic))} publishers, of {join_names(nodes)}: "
-                "the time jumps between them. Stop all but one"
+                f"topic {topic} has {len(self.publisher_ids(topic))} publishers, of {join_names(nodes)}, "
+                "so the time jumps between them. Stop all but one"
             )
         if node_clock.now().nanoseconds > 0:
             return ""
@@ -257,32 +258,32 @@ class RosGraph:
             return f"{missing} from {nodes[0]}: is the simulation paused?"
         others = sorted(name for name, types in self._topics().items() if _CLOCK_TYPE in types)
         if others:
-            return f"{missing}; there is {others[0]}: run with `--ros-args -r /clock:={others[0]}`"
+            return f"{missing}, but there is {others[0]}: run with `--ros-args -r /clock:={others[0]}`"
         return missing
 
     def unused_clock_problem(self) -> str:
-        """Describe published simulated time that this node does not use; empty if there is none."""
+        """Describe that simulated time is published, but the node does not use it; empty if this is not the case."""
         nodes = self.publishers("/clock")
         if not nodes or self._node.get_clock().ros_time_is_active:
             return ""
         return (
-            f"/clock is published by {join_names(nodes)}, but use_sim_time is not set: the robot's stamps look old. Run with "
-            "`--ros-args -p use_sim_time:=true`"
+            f"/clock is published by {join_names(nodes)}, but use_sim_time is not set, so the time stamps of the robot's messages appear old. "
+            "Run with `--ros-args -p use_sim_time:=true`"
         )
 
     def foreign_localisation_problem(self) -> str:
-        """Describe why the localisation may belong to another robot; empty if it does not seem to."""
+        """Explain why the localisation may belong to another robot; empty if there is no sign of this."""
         poses = self.query(Endpoint("topic", "amcl_pose", _ONE_SOURCE[2]))
         if not poses.is_there and poses.is_same:
-            return f"{poses.title} has no publisher; there is {join_names(poses.elsewhere, 'or')}"
+            return f"{poses.title} has no publisher{poses.hint}"
         if len(poses.nodes) > 1:
             return f"{poses.title} has several publishers: {join_names(poses.nodes)}"
         return self.publisher_conflict("odometry/filtered") or self.transforms()
 
     def other_robots(self) -> tuple[str, ...]:
-        """Return other robots' nodes that publish on this robot's `/tf`.
+        """Return the nodes of other robots that publish on this robot's `/tf`.
 
-        If nodes share a full name, the second one is included as well.
+        The result includes nodes that share a full name, because one of them must belong to another robot.
         """
         topic, space = self._node.resolve_topic_name("/tf"), self._node.get_namespace().rstrip("/")
         nodes = [_node_of(each) for each in self._infos(topic)]
@@ -301,12 +302,12 @@ class RosGraph:
 
     def _query_endpoint(self, endpoint: Endpoint) -> EndpointState:
         if endpoint.kind in ("topic", "listeners"):
-            return self._ask_topic(endpoint)
+            return self._query_topic(endpoint)
         suffix = {"action": _GOAL_SERVICE, "node": _STATE_SERVICE}.get(endpoint.kind, "")
         service = self._node.resolve_service_name(f"{endpoint.name}{suffix}")
         full, count = service.removesuffix(suffix), int(self._node.count_services(service))
         if not count:
-            return self._absence_answer(endpoint, full, "no server")
+            return self._absent_state(endpoint, full, "no server")
         nodes = tuple(sorted(name for name, served in self._servers() if service in served))
         problem, is_contested = "", count > 1 and endpoint.kind != "node"
         if is_contested:
@@ -315,14 +316,14 @@ class RosGraph:
             problem = f"{number} servers provide {full}{of_nodes}. Stop {which}"
         elif endpoint.type_name:
             types = {kind for _, served in self._servers() for kind in served.get(service, ())}
-            # The owner of a server may be discovered later than the server. Until then clients of the name are included.
+            # The node of a server may be discovered later than the server. Until then, the types also include those of clients.
             types = types or set(dict(self._node.get_service_names_and_types()).get(service, ()))
             problem = _wrong_type("served", types, endpoint.type_name)
         problem = problem or self._unheard_service(service)
         return EndpointState(endpoint, full, nodes, problem, is_there=True, is_contested=is_contested)
 
     def _unheard_service(self, service: str) -> str:
-        """Describe why requests or responses of a service are lost; empty if there is no known problem."""
+        """Explain why QoS profiles block requests or responses of a service; empty if they do not."""
         from rclpy.qos import qos_profile_services_default as own
 
         for topic, hears in ((f"rq{service}Request", True), (f"rr{service}Reply", False)):
@@ -334,19 +335,19 @@ class RosGraph:
                 return f"{what} {_node_of(infos[0])} ({reasons[0]}): create its service with qos_profile_services_default"
         return ""
 
-    def _ask_topic(self, endpoint: Endpoint) -> EndpointState:
+    def _query_topic(self, endpoint: Endpoint) -> EndpointState:
         full = self._node.resolve_topic_name(endpoint.name)
         hears = endpoint.kind == "listeners"
         infos = self._infos(full, hears=hears)
         if not infos:
-            return self._absence_answer(endpoint, full, "no subscriber" if hears else "no publisher")
-        how = "it exists" if hears else "published"
+            return self._absent_state(endpoint, full, "no subscriber" if hears else "no publisher")
+        how = "subscribed" if hears else "published"
         problem = _wrong_type(how, {each.topic_type for each in infos}, endpoint.type_name)
         unheard = _qos_conflict(infos, endpoint.qos, hears=hears)
         nodes = tuple(sorted({_node_of(each) for each in infos}))
         return EndpointState(endpoint, full, nodes, problem or unheard, is_there=True)
 
-    def _absence_answer(self, endpoint: Endpoint, full: str, problem: str) -> EndpointState:
+    def _absent_state(self, endpoint: Endpoint, full: str, problem: str) -> EndpointState:
         find: dict[str, Callable[[], dict[str, set[str]]]] = {
             "action": self._actions,
             "service": self._services,
@@ -359,12 +360,12 @@ class RosGraph:
         near = same or _nearest_names(endpoint, full, self._node.get_namespace(), there)
         return EndpointState(endpoint, full, (), problem, elsewhere=tuple(near[:_MOST]), is_same=bool(same))
 
-    def _rules_in(self, answers: Sequence[EndpointState], space: str) -> list[str]:
-        """Return the remapping rules of a run in a namespace; empty means the current one."""
+    def _rules_in(self, states: Sequence[EndpointState], space: str) -> list[str]:
+        """Return the rules for a run in a namespace that remap all missing endpoints; an empty namespace stands for the current one."""
         rules = [f"-r __ns:={space}"] if space else []
         if space not in ("", "/") and f"{space}/tf" in self._topics() and self._resolves_tf_globally:
             rules.append(_REMAP_TRANSFORMS)
-        for each in answers:
+        for each in states:
             target = each.full_name if each.is_there else next(iter(each.elsewhere), "")
             is_relative = not each.endpoint.name.startswith(("/", "~"))
             stays = each.is_there and (not space or not is_relative)
@@ -394,7 +395,7 @@ class RosGraph:
         for topic, nodes in sorted(self._topics_of_others().items()):
             if not topic.endswith("/tf") or topic == here:
                 continue
-            # If other robots use the topic, it belongs to this one only if this robot's nodes publish on it.
+            # If other robots also publish on the topic, it is this robot's topic only if nodes of this robot publish on it.
             inside = {
                 node for node in heard.union(nodes) if space and node.startswith(f"{space}/")
             } | localisers
@@ -404,24 +405,24 @@ class RosGraph:
             is_own = topic == f"{space}/tf"
             rules = _REMAP_TRANSFORMS if is_own else f"-r /tf:={topic} -r /tf_static:={topic}_static"
             return (
-                f"transforms: published on {topic} by {join_names(sorted(nodes))}, but this node listens to {here}: run with "
+                f"transforms: published on {topic} by {join_names(sorted(nodes))}, but this node subscribes to {here}. Run with "
                 f"`--ros-args {rules}`"
             )
         return ""
 
     def _infos(self, topic: str, *, hears: bool = False) -> list[Any]:
-        """Return the publishers (or subscriptions) of other nodes on a topic that this node uses, by its full name."""
+        """Return the publishers (or subscriptions) of other nodes on a topic, given its full name."""
         return self._get_cached((topic, "infos", hears), lambda: self._find_infos(topic, hears=hears))
 
     def _find_infos(self, topic: str, *, hears: bool, is_service: bool = False) -> list[Any]:
         from rclpy.duration import Duration, Infinite
 
         node = self._node
-        # Contrary to its documentation, and to `count_publishers`, rclpy remaps the name here, also a foreign one.
+        # Contrary to rclpy's documentation, and unlike `count_publishers`, these functions remap the name.
         find = node.get_subscriptions_info_by_topic if hears else node.get_publishers_info_by_topic
         infos = find(topic, no_mangle=is_service)
         for qos in (each.qos_profile for each in infos):
-            # The graph reports "infinite" for no limit, and `qos_check_compatible` treats it as a limit.
+            # The graph reports "infinite" if there is no limit, and `qos_check_compatible` would treat this as a limit.
             if qos.deadline == Infinite:
                 qos.deadline = Duration()
             if qos.liveliness_lease_duration == Infinite:
@@ -429,7 +430,7 @@ class RosGraph:
         return [each for each in infos if _node_of(each) != self._own]
 
     def _topics_of_others(self, *, hears: bool = False) -> dict[str, dict[str, set[str]]]:
-        """Return the topics that other nodes publish (or subscribe to), with these nodes and the types."""
+        """Return the topics on which other nodes publish (or to which they subscribe), with the types by node."""
         return self._get_cached(("nodes", hears), lambda: self._find_publishing(hears=hears))
 
     def _find_publishing(self, *, hears: bool) -> dict[str, dict[str, set[str]]]:
@@ -445,20 +446,20 @@ class RosGraph:
             node = f"{space.rstrip('/')}/{name}"
             if node == self._own or name == UNKNOWN_NODE:
                 continue
-            with suppress(NodeNameNonExistentError):  # the node has disappeared meanwhile
+            with suppress(NodeNameNonExistentError):  # the node has just disappeared
                 for topic, types in find(name, space):
                     found.setdefault(topic, {}).setdefault(node, set()).update(types)
         return found
 
     def _topics(self, *, hears: bool = False) -> dict[str, set[str]]:
-        """Return the topics that other nodes publish (or subscribe to), with their types."""
+        """Return the topics on which other nodes publish (or to which they subscribe), with their types."""
         publishing = self._topics_of_others(hears=hears)
         return {
             topic: set().union(*nodes.values()) for topic, nodes in publishing.items() if "/_" not in topic
         }
 
     def _services_of_others(self) -> dict[str, set[str]]:
-        """Return the services that other nodes serve, with their types."""
+        """Return the services of other nodes, with their types."""
         return self._get_cached("services", self._find_served)
 
     def _find_served(self) -> dict[str, set[str]]:
@@ -469,7 +470,7 @@ class RosGraph:
         return found
 
     def _servers(self) -> list[tuple[str, dict[str, list[str]]]]:
-        """Return the other nodes by their full names, with the services that they serve."""
+        """Return the full names of the other nodes, each with its services and their types."""
         return self._get_cached(
             "servers", lambda: [each for each in self._find_servers() if each[0] != self._own]
         )
@@ -506,12 +507,12 @@ class RosGraph:
 
 
 def ros_graph(node: "Node") -> RosGraph:
-    """Return the graph as a node sees it, the same object in every call; it exists as long as the node."""
+    """Return the ROS graph as a node sees it; every call for a node returns the same object."""
     return of_node(node, RosGraph, lambda: RosGraph(node))
 
 
 def declared_endpoints(root: Behaviour) -> dict[Use, Endpoint]:
-    """Return the actions, services and topics that leaves declare, with types and qualities of service."""
+    """Return the actions, services and topics that the leaves of a tree declare, with types and QoS profiles."""
     found: dict[Use, Endpoint] = {}
     for leaf in root.iterate():
         for word, (of_name, of_type) in _DECLARED_IN.items():
@@ -527,9 +528,9 @@ def declared_endpoints(root: Behaviour) -> dict[Use, Endpoint]:
 
 
 def explain_absence(node: "Node", leaf: Behaviour, kind: str, name: str) -> str:
-    """Return the end of a message about a leaf's unreachable server or topic: alternatives and remedy.
+    """Return the end of a message about a leaf's unreachable server or topic: the problem, or the alternatives and the remedy.
 
-    It is empty for a topic that exists and whose messages reach the leaf.
+    It is empty for a topic whose messages reach the leaf.
     """
     endpoint = declared_endpoints(leaf).get(Use(kind, name), Endpoint(kind, name))
     return explain_endpoint(node, endpoint)
@@ -537,44 +538,44 @@ def explain_absence(node: "Node", leaf: Behaviour, kind: str, name: str) -> str:
 
 def explain_endpoint(node: "Node", endpoint: Endpoint) -> str:
     """Return the end of a message about an unreachable endpoint; see `explain_absence`."""
-    answer = ros_graph(node).query(endpoint)
-    if answer.is_there:
-        connected = "" if endpoint.kind == "topic" else "it is present but not connected yet"
-        problem = answer.problem or connected
-        return problem and f"; {problem}"
-    nobody = {"topic": "; no node publishes it", "listeners": ""}.get(endpoint.kind, "; no node serves it")
-    return answer.explanation or nobody
+    state = ros_graph(node).query(endpoint)
+    if state.is_there:
+        connected = "" if endpoint.kind == "topic" else "it exists, but is not connected yet"
+        problem = state.problem or connected
+        return problem and f": {problem}"
+    causes = {"topic": ", because no node publishes it", "listeners": ""}
+    return state.explanation or causes.get(endpoint.kind, ", because no node serves it")
 
 
 def with_full_name(name: str, resolved: str) -> str:
-    """Return a name, followed by its resolved form in brackets if that is not obvious."""
+    """Return a name, followed by the resolved name in parentheses if the two differ by more than a leading slash."""
     return name if resolved == f"/{name.lstrip('/')}" else f"{name} ({resolved})"
 
 
 def join_names(names: Collection[str], conjunction: str = "and") -> str:
-    """Return names as `/a, /b and /c`."""
+    """Join names to a phrase such as `/a, /b and /c`."""
     *most, last = names
     return f"{', '.join(most)} {conjunction} {last}" if most else last
 
 
 def services_by_node(node: "Node") -> Iterator[tuple[str, str, dict[str, list[str]]]]:
-    """Yield each node's name and namespace, with its services and their types."""
+    """Yield the name and namespace of each discovered node, with its services and their types."""
     from rclpy.node import NodeNameNonExistentError
 
     for name, namespace in node.get_node_names_and_namespaces():
-        with suppress(NodeNameNonExistentError):  # the node has disappeared meanwhile
+        with suppress(NodeNameNonExistentError):  # the node has just disappeared
             yield name, namespace, dict(node.get_service_names_and_types_by_node(name, namespace))
 
 
 def _node_of(info: Any) -> str:
-    """Return the full name of the node of a publisher or a subscription."""
+    """Return the full name of the node to which a publisher or subscription belongs."""
     if info.node_name == UNKNOWN_NODE:
         return "a node without a name yet"
     return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
 def _wrong_type(how: str, types: Collection[str], wanted: str) -> str:
-    """Describe a resource that has only other types; empty if it has the wanted type, or if unknown."""
+    """Describe that an endpoint only has other types than the wanted type; empty if it has this type, or its types are unknown."""
     # The goal service of an action has a type derived from the action's type.
     there = sorted({each.removesuffix("_SendGoal") for each in types})
     return (
@@ -585,25 +586,25 @@ def _wrong_type(how: str, types: Collection[str], wanted: str) -> str:
 
 
 def _qos_conflict(infos: Sequence[Any], own: Iterable["QoSProfile"], *, hears: bool) -> str:
-    """Describe incompatible qualities of service that block all messages, with the remedy; empty otherwise.
+    """Explain why incompatible QoS profiles block all messages, and name the remedy; empty if messages arrive.
 
     Args:
-        infos: The publishers of others, or their subscriptions.
-        own: The qualities of service of this node.
-        hears: Whether the others subscribe and this node publishes.
+        infos: The publishers of other nodes, or their subscriptions if *hears* is True.
+        own: The QoS profiles of this node's subscriptions, or of its publishers if *hears* is True.
+        hears: Whether other nodes subscribe and this node publishes.
     """
 
-    def obstacle(other: Any, mine: "QoSProfile") -> str:
-        there = other.qos_profile
-        return _incompatibility(mine, there) if hears else _incompatibility(there, mine)
+    def conflict(other: Any, mine: "QoSProfile") -> str:
+        theirs = other.qos_profile
+        return _incompatibility(mine, theirs) if hears else _incompatibility(theirs, mine)
 
     for mine in own:
-        reasons = [(each, obstacle(each, mine)) for each in infos]
+        reasons = [(each, conflict(each, mine)) for each in infos]
         if not reasons or not all(reason for _, reason in reasons):
             continue
-        # The most demanding profile that all publishers offer, or the least demanding that suffices for all subscribers.
+        # The remedy is the most demanding profile that all publishers offer, or the least demanding profile that suffices for all subscribers.
         names = list(NAMED_QOS) if hears else list(reversed(NAMED_QOS))
-        fits = [name for name in names if not any(obstacle(each, qos_profile("", name)) for each in infos)]
+        fits = [name for name in names if not any(conflict(each, qos_profile("", name)) for each in infos)]
         info, reason = reasons[0]
         what = f"no message reaches {_node_of(info)}" if hears else f"no message of {_node_of(info)} arrives"
         return f'{what} ({reason}). Write qos="{fits[0]}"' if fits else f"{what} ({reason})"
@@ -611,7 +612,7 @@ def _qos_conflict(infos: Sequence[Any], own: Iterable["QoSProfile"], *, hears: b
 
 
 def _incompatibility(offered: "QoSProfile", wanted: "QoSProfile") -> str:
-    """Return why messages do not pass between two qualities of service; empty if they do."""
+    """Return why a publisher and a subscription with these QoS profiles are incompatible; empty if they are compatible."""
     from rclpy.qos import QoSCompatibility, qos_check_compatible
 
     verdict, reasons = qos_check_compatible(offered, wanted)
@@ -623,7 +624,7 @@ def _incompatibility(offered: "QoSProfile", wanted: "QoSProfile") -> str:
 
 
 def _same_elsewhere(endpoint: Endpoint, full: str, there: Mapping[str, Collection[str]]) -> list[str]:
-    """Return the name's occurrences in other namespaces, those of the wanted type first."""
+    """Return the full names of the same endpoint in other namespaces with the wanted type, the least nested first."""
     tails = {f"/{endpoint.name.lstrip('/~')}", full}
     same = [name for name in there if any(name.endswith(tail) for tail in tails) or full.endswith(name)]
     fitting = [name for name in same if not endpoint.type_name or endpoint.type_name in there[name]]
@@ -633,7 +634,7 @@ def _same_elsewhere(endpoint: Endpoint, full: str, there: Mapping[str, Collectio
 def _nearest_names(
     endpoint: Endpoint, full: str, space: str, there: Mapping[str, Collection[str]]
 ) -> list[str]:
-    """Return the names that were probably intended."""
+    """Return the full names of similar endpoints with the wanted type, one of which was probably intended."""
     wanted = endpoint.name.lstrip("/~")
     fitting = [name for name in sorted(there) if not endpoint.type_name or endpoint.type_name in there[name]]
     depth, inner = wanted.count("/") + 1, f"{space.rstrip('/')}/"
@@ -650,5 +651,5 @@ def _nearest_names(
 
 
 def _is_longer(name: str, beginning: str) -> bool:
-    """Return whether a name has an additional part or some additional letters at its end."""
+    """Return whether a name begins with another name that is long enough to be meaningful."""
     return name.startswith(beginning) and len(beginning) > _LEAST_SHARED

@@ -1,11 +1,11 @@
 """A process that cancels the goals of a crashed or blocked mission.
 
-A mission that is killed (by SIGKILL, for lack of memory, by a crash) cannot cancel anything, and the robot drives on to
-its goal. The mission therefore reports through a pipe which goals it sends, which have ended, and the heartbeats of the
-thread that ticks the tree. However the mission ends, the system closes the pipe. The guardian then cancels the goals
-that have not ended, by their ids, and waits for their ends. It does the same when heartbeats stop: `ros.tick_watch`
-handles this within the process, but a leaf that holds Python's interpreter lock stops that as well. A guardian that
-ends while its mission lives is replaced.
+A mission that is killed (by SIGKILL, for lack of memory, by a crash) cannot cancel its goals, so the robot would continue to
+its goal. The mission therefore reports through a pipe which goals it has sent and which goals have ended, and forwards the
+heartbeats of the thread that ticks the tree. However the mission ends, the operating system closes the pipe. The guardian then
+cancels the active goals by their IDs and waits for their ends. It does the same when the heartbeats stop: `ros.tick_watch`
+handles this case within the process, but a leaf that holds Python's interpreter lock also blocks `ros.tick_watch`. A guardian
+that ends before its mission is replaced.
 """
 
 import json
@@ -37,31 +37,30 @@ if TYPE_CHECKING:
     from sar_compiler.ros.orphaned_goals import OrphanedGoal
 
 MAY_MOVE_SIGN = b"!"
-"""Written to the mission's supervisor if the guardian has not seen the end of a goal."""
+"""The message to the mission's supervisor that the guardian has not observed the end of a goal."""
 
-# The first character of a line: a goal is sent, has ended, a heartbeat.
+# The first characters of the lines to the guardian: a goal was sent, a goal has ended, a heartbeat.
 _SENT, _OVER, _BEAT = "+", "-", "."
 _GONE = "the mission's process has ended"
-# Additional time for the mission to handle stopped ticks by itself, seconds.
+# Additional time in which the mission can handle a blocked tick itself, in seconds.
 _GRACE_SEC = 2.0
-# How long the guardian tries to end the goals, seconds.
+# Maximum time for which the guardian tries to end the goals, in seconds.
 _TRYING_SEC = 10.0
-# Interval between checks for heartbeats, seconds. A check that is late by the second value means that this process
-# itself stood still.
+# Interval of the checks for heartbeats, in seconds. If a check takes longer than the second value, this process itself was suspended.
 _LOOK_SEC, _OWN_PAUSE_SEC = 0.25, 1.0
-# How long an orderly end waits for the guardian, seconds. A guardian that still has goals to cancel needs no mission.
+# Maximum time for which the end of a run waits for the guardian, in seconds. A guardian that still cancels goals does not need the mission.
 _ENDING_SEC = 1.0
-# A guardian that ended this many times, each within this many seconds of its start, is not restarted.
+# If the guardian has ended this many times in a row, each time within this many seconds of its start, it is not replaced again.
 _ATTEMPTS, _BRIEF_SEC = 3, 10.0
 
 
 class Guardian(RunExtension):
-    """The guardian of this process, as the mission sees it.
+    """Starts the guardian of this process, and reports the mission's goals and heartbeats to it.
 
     Args:
         node: The mission's node.
-        security: The ROS arguments that a second participant of this mission needs (`--enclave`).
-        signs: The descriptor of the pipe to the supervisor of the mission; None without one.
+        security: The ROS arguments for SROS 2 (`--enclave`), which the guardian's node also needs.
+        signs: The file descriptor of the pipe to the mission's supervisor; None without a supervisor.
     """
 
     def __init__(self, node: "Node", security: Sequence[str], signs: int | None = None) -> None:
@@ -78,12 +77,12 @@ class Guardian(RunExtension):
         self.guard_goals()
 
     def guard_goals(self) -> None:
-        """Guard the goals of the node from here on."""
+        """Report the node's goals and heartbeats to the guardian from now on."""
         active_goals_of(self._node).add_listener(self.report_goal)
         heartbeats(self._node).add_listener(self.forward_heartbeat)
 
     def report_goal(self, news: GoalEvent) -> None:
-        """Report a goal to the guardian; never blocks."""
+        """Report that a goal was sent or has ended; never blocks."""
         with self._lock:
             if news.is_over:
                 self._active.pop(news.goal_id, None)
@@ -92,12 +91,12 @@ class Guardian(RunExtension):
             self._write(_OVER if news.is_over else _SENT, news.goal_id, news.action)
 
     def forward_heartbeat(self, beat: Heartbeat) -> None:
-        """Pass a heartbeat on; never blocks, and may be called from any thread."""
+        """Forward a heartbeat to the guardian; never blocks, and may be called from any thread."""
         with self._lock:
             self._write(_BEAT, json.dumps(beat))
 
     def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002
-        """End the guardian, which first cancels active goals."""
+        """Tell the guardian to end, which it does after it has cancelled active goals."""
         with self._lock:
             self._is_closing = True
             self._pipe.close()
@@ -109,7 +108,7 @@ class Guardian(RunExtension):
             helper_command(__name__, main.__name__, ",".join(map(str, signs)), *self._security),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
-            # Ctrl-C, and the end of a terminal, reach whole groups of processes.
+            # Otherwise Ctrl-C, or the end of the terminal, would also end the guardian.
             start_new_session=True,
             bufsize=0,
             pass_fds=signs,
@@ -138,17 +137,17 @@ class Guardian(RunExtension):
             how = f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"
             if self._brief < _ATTEMPTS:
                 self._start()
-                self._complain(f"the guardian has ended, {how}, and is replaced")
+                self._complain(f"the guardian has ended ({how}) and is replaced")
             else:
                 self._complain(
-                    f"the guardian is gone ({how}). Goals are no longer canceled if this process crashes"
+                    f"the guardian has ended again ({how}) and is not replaced. Goals are no longer canceled if this process crashes"
                 )
 
 
 def main() -> None:
-    """Run the guardian of the process at the other end of standard input until that process ends.
+    """Run the guardian of the mission at the other end of standard input until the mission ends.
 
-    The arguments are the descriptor of the pipe to the mission's supervisor, empty without one, and ROS arguments.
+    The command-line arguments are the file descriptor of the pipe to the mission's supervisor (empty without a supervisor), and ROS arguments.
     """
     signs, *security = sys.argv[1:]
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -157,15 +156,15 @@ def main() -> None:
     from sar_compiler.ros.orphaned_goals import Canceller
 
     node = Canceller(f"sar_guardian_{os.getpid()}", security).node
-    wards = _GuardedGoals(node)
-    wards.follow(sys.stdin)
-    if not wards.cancel(_GONE) and signs:
+    goals = _GuardedGoals(node)
+    goals.follow(sys.stdin)
+    if not goals.cancel(_GONE) and signs:
         os.write(int(signs), MAY_MOVE_SIGN)
     end_process(0, node.destroy_node)
 
 
 class _GuardedGoals:
-    """The goals of a mission as known to its guardian.
+    """The goals that a mission has reported to its guardian.
 
     Args:
         node: The guardian's node.
@@ -180,16 +179,16 @@ class _GuardedGoals:
         self._why = ""
 
     def follow(self, lines: Iterable[str]) -> None:
-        """Track the goals to the end of the mission; cancel them when its heartbeats stop."""
-        came: SimpleQueue[str] = SimpleQueue()
-        Thread(target=_forward_lines, args=(lines, came), name="mission", daemon=True).start()
+        """Process the mission's lines until the mission ends; cancel the goals when the heartbeats stop."""
+        received: SimpleQueue[str] = SimpleQueue()
+        Thread(target=_forward_lines, args=(lines, received), name="mission", daemon=True).start()
         while True:
-            looked_at = time.monotonic()
+            checked_at = time.monotonic()
             try:
-                line = came.get(timeout=_LOOK_SEC)
+                line = received.get(timeout=_LOOK_SEC)
             except Empty:
                 line = None
-            if time.monotonic() - looked_at > _OWN_PAUSE_SEC:  # the mission may not have run either
+            if time.monotonic() - checked_at > _OWN_PAUSE_SEC:  # the mission may also have been suspended
                 self._heard_at = time.monotonic()
             if line == _END:
                 return
@@ -216,11 +215,11 @@ class _GuardedGoals:
         self._is_reported = self._is_canceled = False
 
     def _add(self, goal: GoalEvent) -> None:
-        """Store a goal when it is sent, to discover its server before it must be canceled."""
+        """Store a goal as soon as it is sent, so that its server is discovered before the goal must be canceled."""
         from sar_compiler.ros.orphaned_goals import UNKNOWN_SEC, OrphanedGoal
 
         def report_end(status: int) -> None:
-            words = f"{goal.action} was asked to cancel its goal, which {end_in_words(status)}"
+            words = f"{goal.action} was requested to cancel its goal, which {end_in_words(status)}"
             self._node.get_logger().warning(f"{self._why}: {words}")
 
         self._active[goal.goal_id] = OrphanedGoal(
@@ -228,43 +227,43 @@ class _GuardedGoals:
         )
 
     def _check_heartbeats(self, limit_sec: float, silent_sec: float) -> None:
-        """Report missing heartbeats, and cancel the goals of a blocked mission, which may tick again later."""
+        """Log missing heartbeats, and cancel the goals of a blocked mission, although it may continue to tick later."""
         if silent_sec > REPORT_SEC and not self._is_reported:
             self._is_reported = True
             place = source_line_in_stack(self._beat)
             self._node.get_logger().error(
-                f"nothing was ticked for {silent_sec + _GRACE_SEC:.0f} s, and the mission cannot report it itself: "
-                f"it is in {place}"
+                f"the tree was not ticked for {silent_sec + _GRACE_SEC:.0f} s, and the mission cannot report this itself. "
+                f"It is blocked in {place}"
             )
         if silent_sec > limit_sec and not self._is_canceled:
             self._is_canceled = True
-            self.cancel(f"nothing was ticked for {silent_sec + _GRACE_SEC:.0f} s")
+            self.cancel(f"the tree was not ticked for {silent_sec + _GRACE_SEC:.0f} s")
 
     def cancel(self, why: str) -> bool:
-        """Cancel the active goals until their ends are seen; return whether all were.
+        """Cancel the active goals until they have ended; return whether the ends of all goals were observed.
 
         Args:
-            why: The reason, for the log.
+            why: The reason for the log.
         """
         from sar_compiler.ros.orphaned_goals import cancel_goals
 
         self._why = why
         active = cancel_goals([*self._active.values()], self._node, _TRYING_SEC)
         for goal in active:
-            words = f"and {goal.action} does not end its goal: the robot may still be moving"
+            words = f"and {goal.action} does not end its goal. The robot may still be moving"
             self._node.get_logger().warning(f"{why}, {words}")
         return not active
 
 
 def source_line_in_stack(beat: Heartbeat) -> str:
-    """Return the source line of a thread, read from the output of Python's fault handler.
+    """Return the source line that the ticking thread executes, read from the output of Python's fault handler.
 
     Args:
-        beat: The last heartbeat, which has the file of the stacks.
+        beat: The last heartbeat, which names the file with the stacks of all threads.
     """
     try:
         stacks = Path(beat.stack).read_text(encoding="utf-8", errors="replace")
-    except OSError:  # another user's process, or it has just ended
+    except OSError:  # the process belongs to another user, or has just ended
         return "an unreadable location"
     _, _, stack = stacks.partition(f"{beat.thread:x} (most recent call first):")
     for file, line, function in re.findall(r'^  File "(.+)", line (\d+) in (.+)$', stack, re.MULTILINE):
@@ -273,7 +272,7 @@ def source_line_in_stack(beat: Heartbeat) -> str:
     return "native code"
 
 
-# The text after the last line.
+# The queue's last entry, after the last line.
 _END = ""
 
 

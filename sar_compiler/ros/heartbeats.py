@@ -1,4 +1,4 @@
-"""Heartbeats of the executor that ticks a tree, sent by `ros.tick_watch` and received by the guardian."""
+"""Heartbeats of the executor that ticks a tree, which `ros.tick_watch` sends and the guardian receives."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -9,17 +9,17 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 REPORT_SEC = 2.0
-"""Steady seconds without a heartbeat until the blocking code is reported."""
+"""The time without a heartbeat after which the blocking code is reported, in seconds of the steady clock."""
 
 
 class Heartbeat(NamedTuple):
-    """One heartbeat of the executor.
+    """One heartbeat of the executor that ticks a tree.
 
     Attributes:
-        limit_sec: The longest time to the next heartbeat before the goals are canceled; None while nothing is ticked.
-        is_reported: Whether this process has already reported that it stopped.
-        stack: The file with the stacks of all threads, written when the executor stops.
-        thread: The thread that ticks, by `threading.get_ident`.
+        limit_sec: The maximum time to the next heartbeat before the goals are canceled, in seconds; None while the tree is not ticked.
+        is_reported: Whether the mission's process itself has already reported that the executor is blocked.
+        stack: The file with the stacks of all threads, which is written while the executor is blocked.
+        thread: The `threading.get_ident` of the ticking thread.
     """
 
     limit_sec: float | None = None
@@ -29,18 +29,18 @@ class Heartbeat(NamedTuple):
 
 
 class Heartbeats:
-    """Distributes the heartbeats of a node's executor; obtain it with `heartbeats`."""
+    """Distributes the heartbeats of a node's executor to listeners; created by `heartbeats`."""
 
     def __init__(self) -> None:
         self._listeners: list[Callable[[Heartbeat], None]] = []
 
     @property
     def has_listeners(self) -> bool:
-        """Whether any listener is registered."""
+        """Whether there is a listener."""
         return bool(self._listeners)
 
     def add_listener(self, listener: Callable[[Heartbeat], None]) -> None:
-        """Register a listener, which is called with each heartbeat from any thread."""
+        """Add a listener, which is called with each heartbeat from any thread."""
         self._listeners.append(listener)
 
     def send(self, beat: Heartbeat) -> None:
@@ -50,5 +50,5 @@ class Heartbeats:
 
 
 def heartbeats(node: "Node") -> Heartbeats:
-    """Return the heartbeats of a node's executor, the same object in every call."""
+    """Return the heartbeats of a node's executor; every call for a node returns the same object."""
     return of_node(node, Heartbeats, Heartbeats)

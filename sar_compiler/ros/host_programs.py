@@ -33,7 +33,7 @@ from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
 from sar_compiler.ros.tick_watch import TickWatch
 
 _TURN_SEC = 0.05
-# Grace time for an executor to leave a callback, seconds.
+# Time for an executor to leave a callback before it is interrupted, in seconds.
 _SOON_SEC = 0.02
 
 
@@ -46,28 +46,27 @@ def running_tree(
     settle_timeout_sec: float = SETTLE_SEC,
     blocked_tick_timeout_sec: float = BLOCKED_TICK_SEC,
 ) -> Iterator[TreeRunner]:
-    """Set up a tree on a node, and end all its goals at the end of the block.
+    """Set up a tree on a node, and end all goals of the tree at the end of the block.
 
-    Within the block Ctrl-C, SIGTERM and SIGHUP interrupt the executor between two callbacks, by a `KeyboardInterrupt`.
-    At the end of the block the tree is stopped from its root, its goals are canceled, and their ends are awaited. After
-    a signal the program then exits with 130, 143 or 129, or with 4 if a goal may still be active. A second Ctrl-C ends
-    it at once. A leaf that blocks the tick is reported, and does not prevent the end of the program. In another thread
-    than the main one, signals are left to the program.
+    Within the block, Ctrl-C, SIGTERM and SIGHUP interrupt the executor between two callbacks with a `KeyboardInterrupt`. At the end of the
+    block, the tree is stopped from its root, its goals are canceled, and their ends are awaited. After a signal, the program then exits with
+    130, 143 or 129, or with 4 if a goal may still be active. A second Ctrl-C ends the program at once. A leaf that blocks the tick is
+    reported, and does not prevent the end of the program. If the block is not in the main thread, the program must handle signals itself.
 
     Args:
-        tree: The compiled tree, its root, or a `TreeRunner` of it.
-        node: The node. ROS must not be shut down. Spin the node as you like.
-        guardian: Whether a separate small process cancels the goals if the program is killed or crashes.
-        settle_timeout_sec: The time that the goals have to end, steady seconds.
-        blocked_tick_timeout_sec: The longest time without a tick before the goals are canceled, steady seconds.
+        tree: The compiled tree, its root, or its `TreeRunner`.
+        node: The node of the tree, which the program spins with any executor. ROS must not be shut down.
+        guardian: Whether a separate process cancels the goals if the program is killed or crashes.
+        settle_timeout_sec: The maximum wait until the goals have ended, in seconds of the steady clock.
+        blocked_tick_timeout_sec: The maximum time without a tick before the goals are canceled, in seconds of the steady clock.
 
     Yields:
-        The runner after its setup: call its `tick_tock`, or its `tick`.
+        The runner after its setup. Call its method `tick_tock` or `tick`.
 
     Raises:
-        ExternalShutdownException: If a signal has shut ROS down before.
+        ExternalShutdownException: If a signal has already shut down ROS.
         SetupFailedError: If the setup of a behaviour raised an exception.
-        SystemExit: At the end of the block, if a signal has asked for it.
+        SystemExit: At the end of the block, if a signal requested the end of the program.
     """
     runner = tree if isinstance(tree, TreeRunner) else TreeRunner(tree)
     if not is_node_valid(node):
@@ -106,11 +105,11 @@ def running_tree(
 
 
 class _InterruptionError(RuntimeError):
-    """Ends the spinning of a multithreaded executor, which propagates only an `Exception`."""
+    """Interrupts a multithreaded executor, which propagates an `Exception` of a callback, but not a `KeyboardInterrupt`."""
 
 
 class _Signals(StopSignals):
-    """Replaces rclpy's signal handlers temporarily, so that goals are canceled before ROS shuts down."""
+    """Temporarily replaces rclpy's signal handlers, so that goals are canceled before ROS shuts down."""
 
     def __init__(self) -> None:
         self._options = get_current_signal_handlers_options()
@@ -118,7 +117,7 @@ class _Signals(StopSignals):
         super().__init__()
 
     def restore_handlers(self) -> None:
-        """Restore the previous handlers."""
+        """Restore the previous signal handlers."""
         super().restore_handlers()
         if self._options != SignalHandlerOptions.NO:
             install_signal_handlers(self._options)
@@ -128,11 +127,11 @@ class _HostedTree:
     """A tree that a user's program ticks.
 
     Args:
-        name: The program.
+        name: The program's name, for messages.
         runner: Ticks the tree.
-        node: Its node.
-        cancel: Cancels its goals if that node cannot.
-        settle_sec: The time that the goals have to end, steady seconds.
+        node: The node of the tree.
+        cancel: Cancels the tree's goals from another node if *node* cannot.
+        settle_sec: The maximum wait until the goals have ended, in seconds of the steady clock.
         signals: The requests to stop; None if the program handles signals itself.
     """
 
@@ -153,7 +152,7 @@ class _HostedTree:
         self._active: list[str] = []
 
     def tick_watch(self, blocked_sec: float) -> TickWatch:
-        """Return the watch of the executor for the time in which the tree is ticked."""
+        """Create the watchdog of the executor that ticks the tree."""
         signals = self._signals
         watch = TickWatch(
             self._node,
@@ -184,18 +183,18 @@ class _HostedTree:
         ):
             raise KeyboardInterrupt
         else:
-            # The executor has a thread of its own while the main one waits for something else, or it is one of events, which logs exceptions.
+            # Either the executor spins in another thread, or it is an EventsExecutor, which only logs exceptions.
             threading.Timer(_SOON_SEC, self._interrupt).start()
 
     def _interrupt_workers(self) -> None:
-        """Raise an interrupt in the thread that spins the executor, repeatedly if necessary."""
+        """Raise an exception in a worker thread, which interrupts the executor; repeat this if the executor continues."""
         if time.monotonic() - self._interrupted_at < UNNOTICED_SEC:
             return
         self._interrupted_at = time.monotonic()
         raise _InterruptionError
 
     def _on_blocked_main_thread(self, watch: TickWatch, end: ForcedEnd, where: str) -> None:
-        """Interrupt a main thread that does not spin; end the process if that has no effect."""
+        """Interrupt a main thread that does not spin; end the process if the interrupt has no effect."""
         if watch.blocking_leaf() is not None or self._has_interrupted:
             if time.monotonic() - self._interrupted_at > UNNOTICED_SEC:
                 end.end_blocked(where)
@@ -212,7 +211,7 @@ class _HostedTree:
         self._is_ending = True
         if self._signals is not None:
             self._signals.is_noticed = True
-        names = self._has_settled() if is_node_valid(self._node) else []
+        names = self._settle_tree() if is_node_valid(self._node) else []
         if not is_node_valid(self._node):
             names = list(self._cancel(self._settle_sec))
         if names:
@@ -220,15 +219,16 @@ class _HostedTree:
             words = "a goal may still be active, and the robot may still be moving"
             print_error(f"{self._name}: {words}: {', '.join(names)}")
 
-    def _has_settled(self) -> list[str]:
+    def _settle_tree(self) -> list[str]:
+        """Stop the tree, and wait until its goals have ended; return the names of leaves with active goals."""
         executor = self._node.executor
         if executor is not None and self._node not in executor.get_nodes():  # `rclpy.spin` has removed it
             executor = None
         is_elsewhere = executor is not None and self._spinner != threading.get_ident()
         if is_elsewhere and not isinstance(executor, MultiThreadedExecutor):
-            return self._settled_elsewhere()
+            return self._settle_in_other_thread()
         if executor is not None:
-            with suppress(_InterruptionError):  # raised by a worker, but not passed on
+            with suppress(_InterruptionError):  # raised by a worker thread, but not yet propagated
                 executor.spin_once(timeout_sec=0.0)
             return self._runner.settle(executor, self._settle_sec)
         own = SingleThreadedExecutor(context=self._node.context)
@@ -239,8 +239,8 @@ class _HostedTree:
             own.remove_node(self._node)
             own.shutdown()
 
-    def _settled_elsewhere(self) -> list[str]:
-        """Stop the tree in the thread that spins the executor."""
+    def _settle_in_other_thread(self) -> list[str]:
+        """Stop the tree in the thread that spins the executor; return the names of leaves with active goals."""
         self._runner.interrupt()
         deadline = time.monotonic() + self._settle_sec
         while (self._runner.is_running or leaves_at_work(self._runner.root)) and time.monotonic() < deadline:

@@ -141,8 +141,8 @@ def test_a_middleware_that_is_installed_is_left_to_ros(wanted, tmp_path):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("import py_trees_ros_interfaces.msg", "cannot be loaded: py_trees_ros_interfaces is missing. "),
-        ("from rclpy import nothing", "cannot be loaded: cannot import name 'nothing' from 'rclpy'"),
+        ("import py_trees_ros_interfaces.msg", "cannot be loaded (py_trees_ros_interfaces is missing). "),
+        ("from rclpy import nothing", "cannot be loaded (cannot import name 'nothing' from 'rclpy'"),
     ],
 )
 def test_an_engine_that_cannot_be_loaded_says_what_is_missing(line, said, tmp_path):
@@ -153,4 +153,4 @@ def test_an_engine_that_cannot_be_loaded_says_what_is_missing(line, said, tmp_pa
         "nothing", "sar_compiler.cli.run:main", "--engine", "py_trees_ros", PYTHONPATH=str(tmp_path)
     )
     assert (status, "Traceback" in err, "not installed here" in err) == (2, False, False), err
-    assert f"sar-run: --engine py_trees_ros: it is installed but {said}" in err
+    assert f"sar-run: --engine py_trees_ros: py_trees_ros {said}" in err

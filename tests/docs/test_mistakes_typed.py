@@ -45,12 +45,12 @@ TYPED = {
     "… errors in the parameters:…": "sar-run --ros-args -p tick_rate_hz:=0 -p zone_order:=[moon]",
     "sections are for …, but this node is …": "sar-run --params {folder}/section.yaml",
     "did you mean 'ros__parameters' (two underscores)?": "sar-run --params {folder}/misspelt.yaml",
-    "not a ROS argument: …": "sar-run --ros-args tick_rate_hz:=2.0",
-    "a parameter is given as name:=value, and a list has values of one type": "sar-run --ros-args -p x=1",
-    "a namespace begins with a slash: __ns:=/…": "sar-run --ros-args -r __ns:=front",
+    "unknown ROS argument: …": "sar-run --ros-args tick_rate_hz:=2.0",
+    "write a parameter as name:=value, where all values of a list have the same type": "sar-run --ros-args -p x=1",
+    "a namespace must begin with a slash: __ns:=/…": "sar-run --ros-args -r __ns:=front",
     "'…' is not allowed in a name: use letters, digits, _ and /": "sar-run --ros-args -r __ns:=/front-1",
-    "a name is replaced by from:=to": "sar-run --ros-args -r scan=front/scan",
-    "ROS does not accept its arguments: …": "sar-run --ros-args -r __ns:=/front/",
+    "write from:=to for a name": "sar-run --ros-args -r scan=front/scan",
+    "the ROS arguments are invalid: …": "sar-run --ros-args -r __ns:=/front/",
     "… applies to the simulator: add --sim": "sar-run --speed 5",
     "--sim expects a world, but '…' looks like a tree: write the tree before --sim": "sar-run --sim my.xml",
     "there is no world file '…', nor a shipped world of that name": "sar-run --sim moon",
@@ -96,10 +96,10 @@ PLAIN = {
     "there is no world file '…', nor a shipped world of that name",
     "'…' (--nodes) is a file; write its import path",
     "did you mean 'ros__parameters' (two underscores)?",
-    "a namespace begins with a slash: __ns:=/…",
+    "a namespace must begin with a slash: __ns:=/…",
     "'…' is not allowed in a name: use letters, digits, _ and /",
-    "a name is replaced by from:=to",
-    "ROS does not accept its arguments: …",
+    "write from:=to for a name",
+    "the ROS arguments are invalid: …",
     "… applies to the simulator: add --sim",
     "--sim expects a world, but '…' looks like a tree: write the tree before --sim",
     "there is no mission '…' (installed: …)",
@@ -148,8 +148,8 @@ EXTRAS = {
 }
 NOT_SHIPPED = "… has no shipped file '…'"
 NO_MIDDLEWARE = "RMW_IMPLEMENTATION is '…', which is not installed. Installed: …"
-BROKEN_ENGINE = "--engine py_trees_ros: it is installed but cannot be loaded: …"
-NO_ENGINE = "--engine py_trees_ros: it is not installed here (…)"
+BROKEN_ENGINE = "--engine py_trees_ros: py_trees_ros cannot be loaded (…)"
+NO_ENGINE = "--engine py_trees_ros: py_trees_ros is not installed (…)"
 
 
 def explained(heading):

@@ -96,7 +96,7 @@ def test_a_tree_file_that_is_not_there_is_named(start):
         (["nosuchtree"], "there is no tree file 'nosuchtree', nor a shipped tree of that name"),
         (["--nodes", "no.such.module"], "'no.such.module' (--nodes) cannot be imported"),
         (["--ros-args", "-p"], "-p must be followed by a value"),
-        (["--ros-args", "--nonsense"], "not a ROS argument: --nonsense"),
+        (["--ros-args", "--nonsense"], "unknown ROS argument: --nonsense"),
     ],
 )
 def test_wrong_usage_is_refused_with_what_is_wrong(start, arguments, words):

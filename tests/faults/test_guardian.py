@@ -11,7 +11,7 @@ from tests.processes import children_of
 pytestmark = pytest.mark.ros
 
 GONE = "the mission's process has ended"
-REPLACED = "the guardian has ended, by SIGKILL, and is replaced"
+REPLACED = "the guardian has ended (by SIGKILL) and is replaced"
 
 
 def told_deaths(run):
@@ -35,7 +35,7 @@ def test_it_waits_for_the_end_of_the_goal_that_it_has_cancelled(driving):
     server, run = driving()
     run.send(signal.SIGKILL)
     server.wait_for("ended", how="cancel")
-    run.wait_for(f"{GONE}: /navigate_to_pose was asked to cancel its goal, which is cancelled")
+    run.wait_for(f"{GONE}: /navigate_to_pose was requested to cancel its goal, which is cancelled")
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def test_a_goal_that_does_not_end_is_told_to_be_under_way(driving, manner):
     run.send(signal.SIGKILL)
     run.wait_for(f"{GONE}, and /navigate_to_pose does not end its goal: the robot may still be moving")
     assert server.active == 1
-    assert "was asked to cancel" not in run.output
+    assert "was requested to cancel" not in run.output
 
 
 def test_one_that_is_killed_is_replaced_and_the_new_one_knows_the_goal_under_way(driving):
@@ -65,7 +65,7 @@ def test_one_that_cannot_live_is_given_up_and_the_mission_goes_on(driving):
         (guardian,) = run.wait_until(lambda: children_of(run.pid), "a guardian")
         os.kill(guardian, signal.SIGKILL)
         run.wait_until(lambda deaths=deaths: told_deaths(run) == deaths, "the word of its end")
-    run.wait_for("the guardian is gone (by SIGKILL). Goals are no longer canceled if this process crashes")
+    run.wait_for("the guardian has ended again (by SIGKILL) and is not replaced. Goals are no longer canceled if this process crashes")
     assert children_of(run.pid) == []
     assert run.stop(within_sec=5.0) == 130, run.output
     server.wait_for("ended", how="cancel")

@@ -186,34 +186,34 @@ DETECTOR = Endpoint("service", "detect_survivor", DETECT)
 BATTERIES = Endpoint("topic", "battery_state", BATTERY)
 NAMES = {
     "in another namespace": Case(
-        DETECTOR, "/tb1/detect_survivor", "; there is /tb1/detect_survivor: run with `--ros-args -r detect_survivor:=/tb1/detect_survivor`"),
+        DETECTOR, "/tb1/detect_survivor", ", but there is /tb1/detect_survivor: run with `--ros-args -r detect_survivor:=/tb1/detect_survivor`"),
     "in none, and the mission is in one": Case(
-        DETECTOR, "/detect_survivor", "; there is /detect_survivor: run with `--ros-args -r detect_survivor:=/detect_survivor`", "/tb1/mission"),
+        DETECTOR, "/detect_survivor", ", but there is /detect_survivor: run with `--ros-args -r detect_survivor:=/detect_survivor`", "/tb1/mission"),
     "deeper": Case(
-        DETECTOR, "/tb1/search/detect_survivor", "; there is /tb1/search/detect_survivor: run with `--ros-args -r detect_survivor:=/tb1/search/detect_survivor`"),
-    "by case": Case(DETECTOR, "/Detect_Survivor", "; there is /Detect_Survivor: run with `--ros-args -r detect_survivor:=/Detect_Survivor`"),
-    "by a typo": Case(DETECTOR, "/detect_surviver", "; there is /detect_surviver: run with `--ros-args -r detect_survivor:=/detect_surviver`"),
+        DETECTOR, "/tb1/search/detect_survivor", ", but there is /tb1/search/detect_survivor: run with `--ros-args -r detect_survivor:=/tb1/search/detect_survivor`"),
+    "by case": Case(DETECTOR, "/Detect_Survivor", ", but there is /Detect_Survivor: run with `--ros-args -r detect_survivor:=/Detect_Survivor`"),
+    "by a typo": Case(DETECTOR, "/detect_surviver", ", but there is /detect_surviver: run with `--ros-args -r detect_survivor:=/detect_surviver`"),
     "by a typo in another namespace": Case(
-        DETECTOR, "/tb1/detect_surviver", "; there is /tb1/detect_surviver: run with `--ros-args -r detect_survivor:=/tb1/detect_surviver`"),
+        DETECTOR, "/tb1/detect_surviver", ", but there is /tb1/detect_surviver: run with `--ros-args -r detect_survivor:=/tb1/detect_surviver`"),
     "with a part more": Case(
-        DETECTOR, "/detect_survivor/by_camera", "; there is /detect_survivor/by_camera: run with `--ros-args -r detect_survivor:=/detect_survivor/by_camera`"),
+        DETECTOR, "/detect_survivor/by_camera", ", but there is /detect_survivor/by_camera: run with `--ros-args -r detect_survivor:=/detect_survivor/by_camera`"),
     "by a name of its own, the only one of the type": Case(
-        DETECTOR, "/find/detect_people", "; there is /find/detect_people: run with `--ros-args -r detect_survivor:=/find/detect_people`"),
+        DETECTOR, "/find/detect_people", ", but there is /find/detect_people: run with `--ros-args -r detect_survivor:=/find/detect_people`"),
     "an action, in another namespace": Case(
         Endpoint("action", "navigate_to_pose", NAVIGATE, attribute="action"), "/tb1/navigate_to_pose",
-        f'; there is /tb1/navigate_to_pose: write action="/tb1/navigate_to_pose" in the tree, or run with `--ros-args {FIVE}`'),
+        f', but there is /tb1/navigate_to_pose: write action="/tb1/navigate_to_pose" in the tree, or run with `--ros-args {FIVE}`'),
     "an action that has no attribute for its name": Case(
         Endpoint("action", "navigate_to_pose", NAVIGATE), "/tb1/navigate_to_pose",
-        f"; there is /tb1/navigate_to_pose: run with `--ros-args {FIVE}`"),
+        f", but there is /tb1/navigate_to_pose: run with `--ros-args {FIVE}`"),
     "a lifecycle node": Case(
-        Endpoint("node", "amcl"), "/tb1/amcl", "; there is /tb1/amcl: run with `--ros-args -r amcl/get_state:=/tb1/amcl/get_state`"),
+        Endpoint("node", "amcl"), "/tb1/amcl", ", but there is /tb1/amcl: run with `--ros-args -r amcl/get_state:=/tb1/amcl/get_state`"),
     "a topic with a leading slash": Case(
         Endpoint("topic", "/battery_state", BATTERY), "/tb1/battery_state",
-        "; there is /tb1/battery_state: run with `--ros-args -r /battery_state:=/tb1/battery_state`", "/tb1/mission"),
-    "a topic by another name": Case(BATTERIES, "/power/status", "; there is /power/status: run with `--ros-args -r battery_state:=/power/status`"),
+        ", but there is /tb1/battery_state: run with `--ros-args -r /battery_state:=/tb1/battery_state`", "/tb1/mission"),
+    "a topic by another name": Case(BATTERIES, "/power/status", ", but there is /power/status: run with `--ros-args -r battery_state:=/power/status`"),
     "a topic with a part less": Case(
         Endpoint("topic", "battery_state/main", BATTERY), "/battery_state",
-        "; there is /battery_state: run with `--ros-args -r battery_state/main:=/battery_state`"),
+        ", but there is /battery_state: run with `--ros-args -r battery_state/main:=/battery_state`"),
 }  # fmt: skip
 
 
@@ -292,9 +292,9 @@ class TestNamespaces:
         robots.lines(
             self.ready(mission, *self.USES),
             NO_POSE,
-            "node amcl: missing (no service /amcl/get_state); there is /tb1/amcl",
-            "node bt_navigator: missing (no service /bt_navigator/get_state); there is /tb1/bt_navigator",
-            "action navigate_to_pose: no server; there is /tb1/navigate_to_pose",
+            "node amcl: missing (no service /amcl/get_state), but there is /tb1/amcl",
+            "node bt_navigator: missing (no service /bt_navigator/get_state), but there is /tb1/bt_navigator",
+            "action navigate_to_pose: no server, but there is /tb1/navigate_to_pose",
             "run with `--ros-args -r __ns:=/tb1`",
         )
 
@@ -320,7 +320,7 @@ class TestNamespaces:
         uses = (Use.service("detect_survivor"), Use.topic("battery_state"))
         robots.lines(
             self.ready(robots.node("/mission"), *uses),
-            "service detect_survivor: no server; there is /tb1/detect_survivor",
+            "service detect_survivor: no server, but there is /tb1/detect_survivor",
             "run with `--ros-args -r detect_survivor:=/tb1/detect_survivor`",
         )
 
@@ -364,7 +364,7 @@ class TestNamespaces:
         ready = self.ready(robots.node("/tb1/mission"), *self.USES, pose=False)
         robots.lines(
             ready,
-            "transforms: published on /tb1/tf by /tb1/amcl, but this node listens to /tf: run with "
+            "transforms: published on /tb1/tf by /tb1/amcl, but this node subscribes to /tf. Run with "
             "`--ros-args -r /tf:=tf -r /tf_static:=tf_static`",
         )
 
@@ -631,7 +631,7 @@ class TestSources:
         Readiness(robots.nodes[-1], [Use.nav2()], initial_pose=None).warn()
         lines = said.lines()
         assert any("topic map: published by /one and /two. Stop all but one." in line for line in lines)
-        odometry = "topic odometry/filtered: no publisher; there is /odom: run with `--ros-args -r odometry/filtered:=/odom`."
+        odometry = "topic odometry/filtered: no publisher, but there is /odom: run with `--ros-args -r odometry/filtered:=/odom`."
         assert any(odometry in line for line in lines)
 
     def test_a_source_that_has_joined_a_run_is_reported_once(self, robots: Robots, said: Said) -> None:
@@ -673,7 +673,7 @@ class TestClock:
             (("/gazebo",), "/clock", "use_sim_time is set, but no /clock has arrived from /gazebo: is the simulation paused?"),
             (
                 ("/gazebo",), "/tb1/clock",
-                "use_sim_time is set, but no /clock has arrived; there is /tb1/clock: run with `--ros-args -r /clock:=/tb1/clock`",
+                "use_sim_time is set, but no /clock has arrived, but there is /tb1/clock: run with `--ros-args -r /clock:=/tb1/clock`",
             ),
             (
                 ("/bag", "/gazebo"), "/clock",
@@ -716,7 +716,7 @@ class TestClock:
         robots.until(lambda: mission.count_publishers("/clock"), "the clock")
         assert Readiness(mission, [], initial_pose=None).poll()
         assert said.has(
-            "/clock is published by /gazebo, but use_sim_time is not set: the robot's stamps look old. "
+            "/clock is published by /gazebo, but use_sim_time is not set, so the time stamps of the robot's messages appear old. "
             "Run with `--ros-args -p use_sim_time:=true`."
         )
 
@@ -732,11 +732,11 @@ class TestFrames:
     @pytest.mark.parametrize(
         ("wanted", "link", "said"),
         [
-            ("base_footprint", ("odom", "base_link"), "no transform of 'base_footprint' has arrived; there are 'base_link' and 'odom'"),
-            ("Base_Link", ("odom", "base_link"), "no transform of 'Base_Link' has arrived; there are 'base_link' and 'odom'; did you mean 'base_link'?"),
+            ("base_footprint", ("odom", "base_link"), "no transform of 'base_footprint' has arrived, but there are 'base_link' and 'odom'"),
+            ("Base_Link", ("odom", "base_link"), "no transform of 'Base_Link' has arrived, but there are 'base_link' and 'odom'; did you mean 'base_link'?"),
             (
                 "base_link", ("odom", "tb1/base_link"),
-                "no transform of 'base_link' has arrived; there are 'odom' and 'tb1/base_link'; did you mean 'tb1/base_link'?",
+                "no transform of 'base_link' has arrived, but there are 'odom' and 'tb1/base_link'; did you mean 'tb1/base_link'?",
             ),
         ],
     )  # fmt: skip
@@ -971,13 +971,13 @@ class TestLeaves:
             except AssertionError:
                 pytest.fail(f"{leaf.feedback_message!r}, not {text!r}")
 
-        says("; no node publishes it")
+        says(", because no node publishes it")
         driver = robots.node("/tb1/driver")
         robots.publish(driver, "battery_state", BATTERY)
-        says('; there is /tb1/battery_state: write topic="/tb1/battery_state" in the tree, or run with '
+        says(', but there is /tb1/battery_state: write topic="/tb1/battery_state" in the tree, or run with '
              "`--ros-args -r battery_state:=/tb1/battery_state`")  # fmt: skip
         robots.publish(driver, "/battery_state", BATTERY, reliability="best_effort")
-        says("; no message of /tb1/driver arrives (best effort publisher and reliable subscription). "
+        says(": no message of /tb1/driver arrives (best effort publisher and reliable subscription). "
              'Write qos="sensor_data"')  # fmt: skip
         robots.publish(driver, "/battery_state", BATTERY)
         says("")
@@ -987,10 +987,10 @@ class TestLeaves:
         ("topic", "qos", "said"),
         [
             ("/tb1/battery_state", {},
-             ('; there is /tb1/battery_state: write topic="/tb1/battery_state" in the tree, or run with '
+             (', but there is /tb1/battery_state: write topic="/tb1/battery_state" in the tree, or run with '
              "`--ros-args -r /battery_state:=/tb1/battery_state`")),
             ("/battery_state", {"durability": "transient_local"},
-             ("; no message reaches /display (volatile publisher and transient local subscription). "
+             (": no message reaches /display (volatile publisher and transient local subscription). "
              'Write qos="transient_local"')),
         ],
     )  # fmt: skip
@@ -1017,7 +1017,7 @@ class TestLeaves:
         leaf.tick_once()
         leaf.tick_once()
         assert leaf.feedback_message == (
-            "'Detect' failed: no server for the service 'detect_survivor' within 0 s; there is /tb1/detect_survivor: write "
+            "'Detect' failed: no server for the service 'detect_survivor' within 0 s, but there is /tb1/detect_survivor: write "
             'service="/tb1/detect_survivor" in the tree, or run with '
             "`--ros-args -r detect_survivor:=/tb1/detect_survivor`"
         )

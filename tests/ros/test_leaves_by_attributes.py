@@ -588,7 +588,7 @@ class TestRosTransform:
         leaf.tick_once()
         assert (leaf.status, leaf.feedback_message) == (
             Status.RUNNING,
-            "no transform of 'map' and 'camera' has arrived; no node publishes on /tf",
+            "no transform of 'map' and 'camera' has arrived, because no node publishes on /tf",
         )
         self.send(ros, ("map", "odom", (0.0, 0.0, 0.0)))
         self.send(ros, ("odom", "camera", (0.0, 0.0, 0.0)))
@@ -600,8 +600,8 @@ class TestRosTransform:
         ("link", "ago_sec", "said"),
         [
             (("map", "camera", (1.0, 0.0, 0.0)), 100.0, r"the transforms are 10\d\.\d s old, but may be at most 5 s"),
-            (("map", "odom", (1.0, 0.0, 0.0)), 0.0, "no transform of 'camera' has arrived; there are 'map' and 'odom'"),
-            (("odom", "camera", (1.0, 0.0, 0.0)), 0.0, "no transform of 'map' has arrived; there are 'camera' and 'odom'"),
+            (("map", "odom", (1.0, 0.0, 0.0)), 0.0, "no transform of 'camera' has arrived, but there are 'map' and 'odom'"),
+            (("odom", "camera", (1.0, 0.0, 0.0)), 0.0, "no transform of 'map' has arrived, but there are 'camera' and 'odom'"),
             (("map", "camera", (math.nan, 0.0, 0.0)), 0.0, "no transform of 'map' and 'camera' has arrived"),
         ],
     )  # fmt: skip
@@ -621,7 +621,7 @@ class TestRosTransform:
     def test_frames_that_do_not_hang_together_are_named_by_what_is_above_them(self, ros: Ros) -> None:
         self.send(ros, ("map", "odom", (0.0, 0.0, 0.0)), ("base", "camera", (0.0, 0.0, 0.0)))
         leaf = self.leaf("odom", "camera", timeout_sec=1000.0)
-        said = "'base' and 'map', above them, are not connected"
+        said = "no transforms connect 'base' and 'map', the roots of these frames"
         run(ros, leaf, lambda: leaf.feedback_message == said)
 
 

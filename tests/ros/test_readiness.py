@@ -188,7 +188,7 @@ class TestServers:
         robot = ros.node("mission", namespace="/robot1")
         detector(ros.node("elsewhere"))
         assert missing(ros, readiness(robot, Use.service("detect_survivor"))) == [
-            "service detect_survivor (/robot1/detect_survivor): no server; there is /detect_survivor",
+            "service detect_survivor (/robot1/detect_survivor): no server, but there is /detect_survivor",
             "run with `--ros-args -r detect_survivor:=/detect_survivor`",
         ]
         detector(ros.node("there", namespace="/robot1"))

@@ -459,7 +459,7 @@ class TestStopping:
         runner = runner_of(Lingering("Driving", 0.1), node)
         runner.tick()
         assert runner.settle(ros.executor) == []
-        assert said.has("while the tree was stopping", "the arm fell off")
+        assert said.has("while the tree was stopped", "the arm fell off")
 
     def test_is_not_ticked_again(self, ros: Ros) -> None:
         runner = runner_of(Probe(), ros.node())

@@ -1,1 +1,1 @@
-"""Base classes of leaves that use ROS 2; they can be imported without ROS."""
+"""Base classes of leaves that use ROS 2. The modules can be imported without ROS."""
