@@ -1,4 +1,4 @@
-"""States of lifecycle nodes, queried repeatedly without blocking."""
+"""The states of lifecycle nodes, which are queried repeatedly without blocking."""
 
 import math
 import time
@@ -13,28 +13,29 @@ if TYPE_CHECKING:
     from rclpy.task import Future
 
 _ASK_PERIOD_SEC = 0.5
-# How long a new client may take to discover its server.
+# Maximum time in which a new client discovers its server, in seconds.
 _MEETING_SEC = 1.0
 
 
 class PolledService:
-    """A service whose current response is queried repeatedly.
+    """A service that is queried repeatedly, and its latest response.
 
-    A lost answer, as may happen while the two sides still discover each other, is not waited for.
+    A response can be lost while the two sides still discover each other. It is awaited for at most `deadline_sec`.
 
     Args:
-        node: The node to ask with.
-        service_type: The Python class of the service, whose request is empty.
-        name: Its relative name.
+        node: The node that queries the service.
+        service_type: The Python class of the service, whose request has no fields.
+        name: The relative name of the service.
 
     Attributes:
-        answer: The last answer; None before the first one, and after one was lost.
-        is_silent: Whether the last query was not answered in time.
-        deadline_sec: How long an answer may take, seconds.
-        known_at: The time for which the answer holds, steady seconds: when the query was sent or abandoned; minus
-            infinity while nothing is known.
-        silent_since: The time of the first of the latest unanswered queries, as `known_at`; None if the last one was answered.
-        answered_at: The time of the last answer, as in `AwakeTime.stood_still_at`.
+        answer: The latest response; None before the first response, and if the latest query received none.
+        is_silent: Whether the latest query did not receive a response in time.
+        deadline_sec: The maximum wait for a response, in seconds.
+        known_at: The time at which the query for the latest response was sent, or an unanswered query was abandoned, in seconds of awake
+            time; minus infinity before that.
+        silent_since: The time at which the first of the latest unanswered queries was sent, in seconds of awake time; None if the
+            latest query received a response.
+        answered_at: The time of the latest response, in seconds of the steady clock.
     """
 
     deadline_sec: float = 2.0
@@ -53,15 +54,15 @@ class PolledService:
 
     @property
     def is_there(self) -> bool:
-        """Whether there is a server."""
+        """Whether a server of the service is available."""
         return bool(self._client.service_is_ready())
 
     def is_awaited(self, since: float = -math.inf) -> bool:
-        """Return whether a server has not responded since a time, in steady seconds."""
+        """Return whether a server is available, but the result of a query since a time (in seconds of awake time) is not known yet."""
         return self._is_there and (self.known_at == -math.inf or self.known_at < since)
 
     def query(self, since: float = -math.inf) -> bool:
-        """Read the response, and query again if due or if it is older than *since*; return whether there is a server."""
+        """Read the response, and query again if a query is due or the last query is older than *since*; return whether a server is available."""
         now = AWAKE.now()
         self._is_there = self.is_there
         if not self._is_there:
@@ -92,7 +93,7 @@ class PolledService:
         elif (now := AWAKE.now()) - self._asked_at > self.deadline_sec:
             self.answer, self.is_silent, self.known_at = None, True, now
             self.silent_since = self.silent_since or self._asked_at
-            # A server that has not discovered the client's reader drops every answer to it. It may discover another client's.
+            # A server that has not discovered this client's reader drops every response. It may discover the reader of a new client.
             self.close()
             self._client = self._node.create_client(self._type, self._name)
             self._renewed_at = now
@@ -103,19 +104,19 @@ class PolledService:
             self._client.remove_pending_request(call)
 
 
-# By the constants of lifecycle_msgs/msg/State.
+# The names of the states by the constants of lifecycle_msgs/msg/State.
 _STATES = {3: "active", 2: "inactive"}
 
 
 class LifecycleState(PolledService):
-    """The state of a lifecycle node, queried on demand at most twice a second, without blocking.
+    """The state of a lifecycle node, which is queried on demand, at most twice a second and without blocking.
 
     Args:
-        node: The node to ask with.
+        node: The node that queries the state.
         name: The relative name of the lifecycle node.
 
     Attributes:
-        name: Its relative name.
+        name: The relative name of the lifecycle node.
     """
 
     def __init__(self, node: "Node", name: str) -> None:
@@ -128,47 +129,47 @@ class LifecycleState(PolledService):
 
     @property
     def state(self) -> str | None:
-        """The state in its last response; None before the first one."""
+        """The state in the latest response; None if there is no response."""
         return _state_name(self.answer.current_state) if self.answer is not None else None
 
     @property
     def age_sec(self) -> float:
-        """The age of that response, seconds; infinite before the first one."""
+        """The time since the state was known, in seconds; infinite if it was never known."""
         return AWAKE.now() - self.known_at
 
     @property
     def silent_sec(self) -> float:
-        """The time without a response of the current node, seconds."""
+        """The time since the lifecycle node has stopped responding, in seconds; 0 if it responds."""
         return 0.0 if self.silent_since is None else AWAKE.now() - self.silent_since
 
     @property
     def has_heard_nothing(self) -> bool:
-        """Whether the node has not responded since this process was suspended; False without a suspension."""
+        """Whether the node has not responded since this process was last suspended; False if it was never suspended."""
         return self.answered_at < AWAKE.stood_still_at
 
     def poll(self, since: float = -math.inf) -> str | None:
-        """Query if due or if the response is older than *since*; describe the last state, None if it was `active`."""
+        """Query the state if a query is due or the last query is older than *since*; describe the problem, None if the state was `active`."""
         if not self.query(since):
             there = ros_graph(self._node).query(Endpoint("node", self.name)).hint
             return f"node {self.name}: missing (no service {self._service}){there}"
         if self.state is None:
             late = f" for {self.deadline_sec:g} s" if self.is_silent else ""
-            return f"node {self.name}: {self._service} has not answered{late}"
+            return f"node {self.name}: {self._service} has not responded{late}"
         return None if self.state == "active" else f"{self._title}: state '{self.state}', must be 'active'"
 
 
 def _state_name(state: Any) -> str:
-    """Return the name of a lifecycle state; some servers fill in only its number."""
+    """Return the name of a lifecycle state; some servers only set the state's number."""
     return state.label or _STATES.get(state.id, f"number {state.id}")
 
 
 class LifecycleNodes:
-    """Lifecycle nodes that must be active.
+    """A group of lifecycle nodes that must be active.
 
-    A node that was never present is not required: there are servers without a lifecycle.
+    A node that was never present is not required, because some servers have no lifecycle.
 
     Args:
-        nodes: The nodes.
+        nodes: The states of the nodes.
     """
 
     def __init__(self, nodes: Sequence[LifecycleState]) -> None:
@@ -177,24 +178,24 @@ class LifecycleNodes:
         self._since = -math.inf
 
     def update_presence(self) -> None:
-        """Record which of the nodes are present."""
+        """Store which nodes are present, because these nodes are required from now on."""
         self._known.update(each for each in self._nodes if each.is_there)
 
     def ignore_answers(self) -> None:
-        """Ignore the nodes' previous responses."""
+        """Ignore the responses to earlier queries."""
         self._since = AWAKE.now()
 
     def obstacle(self) -> str | None:
-        """Describe the missing items; empty if none is missing, None until all nodes have responded."""
+        """Describe the required nodes that are missing or not active; empty if there are none, None until all nodes have responded."""
         self.update_presence()
-        looked = [(each, each.poll(self._since)) for each in self._nodes if each in self._known]
-        missing = [(each, line) for each, line in looked if line is not None]
+        polled = [(each, each.poll(self._since)) for each in self._nodes if each in self._known]
+        missing = [(each, line) for each, line in polled if line is not None]
         if any(each.is_awaited(self._since) for each in self._known):
             return None
         return "; ".join(self._missing_lines(missing))
 
     def _missing_lines(self, missing: Sequence[tuple[LifecycleState, str]]) -> Iterator[str]:
-        """Yield a line for each missing state, with its nodes."""
+        """Yield a line for each state other than active, with the names of the nodes in this state."""
         by_state: dict[str, list[tuple[str, str]]] = {}
         for node, line in missing:
             by_state.setdefault(node.state or line, []).append((node.name, line))

@@ -241,7 +241,7 @@ def test_a_program_without_running_says_what_it_cannot_cancel_and_cancels_it_apa
     assert server.active == 0, run.output
     # rclpy shuts ROS down in a thread of its own, which a program can be ahead of.
     has_sent = "Canceling the goal of 'Drive'." in run.output
-    told = "could not be canceled, because ROS is shut down here: the robot may still be moving."
+    told = "could not be canceled, because ROS is shut down in this process. The robot may still be moving."
     assert has_sent or run.output.index(told) < run.output.index("Canceling the goal of '/navigate_to_pose'.")
     run.require_gone()
 

@@ -80,8 +80,8 @@ def test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_n
     run = fly(RESILIENT)
     wait_until_heard(navigation, "feedback" if feedback else "asked")
     navigation.kill()
-    quiet = "sent no feedback for 2 s, and node bt_navigator does not answer"
-    run.wait_for(f"the server has {quiet if feedback else 'not answered for 10 s'}. {LOST}")
+    quiet = "sent no feedback for 2 s, and node bt_navigator does not respond"
+    run.wait_for(f"the server has {quiet if feedback else 'not responded for 10 s'}. {LOST}")
 
 
 def test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its_silence_is_noticed(
@@ -224,7 +224,7 @@ def test_a_server_that_hears_nothing_of_the_client_is_asked_with_another_one(fly
     navigation = serve("navigation", deaf=True)
     run = fly(RESILIENT)
     run.wait_for(
-        "The server of 'navigate_to_pose' is present but has not answered 2 goals in a row with nothing"
+        "The server of 'navigate_to_pose' is present, but has not responded to 2 goals in a row with nothing"
     )
     assert run.end() == 0, run.output
     assert len(navigation.of("unanswered")) == 2

@@ -65,7 +65,9 @@ def test_one_that_cannot_live_is_given_up_and_the_mission_goes_on(driving):
         (guardian,) = run.wait_until(lambda: children_of(run.pid), "a guardian")
         os.kill(guardian, signal.SIGKILL)
         run.wait_until(lambda deaths=deaths: told_deaths(run) == deaths, "the word of its end")
-    run.wait_for("the guardian has ended again (by SIGKILL) and is not replaced. Goals are no longer canceled if this process crashes")
+    run.wait_for(
+        "the guardian has ended again (by SIGKILL) and is not replaced. Goals are no longer canceled if this process crashes"
+    )
     assert children_of(run.pid) == []
     assert run.stop(within_sec=5.0) == 130, run.output
     server.wait_for("ended", how="cancel")

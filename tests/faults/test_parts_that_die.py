@@ -78,7 +78,7 @@ def flight(start, serve, ros):
 
 def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds_and_costs_no_attempt(flight):
     stopwatch = flight.kill("amcl")
-    flight.mission.wait_for("Nav2 is no longer active: node amcl: /amcl/get_state has not answered")
+    flight.mission.wait_for("Nav2 is no longer active: node amcl: /amcl/get_state has not responded")
     assert stopwatch.own_sec < 4.0
     flight.stands()
     flight.mission.wait_for("waits to send its goal again: node amcl")
@@ -89,7 +89,7 @@ def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds_and_cos
 def test_nothing_drives_when_the_controller_is_killed_alone_and_it_costs_no_attempt(flight):
     flight.kill("controller_server")
     flight.stands()
-    flight.mission.wait_for("node controller_server: /controller_server/get_state has not answered for 2 s")
+    flight.mission.wait_for("node controller_server: /controller_server/get_state has not responded for 2 s")
     assert "follow_path has fallen silent" in flight._world.output
     flight.begin_again("controller_server")
     flight.completes_at_no_cost()
@@ -100,10 +100,10 @@ def test_a_navigator_that_is_killed_alone_is_told_and_costs_no_attempt_though_it
 ):
     flight.kill("bt_navigator")
     flight.mission.wait_for(
-        "Nav2 is no longer active: node bt_navigator: /bt_navigator/get_state has not answered"
+        "Nav2 is no longer active: node bt_navigator: /bt_navigator/get_state has not responded"
     )
     flight.mission.wait_for(
-        "waits to send its goal again: the server has sent no feedback for 2 s, and node bt_navigator does not answer"
+        "waits to send its goal again: the server has sent no feedback for 2 s, and node bt_navigator does not respond"
     )
     flight.mission.wait_for("Cancelling every goal (")
     flight.stands()

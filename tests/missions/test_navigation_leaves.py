@@ -567,10 +567,10 @@ class TestGoalsWithoutAnErrorCode:
             leaf._pause = None  # not waited for here
         assert pauses == [1, 2, 4, 8, 8, 8]
         assert leaf.outcome_label == "waiting for Nav2"
-        assert [line.partition("; ")[2] for line in stage.warnings] == [
-            "it is sent again in 1 s.",
-            "it is sent again in 2 s.",
-            "it is sent again after growing pauses.",
+        assert [line.rpartition("). ")[2] for line in stage.warnings] == [
+            "The goal is sent again in 1 s.",
+            "The goal is sent again in 2 s.",
+            "The goal is sent again after growing pauses.",
         ]
         assert " holds: Nav2 has aborted 3 goals in a row without an error code (" in stage.warnings[-1]
         server.script = ["succeed"]

@@ -677,7 +677,7 @@ class TestClock:
             ),
             (
                 ("/bag", "/gazebo"), "/clock",
-                "topic /clock: 2 publishers, of /bag and /gazebo: the time jumps between them. Stop all but one",
+                "topic /clock has 2 publishers, of /bag and /gazebo, so the time jumps between them. Stop all but one",
             ),
         ],
     )  # fmt: skip
@@ -699,7 +699,7 @@ class TestClock:
         ready = Readiness(mission, [], initial_pose=None)
         robots.until(lambda: ready.has_rival_servers, "both clocks")
         assert ready.poll_all() == [
-            "topic /clock: 2 publishers, of /bag and /gazebo: the time jumps between them. Stop all but one"
+            "topic /clock has 2 publishers, of /bag and /gazebo, so the time jumps between them. Stop all but one"
         ]
 
     def test_one_clock_that_is_used_is_told_of_nowhere(self, robots: Robots) -> None:
@@ -911,7 +911,7 @@ class TestWatch:
         watch = self.watch(robots.node("/mission", **TestClock.simulated()))
         for name in ("/bag", "/gazebo"):
             robots.publish(robots.node(name), "/clock", "rosgraph_msgs/msg/Clock")
-        robots.until(lambda: said.has("topic /clock: 2 publishers, of /bag and /gazebo"), "the report")
+        robots.until(lambda: said.has("topic /clock has 2 publishers, of /bag and /gazebo"), "the report")
         watch.poll()
 
     def test_a_localisation_of_another_robot_is_not_given_the_pose_of_this_one(

@@ -255,7 +255,7 @@ class TestRejection:
         (warning,) = stage.warnings
         assert warning == (
             f"'Drive' failed: {REJECTED}. Add `Use.nav2()` to `uses` of "
-            '`@register("DriveTo", …)`: the start then sends the pose and waits.'
+            '`@register("DriveTo", …)`, so that the start of a run sends the pose and waits for Nav2.'
         )
 
     def test_a_leaf_that_has_declared_it_is_not_told_to(self, stage: "Stage") -> None:

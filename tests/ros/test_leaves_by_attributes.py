@@ -259,7 +259,7 @@ def test_a_name_that_is_none_is_told_before_anything_is_waited_for(written: str,
     leaf = made(attribute_leaves.RosService, "Call", written, "std_srvs/srv/Trigger")
     with pytest.raises(LeafDefinitionError, match=f"'Call': .*{said}") as raised:
         leaf.require_definition()
-    assert f"'{written}' is not a valid name of a server or a topic" in str(raised.value)
+    assert f"'{written}' is not a valid server or topic name" in str(raised.value)
 
 
 class TestRosAction:
@@ -354,7 +354,7 @@ class TestRosAction:
         assert (len(first), len(second)) == (2, 1)
         action.write("no name")
         with pytest.raises(
-            PortError, match=r"action: \{where\}: 'no name' is not a valid name of a server or a topic"
+            PortError, match=r"action: \{where\}: 'no name' is not a valid server or topic name"
         ):
             leaf.tick_once()
         assert list(mission.clients)
@@ -398,7 +398,7 @@ class TestRosPublish:
         [
             ("String", "volatile", 'no message reaches /listener (best effort publisher and reliable subscription). Write qos="reliable"'),
             ("String", "transient_local", 'no message reaches /listener (best effort publisher and reliable subscription, volatile publisher and transient local subscription). Write qos="transient_local"'),
-            ("Int8", "volatile", "it exists as std_msgs/msg/Int8, but must be std_msgs/msg/String"),
+            ("Int8", "volatile", "subscribed as std_msgs/msg/Int8, but must be std_msgs/msg/String"),
         ],
     )  # fmt: skip
     def test_a_subscriber_that_hears_nothing_is_named_with_the_reason(
@@ -411,7 +411,7 @@ class TestRosPublish:
         make_ros().node("listener").create_subscription(getattr(msg, kind), "said", print, qos)
         leaf = self.leaf(qos="sensor_data", timeout_sec=0.0)
         leaf.setup(node=ros.node("mission"))
-        said = f"'Say': no subscriber of '/said' within 0 s; {why}"
+        said = f"'Say': no subscriber of '/said' within 0 s: {why}"
         ros.spin_until(lambda: ticked(leaf) and leaf.feedback_message == said, said)
 
     def test_a_latched_message_reaches_who_comes_later_and_of_two_leaves_the_last_one(self, ros: Ros) -> None:
@@ -514,7 +514,7 @@ class TestRosTopic:
         topic.write("no name")
         with pytest.raises(
             PortError,
-            match=r"topic: \{topic\}: 'no name' is not a valid name of a server or a topic: topic name must not",
+            match=r"topic: \{topic\}: 'no name' is not a valid server or topic name: topic name must not",
         ):
             leaf.tick_once()
 
@@ -615,7 +615,7 @@ class TestRosTransform:
         leaf.timeout_sec = 0.0
         leaf.tick_once()
         assert leaf.status is Status.FAILURE
-        whole = f"'Where': the pose of 'camera' in 'map' is unknown within 0 s: {said}"
+        whole = f"'Where': the pose of 'camera' in 'map' is still unknown after 0 s: {said}"
         assert re.fullmatch(whole, leaf.feedback_message)
 
     def test_frames_that_do_not_hang_together_are_named_by_what_is_above_them(self, ros: Ros) -> None:

@@ -601,7 +601,7 @@ class TestNav2:
 
         ros.node("other").create_service(GetState, "amcl/get_state", never)
         state = robot_estimate(ros.node()).lifecycle("amcl")
-        ros.spin_until(lambda: "has not answered" in (state.poll() or ""), "the service")
+        ros.spin_until(lambda: "has not responded" in (state.poll() or ""), "the service")
 
     def test_names_the_pose_that_was_not_answered(self, ros: Ros) -> None:
         nav2 = FakeNav2(ros.node("nav2"))

@@ -28,57 +28,63 @@ from sar_compiler.ros.robot_estimate import RobotEstimate, Standstill, robot_est
 from sar_compiler.runtime.clock import clock_text
 
 _NAV2 = "nav2_msgs."
-# The longest pause between two attempts, in multiples of the first.
+# The maximum pause between two attempts, as a multiple of the first pause.
 _LONGEST_PAUSE = 8.0
-# From this many goals in a row that Nav2 aborted without an error code, the leaf holds.
+# The number of consecutive goals that failed for reasons other than the goal from which on the leaf holds.
 _HOLDS_AT = 3
-# A robot that has driven this far on a goal, metres, makes progress, which ends the row.
+# A robot that has driven this distance on a goal, in metres, makes progress, which ends the row of failures.
 _PROGRESS_M = 0.5
-# Nav2 may have logged its reason this long before the end of a goal, or log it this long after it, seconds.
+# Maximum time, in seconds, by which Nav2 may log the reason for the end of a goal before or after this end.
 _REASON_BEFORE_SEC, _REASON_AFTER_SEC = 1.0, 0.3
 
 
 class ActionLeaf(GoalSender):
     """A leaf that sends one goal of an action in each activation, and is RUNNING until the goal has ended.
 
-    When the leaf is interrupted the goal is cancelled, even if the server has not accepted it yet. The answers to an
-    old goal never affect a new one.
+    If the leaf is interrupted, the goal is cancelled, even if the server has not accepted it yet. Responses to an
+    earlier goal never affect a later goal.
 
-    If the goal is not to blame, the leaf waits, RUNNING, and sends it again. This applies to another client's goal and
-    to any goal of `rivals`. For a leaf that uses `Use.nav2()` it also applies if Nav2 cannot judge the goal: no server,
-    no acceptance, silence, a node that is inactive or does not answer, transforms that have stopped. After
-    `hold_timeout_sec` the leaf calls `on_unavailable`. After a second attempt that was rejected or aborted at once the
-    leaf pauses before the next one, whatever the tree does.
+    If a goal fails for a reason other than the goal itself, the leaf stays RUNNING, waits, and sends the goal again. This
+    applies while a goal of another client, or a goal of `rivals`, is active. For a leaf that uses `Use.nav2()`, it also
+    applies if there is no server, the server does not accept the goal in time or is silent, a node of Nav2 is inactive or
+    does not respond, or transforms have stopped. After `hold_timeout_sec`, the leaf calls `on_unavailable`. If two attempts
+    in a row were rejected or aborted at once, the leaf pauses before the next attempt, even if the tree starts it anew.
 
-    A navigation goal that has succeeded does not prove that the robot has arrived: if its own localisation places it
-    farther from the goal than `arrival_tolerance_m` of the run, it has not (`has_not_arrived`). Otherwise the goal's end decides.
+    A navigation goal that has succeeded does not prove that the robot has arrived. If the localisation places the robot
+    farther from the goal than the run's `arrival_tolerance_m`, it has not arrived (`has_not_arrived`). Without a pose from the
+    localisation, the goal's end decides.
 
-    Such a goal, and one that Nav2 aborts without an error code (0), failed for a reason other than its target: every failure
-    that concerns the target has a code. A leaf that uses Nav2 sends it again, after a pause that doubles. After the third in a
-    row it holds (`on_hold`), and continues to send until `hold_timeout_sec` has passed (`on_unavailable`). The row ends when
-    the robot has driven half a metre on a goal, or a goal has ended in another way.
+    Such a goal, and a goal that Nav2 aborts without an error code (0), failed for a reason other than its target, because
+    every failure caused by the target has a code. A leaf that uses Nav2 calls `on_hold`, and sends the goal again after a
+    pause that doubles with each such failure in a row. From the third failure on, it does so for at most `hold_timeout_sec`,
+    and then calls `on_unavailable`. The row ends when the robot has driven half a metre on a goal, or a goal has ended in
+    another way.
 
-    The end of a goal does not prove that the robot stands: a leaf that uses Nav2 is RUNNING until the odometry shows
-    it, for `settle_timeout_sec` at most. Without odometry the goal's end decides.
+    The end of a goal does not prove that the robot stands still. A leaf that uses Nav2 is RUNNING until the odometry shows
+    a standstill, for at most `settle_timeout_sec`. Without odometry, the goal's end decides.
 
     Attributes:
         action_type: `"package/action/Name"`, or the Python class.
-        action_name: The action's (relative) name.
-        server_timeout_sec: How long to wait for a server before the goal is sent.
-        acceptance_timeout_sec: How long to wait for the acceptance of a goal, and for the end of its own goal to a rival.
-        feedback_timeout_sec: How long the server may be silent once it has sent feedback; None for no limit. It also
-            limits how long a server without feedback may leave other requests unanswered (None: `server_timeout_sec`).
-            For a leaf that uses Nav2 the limit is 2 s while `bt_navigator` does not answer.
-        feedback_period_sec: Minimum interval between two reads of feedback, seconds; 0 to read the latest in each tick.
-        absence_timeout_sec: How long the server may be missing from the ROS graph while the goal is active.
-        hold_timeout_sec: How long an activation waits until the server can accept the goal.
-        pause_sec: The first pause between attempts, which doubles with each failure; 0 for none.
-        rivals: Other actions, by their (relative) names, whose goals keep the server from accepting one of this.
-        interface: The Python class of the action, once the leaf is set up.
-        has_not_arrived: Whether the last goal has succeeded although the robot has not arrived, until it is sent again.
+        action_name: The (relative) name of the action.
+        server_timeout_sec: The maximum wait for a server before the goal is sent, in seconds.
+        acceptance_timeout_sec: The maximum wait for the acceptance of a goal, and for the end of this node's goal of a rival,
+            in seconds.
+        feedback_timeout_sec: The maximum time without feedback after the first feedback, in seconds; None for no limit. For a
+            server that sends no feedback, it limits the time without responses to other requests (`server_timeout_sec` if
+            None). For a leaf that uses Nav2, the limit is 2 s while `bt_navigator` does not respond.
+        feedback_period_sec: The minimum interval between two reads of feedback, in seconds; 0 to read the latest feedback in
+            each tick.
+        absence_timeout_sec: The maximum time for which the server may be missing from the ROS graph while the goal is active,
+            in seconds.
+        hold_timeout_sec: The maximum time for which an activation waits until the server can accept the goal, in seconds.
+        pause_sec: The first pause between two attempts, which doubles with each failure, in seconds; 0 for no pauses.
+        rivals: The (relative) names of other actions. While a goal of them is active, the server cannot accept a goal of this
+            action.
+        interface: The Python class of the action; available after the leaf's setup.
+        has_not_arrived: Whether the last goal has succeeded although the robot has not arrived; False when a goal is sent.
 
     Example:
-        A leaf that docks, with a port::
+        A leaf that docks at a port's value::
 
             class Dock(ActionLeaf):
                 action_type = "nav2_msgs/action/DockRobot"
@@ -96,9 +102,9 @@ class ActionLeaf(GoalSender):
         "action_type": "nav2_msgs/action/NavigateToPose",
         "action_name": "navigate_to_pose",
     }
-    """The attributes that a class or its constructor must set, with examples; `checks.leaf_classes` asks for them."""
+    """The attributes that a subclass must set in the class or its constructor, with examples; `checks.leaf_classes` checks them."""
     use_kind: ClassVar[str] = "action"
-    """The kind of `Use` in the registration of a leaf."""
+    """The kind of the `Use` with which a leaf is registered."""
     action_type: Any = None
     action_name: str = ""
     feedback_period_sec: float = 0.0
@@ -123,8 +129,8 @@ class ActionLeaf(GoalSender):
         self._arrival: Arrival | None = None
         self.has_not_arrived = False
         self._rivals: list[GoalStatuses] = []
-        # The consecutive goals that failed for reasons other than the goal itself: the last one, their number, the
-        # reason, the time until which they are repeated, and the robot's position.
+        # The row of goals that failed for reasons other than the goal itself: the last goal, the number of goals, the last
+        # reason, the deadline for attempts, and the robot's pose when it set out for the current goal.
         self._lost: ActionGoal | None = None
         self._lost_count = 0
         self._lost_words = ""
@@ -133,39 +139,39 @@ class ActionLeaf(GoalSender):
 
     @abstractmethod
     def goal(self) -> Any:
-        """Return the goal, an `interface.Goal`.
+        """Return the goal to send, an `interface.Goal`.
 
-        Or a `Status`, to send nothing: SUCCESS and FAILURE end the leaf, with RUNNING this method is called again at
+        To send no goal, return a `Status`: SUCCESS and FAILURE end the leaf. After RUNNING, this method is called again in
         the next tick.
         """
 
     def on_feedback(self, feedback: Any) -> Status | None:  # noqa: ARG002 - for subclasses
-        """Handle the latest feedback, at most once in `feedback_period_sec`.
+        """Handle the latest feedback; called at most once in `feedback_period_sec`.
 
         Returns:
-            SUCCESS or FAILURE to end the leaf now, which cancels the goal; None or RUNNING to continue.
+            SUCCESS or FAILURE to end the leaf and cancel the goal; None or RUNNING to continue.
         """
         return None
 
     def on_result(self, status: int, result: Any) -> Status:
-        """Return the leaf's status after the end of the goal; with RUNNING the next `goal` is sent.
+        """Return the leaf's status after the end of the goal; RUNNING to send the next `goal`.
 
-        By default SUCCESS if the status is `STATUS_SUCCEEDED`, else FAILURE with the error that the result reports.
+        By default, this is SUCCESS if the goal's status is `STATUS_SUCCEEDED`, otherwise FAILURE with the error in the result.
 
         Args:
-            status: A constant of `action_msgs/msg/GoalStatus`.
-            result: The result, an `interface.Result`.
+            status: The goal's status, a constant of `action_msgs/msg/GoalStatus`.
+            result: The goal's result, an `interface.Result`.
         """
         return Status.SUCCESS if status == SUCCEEDED else self.on_failure(describe_status(status, result))
 
     def on_hold(self, obstacle: str) -> None:
-        """Hook called when the leaf starts to wait for its server, with the reason."""
+        """Hook called with the reason when the leaf starts to wait for its server, or will send a failed goal again."""
 
     def on_available(self) -> None:
-        """Hook called when the server has accepted the goal, sent feedback, or ended the goal."""
+        """Hook called when the server has responded, or a row of failures has ended."""
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return the status after the wait has timed out; by default that of `on_failure`."""
+        """Return the leaf's status after `hold_timeout_sec`; by default the status of `on_failure`."""
         return self.on_failure(reason)
 
     def nav2_reason(self) -> str:
@@ -178,7 +184,7 @@ class ActionLeaf(GoalSender):
     def shutdown(self) -> None:
         """Cancel an active goal, and release the clients.
 
-        While a goal may be active, the clients are left to the node: one that is accepted only now must still be
+        While a goal may be active, the clients are not destroyed, because a goal that is accepted later must still be
         cancelled.
         """
         self._drop()
@@ -188,9 +194,9 @@ class ActionLeaf(GoalSender):
         super().shutdown()
 
     def is_settled(self) -> bool:
-        """Return whether all earlier goals have ended; repeat cancel requests for the others.
+        """Return whether all goals of earlier activations have ended; repeat the requests to cancel goals that have not.
 
-        A goal that was abandoned because of its server is ignored once that server has disappeared.
+        A goal that was abandoned because its server does not respond counts as ended when the server has disappeared.
         """
         for goal in (*self._goals_given_up, *filter(None, [self._exchange])):
             goal.chase()
@@ -212,7 +218,7 @@ class ActionLeaf(GoalSender):
             self._robot.driving_nodes.update_presence()
             nav2_log(self.node)
         elif drives_to_pose(self.interface):
-            robot_estimate(self.node)  # listens from now on
+            robot_estimate(self.node)  # creates its subscriptions
 
     @property
     def _needs_nav2(self) -> bool:
@@ -245,12 +251,12 @@ class ActionLeaf(GoalSender):
                 )
             if self._waits_for_rival(rival):
                 self._exchange = None
-                self.feedback_message = f"waiting for the end of its goal on '{rival.full_name}'"
+                self.feedback_message = f"waiting for the end of this mission's goal on '{rival.full_name}'"
                 return Status.RUNNING
         return super()._begin()
 
     def _waits_for_rival(self, rival: GoalStatuses) -> bool:
-        """Whether to wait for the end of this node's goal of a rival action."""
+        """Return whether to wait for the end of this node's goal of a rival action."""
         if not cast("ActionPort", self._port).goals.drives({rival.full_name}):
             return False
         if self._turn is None:
@@ -258,7 +264,7 @@ class ActionLeaf(GoalSender):
         return not self._turn.has_passed
 
     def initialise(self) -> None:
-        """Start over, and abandon the last activation's goal."""
+        """Abandon the goal of the last activation, and send a new goal."""
         self._hold = self._turn = self._lost_until = None
         self.has_not_arrived = False
         super().initialise()
@@ -278,7 +284,7 @@ class ActionLeaf(GoalSender):
         return super()._judge(exchange)
 
     def _judge_arrival(self, goal: ActionGoal) -> Status | None:
-        """Return the status while the localisation must confirm the arrival; None once it has."""
+        """Return the leaf's status while the localisation does not confirm the arrival; None when it does, or provides no pose."""
         if self._arrival is not None and self._arrival.is_awaited():
             self.feedback_message = "waiting for the localisation to confirm the arrival"
             return Status.RUNNING
@@ -291,7 +297,7 @@ class ActionLeaf(GoalSender):
         return self._send_again(goal, doubt)
 
     def _wait_for_server(self, goal: ActionGoal, nodes: LifecycleNodes) -> Status:
-        """Wait for an unresponsive server and its nodes, then send the goal again."""
+        """Wait until the server and Nav2's nodes respond again, then send the goal again."""
         if not self._has_asked:
             self._has_asked = True
             nodes.ignore_answers()
@@ -302,7 +308,7 @@ class ActionLeaf(GoalSender):
         return self._wait_for_obstacle(goal, obstacle or goal.trouble)
 
     def _awaits_standstill(self) -> bool:
-        """Whether the leaf waits for the robot to stop."""
+        """Return whether to wait until the robot stands still."""
         if self._robot is None:
             return False
         if self._rest is None:
@@ -315,7 +321,7 @@ class ActionLeaf(GoalSender):
             self._rest = None
 
     def _fail_or_hold(self, goal: ActionGoal) -> Status:
-        """Wait until the server can accept goals and send again, or fail at once."""
+        """Send the goal again when the server can accept goals, if it could not; otherwise process the failure."""
         if not self._has_asked:
             self._has_asked = True
             if self._robot is not None:
@@ -339,7 +345,7 @@ class ActionLeaf(GoalSender):
 
         Args:
             goal: A goal that was aborted without an error code, or has succeeded although the robot has not arrived.
-            doubt: The reason why the robot has not arrived, in words; empty for the former.
+            doubt: The reason why the robot has not arrived; empty for an aborted goal.
         """
         if self._lost is not goal:
             reason = doubt or str(getattr(goal.answer.result, "error_msg", "")) or self.nav2_reason()
@@ -361,7 +367,7 @@ class ActionLeaf(GoalSender):
         return self._begin() if self._pause is None or self._pause.has_passed else Status.RUNNING
 
     def _report_lost(self, words: str) -> None:
-        """Report a goal that failed for an external reason, and start the pause before the next one."""
+        """Report a goal that failed for a reason other than the goal itself, and start the pause before the next attempt."""
         count, self._lost_words = self._lost_count, words
         pause_sec = self.pause_sec * min(2.0 ** (count - 1), _LONGEST_PAUSE)
         self._pause = Deadline(pause_sec, self._clock)
@@ -370,18 +376,18 @@ class ActionLeaf(GoalSender):
             self._lost_until = Deadline(self.hold_timeout_sec, self._clock)
         self.on_hold(self._lost_words)
         if count <= _HOLDS_AT:  # a hold is logged once
-            pauses = (
-                "it is sent again after growing pauses" if holds else f"it is sent again in {pause_sec:g} s"
+            pauses = "after growing pauses" if holds else f"in {pause_sec:g} s"
+            self.warn(
+                f"'{self.name}'{' holds' if holds else ''}: {self._lost_words}. The goal is sent again {pauses}."
             )
-            self.warn(f"'{self.name}'{' holds' if holds else ''}: {self._lost_words}; {pauses}.")
 
     def _clear_failures(self) -> None:
-        """Reset the count of consecutive failures."""
+        """End the row of goals that failed for reasons other than the goal itself."""
         self._lost_count, self._lost_until = 0, None
         self.on_available()
 
     def _makes_progress(self) -> bool:
-        """Whether the robot has made progress on the current goal."""
+        """Return whether the robot has made progress on the current goal."""
         here = self._robot.last_pose() if self._robot is not None else None
         if here is None or self._set_out_from is None:
             self._set_out_from = here
@@ -389,7 +395,7 @@ class ActionLeaf(GoalSender):
         return math.dist(here[:2], self._set_out_from[:2]) >= _PROGRESS_M
 
     def _wait_for_obstacle(self, goal: ActionGoal | None, obstacle: str) -> Status:
-        """Wait, within the limit, until the server can accept goals."""
+        """Wait until the server can accept goals, for at most `hold_timeout_sec`."""
         if self._hold is None:
             self._hold = Deadline(self.hold_timeout_sec, self._clock)
         if self._held is not goal:
@@ -405,7 +411,7 @@ class ActionLeaf(GoalSender):
         return Status.RUNNING
 
     def _obstacle(self) -> str | None:
-        """Return why the server cannot accept this leaf's goals; empty if it can, None if unknown."""
+        """Return why the server cannot accept this leaf's goals; empty if it can, None if this is still unknown."""
         port = cast("ActionPort", self._port)
         if port.statuses.has_foreign_goal:
             return f"another client's goal is active on '{port.name}'"
@@ -421,7 +427,7 @@ class ActionLeaf(GoalSender):
             self._pause = Deadline(pause - goal.age_sec, self._clock)
 
     def _progress(self, exchange: ActionGoal) -> Status:
-        # The watch of the robot sends the queries. A query is abandoned after 2 s.
+        # `DependencyMonitor` queries the state of the node. It is silent if it has not responded within 2 s.
         navigator = self._robot.lifecycle(NAVIGATOR) if self._robot is not None else None
         if navigator is not None and navigator.is_silent and not navigator.has_heard_nothing:
             exchange.abandon_if_silent(NAVIGATOR)
@@ -445,7 +451,7 @@ class ActionLeaf(GoalSender):
         return verdict
 
     def _show_duration(self, goal: ActionGoal) -> None:
-        """Show the age of a goal, unless the leaf has its own feedback message."""
+        """Show how long a goal is active, unless a subclass has set its own feedback message."""
         if self.feedback_message in (self._waits, self._under_way):
             self._under_way = self.feedback_message = f"active for {clock_text(goal.age_sec)}"
 
@@ -457,7 +463,7 @@ class ActionLeaf(GoalSender):
             return f"{exchange.trouble} Nav2 becomes active once it has an initial pose."
         return (
             f"{exchange.trouble} Nav2 becomes active once it has an initial pose. Add `Use.nav2()` to `uses` of "
-            f'`@register("{registration.tag}", …)`: the start then sends the pose and waits.'
+            f'`@register("{registration.tag}", …)`, so that the start of a run sends the pose and waits for Nav2.'
         )
 
     def _conclude(self, answer: Any) -> Status:
@@ -480,10 +486,10 @@ class ActionLeaf(GoalSender):
         why = (
             "its server has disappeared"
             if cast("ActionPort", self._port).is_usable
-            else "ROS is shut down here"
+            else "ROS is shut down in this process"
         )
         self.warn(
-            f"The goal of '{self.name}' could not be canceled, because {why}: the robot may still be moving."
+            f"The goal of '{self.name}' could not be canceled, because {why}. The robot may still be moving."
         )
 
     def _drop(self) -> None:
@@ -496,6 +502,6 @@ class ActionLeaf(GoalSender):
 
 
 def _is_without_code(goal: ActionGoal) -> bool:
-    """Return whether a goal was aborted with error code 0, so that its target is not the cause."""
+    """Return whether a goal was aborted with error code 0, which means that the goal's target is not the cause."""
     answer = goal.answer
     return answer is not None and answer.status == ABORTED and getattr(answer.result, "error_code", None) == 0

@@ -1,4 +1,4 @@
-"""Queries to a server whose action does not move the robot, such as a planner."""
+"""Requests to servers of actions that do not move the robot, such as a planner."""
 
 import uuid
 from collections.abc import Callable
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 
 
 class ActionQueries:
-    """Requests results from an action's server, one at a time, and never blocks.
+    """Requests results from an action's server, one at a time, without blocking.
 
-    Only for actions that move nothing: unlike an `ActionLeaf`'s, these goals are not stored in the journal and not
-    cancelled when the mission crashes, and they do not delay the check that the robot stands.
+    Use this class only for actions that do not move the robot. Unlike the goals of an `ActionLeaf`, its goals are not recorded in
+    the journal, are not cancelled when the mission crashes, and do not delay the check that the robot stands still.
 
     Args:
-        node: The rclpy node.
+        node: The rclpy node that sends the goals.
         action_type: `"package/action/Name"`, or the Python class.
-        name: The action's (relative) name.
+        name: The (relative) name of the action.
 
     Attributes:
         interface: The Python class of the action.
@@ -42,55 +42,55 @@ class ActionQueries:
 
     @property
     def has_server(self) -> bool:
-        """Whether the ROS graph shows a server; a killed one stays visible for a while."""
+        """Whether the ROS graph shows a server. A killed server stays visible for a while."""
         return is_node_valid(self._node) and self._node.count_publishers(self._status) > 0
 
     @property
     def is_ready(self) -> bool:
-        """Whether a request would arrive: both clients have discovered a server."""
+        """Whether both clients have discovered a server, so that a request would arrive."""
         return (
             is_node_valid(self._node) and self._goals.service_is_ready() and self._results.service_is_ready()
         )
 
     def send_goal(self, goal: Any, on_answer: Callable[[int, Any], None]) -> None:
-        """Send a goal; the previous one is abandoned.
+        """Send a goal, and abandon the previous goal.
 
         Args:
             goal: The goal, an `interface.Goal`.
-            on_answer: Called by the node's executor with the final status, a constant of `action_msgs/msg/GoalStatus`,
-                and the result, an `interface.Result`. If the server rejects the goal the status is `STATUS_UNKNOWN`.
+            on_answer: Called in the node's executor with the goal's final status, a constant of `action_msgs/msg/GoalStatus`,
+                and the result, an `interface.Result`. If the server rejects the goal, the status is `STATUS_UNKNOWN`.
         """
         self.give_up()
         goal_id = uuid_message(uuid.uuid4().hex)
         request = self._goals.srv_type.Request(goal_id=goal_id, goal=goal)
-        self._call(self._goals, request, partial(self._on_taken, goal_id, on_answer))
+        self._call(self._goals, request, partial(self._request_result, goal_id, on_answer))
 
     def give_up(self) -> None:
         """Ignore the response to the last request."""
         pending, self._pending = self._pending, None
         if pending is not None and is_node_valid(self._node):
-            # Without this the client would wait for the answer for good.
+            # Otherwise the client would wait for the response forever.
             pending[0].remove_pending_request(pending[1])
 
     def release(self) -> None:
-        """Destroy the clients, unless their node was destroyed."""
+        """Destroy the clients, unless their node is already destroyed."""
         self.give_up()
         if is_node_valid(self._node):
             for client in (self._goals, self._results):
                 self._node.destroy_client(client)
 
-    def _call(self, client: "Client", request: Any, take: Callable[[Any], None]) -> None:
+    def _call(self, client: "Client", request: Any, on_success: Callable[[Any], None]) -> None:
         future = client.call_async(request)
         self._pending = client, future
-        future.add_done_callback(partial(self._on_response, take))
+        future.add_done_callback(partial(self._on_response, on_success))
 
-    def _on_response(self, take: Callable[[Any], None], future: "Future") -> None:
-        # The response may have been on its way to this callback when the request was abandoned.
+    def _on_response(self, on_success: Callable[[Any], None], future: "Future") -> None:
+        # The call of this method may have been scheduled before the request was abandoned.
         if self._pending is not None and self._pending[1] is future:
             self._pending = None
-            take(future.result())
+            on_success(future.result())
 
-    def _on_taken(self, goal_id: Any, on_answer: Callable[[int, Any], None], _: Any) -> None:
-        # For a goal that was rejected, the result says that the server does not know it.
+    def _request_result(self, goal_id: Any, on_answer: Callable[[int, Any], None], _: Any) -> None:
+        # If the goal was rejected, the result's status says that the goal is unknown.
         request = self._results.srv_type.Request(goal_id=goal_id)
         self._call(self._results, request, lambda end: on_answer(end.status, end.result))

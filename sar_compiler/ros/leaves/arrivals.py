@@ -1,7 +1,7 @@
-"""Check with the localisation that the robot has arrived at its navigation goal.
+"""Check with the localisation that the robot has arrived at the destination of its navigation goal.
 
-A server that reports success does not prove it: a stand-in, a restarted server, or one that uses another localisation
-may do so although the robot has not moved.
+A server's report of success does not prove this: a stand-in for the server, a restarted server, or a server that uses another
+localisation may report success although the robot has not moved.
 """
 
 import math
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 EXTRA_TOLERANCE_M = 0.5
-"""Tolerance added to Nav2's own for the distance to a goal by the localisation, metres: the two differ a little."""
+"""The distance that is added to Nav2's goal tolerance, in metres, because this localisation may differ from Nav2's estimate."""
 
-# How long the localisation may need to follow the robot, seconds.
+# Maximum delay with which the localisation follows the robot, in seconds.
 _FOLLOWS_SEC = 2.0
 
 
-# Since ROS 2 Kilted the poses of the second are in a message type of their own.
+# Since ROS 2 Kilted, the poses of NavigateThroughPoses are in a separate message type.
 _POSES: dict[str, Callable[[Any], Any]] = {
     "nav2_msgs/action/NavigateToPose": lambda goal: [goal.pose],
     "nav2_msgs/action/NavigateThroughPoses": lambda goal: getattr(goal.poses, "goals", goal.poses),
@@ -33,7 +33,7 @@ _POSES: dict[str, Callable[[Any], Any]] = {
 
 
 def drives_to_pose(interface: Any) -> bool:
-    """Return whether the goals of an action's Python class end at a pose."""
+    """Return whether the goals of an action, given by its Python class, end at a pose."""
     return interface_name(interface) in _POSES
 
 
@@ -42,21 +42,21 @@ def goal_destination(interface: Any, goal: Any) -> tuple[float, float] | None:
 
     Args:
         interface: The Python class of the action.
-        goal: The goal.
+        goal: The goal, an `interface.Goal`.
 
     Returns:
-        x and y, metres in the frame `map`; None if the action drives to no pose, or the pose is in another frame.
+        x and y, in metres in the frame `map`; None if goals of the action do not end at a pose, or the pose is in another frame.
     """
     poses = _POSES[interface_name(interface)](goal) if drives_to_pose(interface) else []
     return goal_position(poses[-1]) if poses else None
 
 
 class Arrival:
-    """The comparison of a succeeded goal's destination with the localisation.
+    """Compares the destination of a succeeded goal with the robot's position according to the localisation.
 
     Args:
         node: The node that has sent the goal.
-        destination: Where the goal ends, metres in the frame `map`.
+        destination: The position at which the goal ends, in metres in the frame `map`.
     """
 
     def __init__(self, node: "Node", destination: tuple[float, float]) -> None:
@@ -65,28 +65,28 @@ class Arrival:
 
     @property
     def tolerance_m(self) -> float:
-        """The allowed distance from the goal, metres."""
+        """The maximum distance from the destination at which the robot has arrived, in metres."""
         given = self._robot.arrival_tolerance_m
         return nav2_parameters(self._node).goal_tolerance + EXTRA_TOLERANCE_M if given is None else given
 
     @property
     def distance_m(self) -> float | None:
-        """The distance of the robot from the goal, metres; None if its localisation does not provide it."""
+        """The distance of the robot from the destination, in metres; None if the localisation does not provide a pose."""
         place = self._robot.current_pose()
         return None if place is None else math.dist(place[:2], self._destination)
 
     def is_awaited(self) -> bool:
-        """Return whether the localisation may still follow the robot to the goal."""
+        """Return whether the localisation may still be behind the robot, so that the leaf must wait."""
         if not self.reason_against:
             return False
         if not self._due:
-            # By both clocks: a fast simulation does not make the network faster, and a paused one sends no pose.
+            # The time must pass on both clocks: a fast simulation does not make the network faster, and a paused simulation sends no poses.
             self._due = Deadline(_FOLLOWS_SEC, AWAKE), Deadline(_FOLLOWS_SEC, self._robot.clock)
         return not all(each.has_passed for each in self._due)
 
     @property
     def reason_against(self) -> str:
-        """The reason why the robot has not arrived; empty if it has, or if unknown."""
+        """The reason why the robot has not arrived; empty if it has arrived, or if this is unknown."""
         distance = self.distance_m
         if distance is None or distance <= self.tolerance_m:
             return ""

@@ -1,4 +1,4 @@
-"""Leaves that need no Python code, because the tree file defines server or topic and values."""
+"""Leaves that need no Python code, because attributes in the tree file define the server or topic and the values."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -38,17 +38,17 @@ from sar_compiler.runtime.ports import Input, Output, PortError
 
 _MAX_AGE_SEC = 5.0
 _FLUSH_SEC = 0.5
-"""How long the end of a run waits for subscribers that have not acknowledged a message."""
+"""The maximum wait at the end of a run until subscribers have acknowledged all messages, in seconds."""
 
 
 class _OutgoingFields:
-    """The fields of an outgoing message, which may contain keys.
+    """The fields of an outgoing message, whose values may be blackboard keys.
 
     Args:
-        leaf: The leaf.
-        attribute: The attribute with the fields, named in error messages.
+        leaf: The leaf that sends the message.
+        attribute: The name of the attribute that contains the fields, for error messages.
         port: The fields, or the key of a message, a mapping or a string with fields; None for no fields.
-        scope: Where keys are looked up.
+        scope: The blackboard scope in which keys are resolved.
     """
 
     def __init__(self, leaf: RosLeaf, attribute: str, port: Input[object] | None, scope: Scope) -> None:
@@ -60,7 +60,7 @@ class _OutgoingFields:
             scope.resolve(key).declare()
 
     def check(self, cls: Any) -> None:
-        """Check the fields that the file contains against a message's class.
+        """Check the fields that the tree file contains against the message's class.
 
         Raises:
             InterfaceError: If a field does not exist, or a value does not fit.
@@ -69,10 +69,10 @@ class _OutgoingFields:
             MessageFiller().fill(cls(), self._fields)
 
     def message(self, cls: Any) -> Any:
-        """Return a message with the current values of the keys.
+        """Create a message with the current values of the keys.
 
         Raises:
-            PortError: If nothing was written to a key, or its value does not fit.
+            PortError: If a key has no value, or a value does not fit the message.
         """
         source = f"{{{self._port.entry.key}}}" if self._port.entry is not None else ""
         try:
@@ -80,7 +80,7 @@ class _OutgoingFields:
             if isinstance(found, MessageReference) and isinstance(found.message, cls):
                 return found.message
             if not isinstance(found, MessageFields):
-                raise InterfaceError(f"its value has no fields of {cls.__name__}")  # noqa: TRY301 - as those of a filler
+                raise InterfaceError(f"the value contains no fields of {cls.__name__}")  # noqa: TRY301 - converted like the errors of `fill`
             return MessageFiller(self._read_key, self._now).fill(cls(), found)
         except (InterfaceError, ConversionError) as error:
             message = f"{self._attribute}: {source and f'{source}: '}{error}"
@@ -99,13 +99,13 @@ class _OutgoingFields:
 
 
 class _IncomingFields:
-    """The fields of an incoming message, and the keys they are written to.
+    """The fields of an incoming message that are written to blackboard keys.
 
     Args:
-        scope: Where the keys of *fields* are looked up.
-        fields: The fields with their keys; None for no fields.
-        field: One more field, for *value*; None for the whole message.
-        value: The key for *field*; None for no key.
+        scope: The blackboard scope in which the keys of *fields* are resolved.
+        fields: The fields, each with its key; None for no fields.
+        field: The field to write to *value*; None for the whole message.
+        value: The output port for *field*; None to write only *fields*.
     """
 
     def __init__(
@@ -125,11 +125,11 @@ class _IncomingFields:
             self._outputs.append((field, value))
 
     def __bool__(self) -> bool:
-        """Return whether any key is written."""
+        """Return whether a field is written to a key."""
         return bool(self._outputs)
 
     def check(self, cls: Any) -> None:
-        """Check the fields against a message's class.
+        """Check that the message's class has the fields.
 
         Raises:
             InterfaceError: If a field does not exist.
@@ -139,33 +139,33 @@ class _IncomingFields:
                 check_path(cls, path)
 
     def require_usable(self, message: Any) -> None:
-        """Check the fields against the definition of the message.
+        """Check that the values of the fields in a message conform to the message's definition.
 
         Raises:
-            UnusableValueError: If a value violates its definition.
+            UnusableValueError: If a value violates the definition.
         """
         for path, _ in self._outputs:
             if path is not None:
-                with suppress(InterfaceError):  # a list without such an element, which `write` reports
+                with suppress(InterfaceError):  # `write` reports that a list has no such element
                     read_field(message, path.text)
 
     def write(self, message: Any) -> str:
-        """Write the fields; return the reason if a field cannot be written, else an empty string."""
+        """Write the fields of a message to their keys; return why the first field could not be written, or an empty string."""
         missing = ""
         for path, output in self._outputs:
             try:
                 output.set(message if path is None else read_field(message, path.text))
-            except (InterfaceError, UnusableValueError) as error:  # noqa: PERF203 - the others are written all the same
+            except (InterfaceError, UnusableValueError) as error:  # noqa: PERF203 - the remaining fields must still be written
                 missing = missing or str(error)
         return missing
 
 
 class _GraphName:
-    """The name of a server or topic: a string, or the value of a key when the leaf starts.
+    """The name of a server or topic: a constant, or the value that a key has when the leaf starts.
 
     Args:
-        port: The name.
-        attribute: Its attribute, named in error messages.
+        port: The input port with the name.
+        attribute: The name of the attribute that contains the name, for error messages.
     """
 
     def __init__(self, port: Input[str], attribute: str) -> None:
@@ -173,24 +173,24 @@ class _GraphName:
 
     @property
     def current_name(self) -> str:
-        """The name before the first tick; empty if its key is not written yet."""
+        """The constant name, or the current value of the key; empty if the key has no value yet."""
         return str(self._port.get("")) if self._port.entry is not None else self._port.get()
 
     @property
     def is_fixed(self) -> bool:
-        """Whether the file contains the name itself, not a key."""
+        """Whether the tree file contains the name itself, and not a key."""
         return self._port.entry is None
 
     @property
     def display_name(self) -> str:
-        """The name, or its key."""
+        """The current name; the key in braces if the key has no value yet."""
         return self.current_name or (f"{{{self._port.entry.key}}}" if self._port.entry is not None else "")
 
     def read_name(self) -> str:
-        """Return the topic or service name, read from its key if it has one.
+        """Return the name of the server or topic, which is read from the key if the tree file contains a key.
 
         Raises:
-            PortError: If nothing was written to its key, or its value is not a valid name.
+            PortError: If the key has no value, or its value is not a valid name.
         """
         name = self._port.get()
         if self._port.entry is not None:
@@ -202,22 +202,22 @@ class _GraphName:
 
 
 def _name_error(name: object) -> str:
-    """Return why a value is not a valid name of a server or topic; empty if it is valid."""
+    """Return why a value is not a valid server or topic name; empty if it is valid."""
     from rclpy.exceptions import NameValidationException
     from rclpy.validate_topic_name import validate_topic_name
 
     if not name or not isinstance(name, str):
-        return f"{name!r} is not a valid name of a server or a topic"
+        return f"{name!r} is not a valid server or topic name"
     try:
         validate_topic_name(name)
     except NameValidationException as error:
         reason = str(error).partition(":\n")[0].rpartition(": ")[2]
-        return f"'{name}' is not a valid name of a server or a topic: {reason}"
+        return f"'{name}' is not a valid server or topic name: {reason}"
     return ""
 
 
 def _load_type(kind: str, name: _GraphName, written: str) -> Any:
-    """Return the Python class of a leaf's type."""
+    """Return the Python class of a leaf's interface type, and check the server or topic name if it is a constant."""
     objection = name.is_fixed and _name_error(name.current_name)
     if objection:
         raise InterfaceError(objection)
@@ -238,15 +238,15 @@ class RosService(ServiceLeaf):
 
     Args:
         service: The service's name.
-        type_: Its type, such as `std_srvs/srv/SetBool`.
-        request: The request's fields as YAML, in which `{key}` is a key: `data: true`.
-        success: A field of the response that must be true; empty for none.
+        type_: The service's type, such as `std_srvs/srv/SetBool`.
+        request: The request's fields as YAML, such as `data: true`; a value `{key}` is a key.
+        success: The field of the response that must be true for SUCCESS; empty for none.
         field: The field of the response to write to `value`, such as `location.x`; empty for the whole response.
-        value: The key to write it to.
-        fields: Further fields of the response, each with the key it is written to: `x: {x}, y: {y}`.
-        server_timeout_sec: Time to wait for a server, in seconds.
-        timeout_sec: Time to wait for the response, in seconds.
-        scope: Where keys are looked up.
+        value: The key for `field`.
+        fields: Further fields of the response, each with its key: `x: {x}, y: {y}`.
+        server_timeout_sec: The maximum wait for a server, in seconds.
+        timeout_sec: The maximum wait for the response, in seconds.
+        scope: The blackboard scope in which keys are resolved.
     """
 
     def __init__(  # noqa: PLR0913 - a file's attributes
@@ -274,12 +274,12 @@ class RosService(ServiceLeaf):
         self._received = _IncomingFields(scope, fields, field, value)
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the client of a service type."""
+        """Check the leaf's attributes, and create the client if the service's name is known."""
         self.require_definition()
         super().setup(**kwargs)
 
     def require_definition(self) -> None:
-        """Check the request, and the fields of the response."""
+        """Check the service's type, the request, and the fields of the response."""
         with _definition_of(self):
             interface = _load_type("srv", self._name, self.service_type)
             self._sent.check(interface.Request)
@@ -288,7 +288,7 @@ class RosService(ServiceLeaf):
                 check_path(interface.Response, self._success)
 
     def initialise(self) -> None:
-        """Call the currently configured server."""
+        """Call the service; if its name is a key, the key's current value is used."""
         name = self._name.read_name()
         if name != self.service_name:
             self._drop()
@@ -305,7 +305,7 @@ class RosService(ServiceLeaf):
             super()._connect()
 
     def request(self) -> Any:
-        """Return the request."""
+        """Return the request with the current values of the keys."""
         return self._sent.message(self.interface.Request)
 
     def on_failure(self, reason: str) -> Status:
@@ -316,8 +316,8 @@ class RosService(ServiceLeaf):
         """Write the response's fields; return SUCCESS unless the response reports failure."""
         missing = self._received.write(response)
         if self._success and not self._is_true(response, self._success):
-            said = _failure_reason(response, self._success) or str(self._success)
-            self.warn(f"'{self.name}': '{self.service_name}' reports a failure: {said}")
+            reason = _failure_reason(response, self._success) or str(self._success)
+            self.warn(f"'{self.name}': '{self.service_name}' reports a failure: {reason}")
             return self.outcome(Status.FAILURE, "refused")
         if missing:
             return self.on_failure(missing)
@@ -332,33 +332,33 @@ class RosService(ServiceLeaf):
 
 
 def _failure_reason(response: Any, field: FieldPath) -> str:
-    """Return why a field of a response is not true, from the neighbouring text fields or from the whole response."""
-    around, dot, _ = field.text.rpartition(".")
-    beside = ""
+    """Return the error text that a response contains beside its false field, or anywhere else."""
+    parent, dot, _ = field.text.rpartition(".")
+    reason = ""
     if dot:
         try:
-            beside = reported_error(read_field(response, around))
+            reason = reported_error(read_field(response, parent))
         except InterfaceError as error:
-            beside = str(error)
-    return beside or reported_error(response)
+            reason = str(error)
+    return reason or reported_error(response)
 
 
 class RosAction(ActionLeaf):
-    """Send a goal to an action: RUNNING until it has ended, SUCCESS if it has succeeded.
+    """Send a goal to an action: RUNNING until the goal has ended, SUCCESS if it has succeeded.
 
-    The result's fields are written whenever there is a result, even if the goal was aborted or cancelled.
+    The fields of the result are written even if the goal was aborted or cancelled.
 
     Args:
         action: The action's name.
-        type_: Its type, such as `nav2_msgs/action/Wait`.
-        goal: The goal's fields as YAML, in which `{key}` is a key: `time: {sec: 5}`.
+        type_: The action's type, such as `nav2_msgs/action/Wait`.
+        goal: The goal's fields as YAML, such as `time: {sec: 5}`; a value `{key}` is a key.
         field: The field of the result to write to `value`; empty for the whole result.
-        value: The key to write it to.
-        fields: Further fields of the result, each with the key it is written to: `error_code: {code}, error_msg: {text}`.
-        feedback: Fields of the feedback, each with the key it is written to in each tick: `distance_remaining: {left}`.
-        server_timeout_sec: Time to wait for a server, in seconds.
-        acceptance_timeout_sec: Time to wait for the goal to be accepted, in seconds.
-        scope: Where keys are looked up.
+        value: The key for `field`.
+        fields: Further fields of the result, each with its key: `error_code: {code}, error_msg: {text}`.
+        feedback: The fields of the feedback to write in each tick, each with its key: `distance_remaining: {left}`.
+        server_timeout_sec: The maximum wait for a server, in seconds.
+        acceptance_timeout_sec: The maximum wait for the acceptance of the goal, in seconds.
+        scope: The blackboard scope in which keys are resolved.
     """
 
     def __init__(  # noqa: PLR0913 - a file's attributes
@@ -387,12 +387,12 @@ class RosAction(ActionLeaf):
         self._former_ports: dict[str, ActionPort] = {}
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the client of an action type."""
+        """Check the leaf's attributes, and create the client if the action's name is known."""
         self.require_definition()
         super().setup(**kwargs)
 
     def require_definition(self) -> None:
-        """Check the goal, and the fields of result and feedback."""
+        """Check the action's type, the goal, and the fields of the result and the feedback."""
         with _definition_of(self):
             interface = _load_type("action", self._name, self.action_type)
             self._sent.check(interface.Goal)
@@ -400,12 +400,12 @@ class RosAction(ActionLeaf):
             self._feedback.check(interface.Feedback)
 
     def initialise(self) -> None:
-        """Send a goal to the currently configured server."""
+        """Send the goal; if the action's name is a key, the key's current value is used."""
         name = self._name.read_name()
         if name != self.action_name:
             self._drop()
             if self._port is not None:
-                # The end of a goal of this server may still be awaited.
+                # The client is kept, because a goal of this server may still be active.
                 self._former_ports[self.action_name] = self._port
             self.action_name = name
             self._port = self._former_ports.pop(name, None)
@@ -430,11 +430,11 @@ class RosAction(ActionLeaf):
             super()._connect()
 
     def goal(self) -> Any:
-        """Return the goal."""
+        """Return the goal with the current values of the keys."""
         return self._sent.message(self.interface.Goal)
 
     def on_feedback(self, feedback: Any) -> None:
-        """Write the feedback's fields."""
+        """Write the fields of the feedback to their keys."""
         self._feedback.write(feedback)
 
     def on_failure(self, reason: str) -> Status:
@@ -442,7 +442,7 @@ class RosAction(ActionLeaf):
         return self.outcome(super().on_failure(reason), "no result")
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return FAILURE, and write the result if the goal has succeeded without an arrival."""
+        """Return FAILURE; write the fields of the result if there is one, as of a goal that has succeeded although the robot has not arrived."""
         failed, goal = super().on_unavailable(reason), self._exchange
         if (
             goal is None
@@ -454,11 +454,15 @@ class RosAction(ActionLeaf):
         return self.outcome(failed, "aborted")
 
     def on_result(self, status: int, result: Any) -> Status:
-        """Write the result's fields if there is one; return SUCCESS if the goal has succeeded."""
+        """Write the fields of the result if there is one; return SUCCESS if the goal has succeeded."""
         is_lost = self._exchange is not None and self._exchange.is_result_lost
         has_result = status in (SUCCEEDED, ABORTED, CANCELED) and not is_lost
         missing = (
-            self._received.write(result) if has_result else "its result is lost" if self._received else ""
+            self._received.write(result)
+            if has_result
+            else "the goal's result is lost"
+            if self._received
+            else ""
         )
         if status == SUCCEEDED:
             return self.on_failure(missing) if missing else self.outcome(Status.SUCCESS, "succeeded")
@@ -468,19 +472,19 @@ class RosAction(ActionLeaf):
 
 
 class RosTopic(TopicLeaf):
-    """Check for a message on a topic: SUCCESS if there is one, and fields of the latest one are written to keys.
+    """Check for a message on a topic: SUCCESS if there is a message, whose fields are written to keys.
 
     Args:
         topic: The topic's name.
-        type_: Its type, such as `sensor_msgs/msg/BatteryState`.
+        type_: The topic's type, such as `sensor_msgs/msg/BatteryState`.
         field: The field to write to `value`, such as `pose.position.x`; empty for the whole message.
-        value: The key to write it to.
-        fields: Further fields, each with the key it is written to: `pose.position.x: {x}`.
-        max_age_sec: Maximum age of a message, in seconds of the node's clock; 5 by default, unlimited with
+        value: The key for `field`.
+        fields: Further fields, each with its key: `pose.position.x: {x}`.
+        max_age_sec: The maximum age of a message, in seconds of the node's clock; 5 by default, unlimited with
             `transient_local`.
-        qos: `sensor_data`, `reliable`, or `transient_local` for messages published earlier.
-        waits: Whether it returns RUNNING, instead of FAILURE, while there is no message.
-        scope: Where keys are looked up.
+        qos: The QoS profile: `sensor_data`, `reliable`, or `transient_local` to receive messages that were published earlier.
+        waits: Whether the leaf returns RUNNING, instead of FAILURE, while there is no message.
+        scope: The blackboard scope in which keys are resolved.
     """
 
     def __init__(  # noqa: PLR0913 - a file's attributes
@@ -500,24 +504,24 @@ class RosTopic(TopicLeaf):
         super().__init__(name)
         self._name = _GraphName(topic, "topic")
         self.topic_name, self.topic_type = self._name.current_name, full_type("msg", type_)
-        # A message for late subscribers was sent once, however long ago, and is still valid.
+        # A `transient_local` message is sent once, and is valid at any age.
         is_limited = max_age_sec is None and qos != "transient_local"
         self.max_age_sec = _MAX_AGE_SEC if is_limited else max_age_sec
         self.qos, self.waits = qos, waits
         self._received = _IncomingFields(scope or Scope(Board(name)), fields, field, value)
 
     def setup(self, **kwargs: Any) -> None:
-        """Subscribe to a topic of a message type."""
+        """Check the leaf's attributes, and subscribe to the topic if its name is known."""
         self.require_definition()
         super().setup(**kwargs)
 
     def require_definition(self) -> None:
-        """Check the fields."""
+        """Check the topic's type and the fields."""
         with _definition_of(self):
             self._received.check(_load_type("msg", self._name, self.topic_type))
 
     def initialise(self) -> None:
-        """Subscribe to the currently configured topic."""
+        """Subscribe to the topic; if its name is a key, the key's current value is used."""
         name = self._name.read_name()
         if name != self.topic_name:
             self.topic_name = name
@@ -530,11 +534,11 @@ class RosTopic(TopicLeaf):
             super().subscribe()
 
     def check_message(self, message: Any) -> None:
-        """Check the fields against the definition of the message."""
+        """Check that the values of the fields conform to the message's definition."""
         self._received.require_usable(message)
 
     def on_message(self, message: Any) -> Status:
-        """Write the fields and return SUCCESS."""
+        """Write the fields to their keys; return SUCCESS, or FAILURE if a field cannot be written."""
         missing = self._received.write(message)
         if missing:
             self.warn(f"'{self.name}': {missing}")
@@ -543,16 +547,16 @@ class RosTopic(TopicLeaf):
 
 
 class RosPublish(RosLeaf):
-    """Publish a message: SUCCESS when it is sent, RUNNING until there is a subscriber.
+    """Publish a message: RUNNING until there is a subscriber, SUCCESS when the message is sent.
 
     Args:
         topic: The topic's name.
-        type_: Its type, such as `std_msgs/msg/String`.
-        message: The message's fields as YAML, in which `{key}` is a key: `data: hello`.
-        qos: `reliable`, `sensor_data`, or `transient_local` to reach later subscribers, too.
-        waits: Whether it returns RUNNING until there is a subscriber; with `transient_local` it never waits.
-        timeout_sec: Time to wait for a subscriber, in seconds; then FAILURE.
-        scope: Where keys are looked up.
+        type_: The topic's type, such as `std_msgs/msg/String`.
+        message: The message's fields as YAML, such as `data: hello`; a value `{key}` is a key.
+        qos: The QoS profile: `reliable`, `sensor_data`, or `transient_local` to also reach later subscribers.
+        waits: Whether the leaf returns RUNNING until there is a subscriber. With `transient_local`, it never waits.
+        timeout_sec: The maximum wait for a subscriber, in seconds, after which the leaf returns FAILURE.
+        scope: The blackboard scope in which keys are resolved.
     """
 
     def __init__(
@@ -576,10 +580,10 @@ class RosPublish(RosLeaf):
         self._deadline = Deadline(timeout_sec)
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the publisher if the topic's name is known, so that subscribers discover it before the first tick.
+        """Create the publisher if the topic's name is known, so that subscribers discover the publisher before the first tick.
 
         Args:
-            **kwargs: `node` and optionally `wake`, see `RosLeaf`.
+            **kwargs: `node`, and optionally `wake` (see `RosLeaf`).
         """
         self.require_definition()
         self.shutdown()
@@ -588,17 +592,17 @@ class RosPublish(RosLeaf):
             self._publisher = self._publisher_of(self._name.current_name)
 
     def require_definition(self) -> None:
-        """Check the message."""
+        """Check the topic's type and the message."""
         with _definition_of(self):
             self._sent.check(_load_type("msg", self._name, self._type))
 
     def initialise(self) -> None:
-        """Create the publisher for the currently configured topic, and start the timeout."""
+        """Create the publisher if necessary, and start the timeout; if the topic's name is a key, the key's current value is used."""
         self._publisher = self._publisher_of(self._name.read_name())
         self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
 
     def update(self) -> Status:
-        """Publish the message, once there is a subscriber."""
+        """Publish the message if there is a subscriber, or the leaf does not wait; return RUNNING until then."""
         topic = self._publisher.topic_name
         if self._waits and not self._publisher.get_subscription_count():
             self.feedback_message = f"waiting for a subscriber of '{topic}'"
@@ -613,9 +617,9 @@ class RosPublish(RosLeaf):
         return Status.SUCCESS
 
     def shutdown(self) -> None:
-        """Wait until subscribers have acknowledged the messages.
+        """Wait briefly until subscribers have acknowledged the messages.
 
-        The publisher is shared by all leaves, and exists as long as the node.
+        The publisher is not destroyed, because other leaves may use it.
         """
         from rclpy.duration import Duration
 
@@ -625,7 +629,7 @@ class RosPublish(RosLeaf):
         super().shutdown()
 
     def _publisher_of(self, topic: str) -> Any:
-        """Return the node's publisher of a topic, which all leaves share."""
+        """Return the node's publisher of a topic, which is shared by all leaves with the same type and QoS profile."""
         kind = generated_type("msg", self._type)
         qos = qos_profile(type(self).__name__, self._qos)
         qos.depth = 1 if self._qos == "transient_local" else _DEPTH
@@ -634,25 +638,25 @@ class RosPublish(RosLeaf):
 
 
 _DEPTH = 10
-"""The number of messages queued for slow subscribers, as with `ros2 topic pub`."""
+"""The number of messages that are queued for slow subscribers, as in `ros2 topic pub`."""
 
 
 class RosTransform(RosLeaf):
-    """Look up a frame's pose in another frame on `/tf`: SUCCESS if it is known and written, else RUNNING.
+    """Look up the pose of a frame in another frame: SUCCESS when the pose is known and written to keys, RUNNING until then.
 
     Args:
-        target_frame: The frame of the written pose, such as `map`.
-        source_frame: The frame to locate, such as `base_link`.
-        max_age_sec: Maximum age of the transforms, in seconds of the node's clock.
-        timeout_sec: Time to wait for the transforms, in seconds; then FAILURE.
-        x: The key for x, metres.
-        y: The key for y, metres.
-        z: The key for z, metres.
-        yaw: The key for the rotation about z, rad.
-        qx: The key for the quaternion's x.
-        qy: The key for the quaternion's y.
-        qz: The key for the quaternion's z.
-        qw: The key for the quaternion's w.
+        target_frame: The outer frame, such as `map`, in which the pose is expressed.
+        source_frame: The inner frame, such as `base_link`, whose pose is looked up.
+        max_age_sec: The maximum age of the transforms, in seconds of the node's clock.
+        timeout_sec: The maximum wait for the transforms, in seconds, after which the leaf returns FAILURE.
+        x: The key for the position's x, in metres.
+        y: The key for the position's y, in metres.
+        z: The key for the position's z, in metres.
+        yaw: The key for the rotation about the z axis, in radians.
+        qx: The key for the x component of the rotation's quaternion.
+        qy: The key for the y component of the quaternion.
+        qz: The key for the z component of the quaternion.
+        qw: The key for the scalar component of the quaternion.
     """
 
     def __init__(  # noqa: PLR0913 - a file's attributes
@@ -682,10 +686,10 @@ class RosTransform(RosLeaf):
         self._deadline = Deadline(timeout_sec)
 
     def setup(self, **kwargs: Any) -> None:
-        """Start listening to transforms, even if the leaf is not ticked.
+        """Subscribe to transforms, so that they are received before the leaf is ticked.
 
         Args:
-            **kwargs: `node` and optionally `wake`, see `RosLeaf`.
+            **kwargs: `node`, and optionally `wake` (see `RosLeaf`).
         """
         self.shutdown()
         super().setup(**kwargs)
@@ -693,12 +697,12 @@ class RosTransform(RosLeaf):
         self._frames.add_listener(self._on_transforms)
 
     def initialise(self) -> None:
-        """Start waiting for the frames named by the ports."""
+        """Read the names of the frames from the ports, and start the timeout."""
         self._target, self._source = (port.get() for port in self._frame_ports)
         self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
 
     def update(self) -> Status:
-        """Return SUCCESS and write the pose if the transforms are present and recent enough."""
+        """Write the pose and return SUCCESS if the transforms have arrived and are recent enough; otherwise RUNNING, or FAILURE after the timeout."""
         found = self._look_up()
         if isinstance(found, Transform):
             self.feedback_message = ""
@@ -708,19 +712,21 @@ class RosTransform(RosLeaf):
         self.feedback_message = found
         if not self._deadline.has_passed:
             return Status.RUNNING
-        where = f"the pose of '{self._source}' in '{self._target}' is unknown"
-        self.warn(f"'{self.name}': {where} within {self.timeout_sec:g} s: {found}")
+        problem = (
+            f"the pose of '{self._source}' in '{self._target}' is still unknown after {self.timeout_sec:g} s"
+        )
+        self.warn(f"'{self.name}': {problem}: {found}")
         return Status.FAILURE
 
     def shutdown(self) -> None:
-        """Stop listening."""
+        """Stop listening to transforms."""
         if self._frames is not None:
             self._frames.remove_listener(self._on_transforms)
             self._frames = None
         super().shutdown()
 
     def _look_up(self) -> Transform | str:
-        """Return the frame's pose, or the reason why it is unknown."""
+        """Return the pose of the source frame in the target frame, or the reason why it is unknown."""
         found = frame_tree(self.node).look_up(self._target, self._source, self.max_age_sec)
         return found if isinstance(found, str) else found.transform
 

@@ -1,4 +1,4 @@
-"""Base classes of leaves that call an action or a service."""
+"""Base classes of leaves that call a server, and the base class of leaves that call a service."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 
 class PendingCall(ABC):
-    """A goal or a service call with at most one response.
+    """A goal or a service call that receives at most one final response.
 
     Args:
-        leaf: The leaf that sends it. It has the limits and their clock, and is notified of the result.
+        leaf: The leaf that sends the message. It defines the time limits and their clock, and is notified of the response.
         server: The name of the action or service.
-        reply_sec: How long to wait for the first reply after sending.
+        reply_sec: The maximum wait for the first reply after the message was sent, in seconds.
 
     Attributes:
-        sent: Whether it was sent.
-        answer: The server's final answer; None until then.
-        trouble: The reason why there will be no answer; empty if there may be one.
+        sent: Whether the message was sent.
+        answer: The server's final response; None before it arrives.
+        trouble: The reason why there will be no final response; empty if it may still arrive.
     """
 
     _server_kind: ClassVar[str]
@@ -49,17 +49,17 @@ class PendingCall(ABC):
 
     @property
     def is_over(self) -> bool:
-        """Whether it has ended, with or without success."""
+        """Whether the call has ended, with or without success."""
         return self.answer is not None or bool(self.trouble)
 
     def poll(self) -> None:
-        """Perform the next step if possible: send the message, or check the deadlines."""
+        """Send the message if it is not sent yet and the server is ready; check the time limits."""
         if self.is_over or self._abandoned:
             return
         if self.sent:
             self._watch()
         elif self._server_is_ready():
-            # Without a server a message would be lost: it is not delivered to a server that appears later.
+            # The message is only sent to a server that is ready, because it would not be delivered to a server that appears later.
             self._leaf._announce()
             self.sent = True
             self._deadline = self._limit(self._reply_sec)
@@ -80,7 +80,7 @@ class PendingCall(ABC):
 
     @abstractmethod
     def _server_is_ready(self) -> bool:
-        """Return whether there is a server that would receive the message."""
+        """Return whether a server would receive the message."""
 
     @abstractmethod
     def _send(self) -> None:
@@ -88,14 +88,14 @@ class PendingCall(ABC):
 
     @abstractmethod
     def _cancel_sent(self) -> None:
-        """Cancel the message after it was sent."""
+        """Cancel the goal or the pending request after it was sent."""
 
     def _watch(self) -> None:
-        """Fail if the first response is late."""
+        """Fail if the first reply has not arrived within the limit."""
         if self._deadline.has_passed:
             self._give_up(
-                f"{self._reply} within {self._reply_sec:g} s; "
-                f"is the server of '{self._server}' alive and not overloaded?"
+                f"{self._reply} within {self._reply_sec:g} s. "
+                f"Check whether the server of '{self._server}' is running and not overloaded"
             )
 
     def _give_up(self, trouble: str) -> None:
@@ -112,11 +112,11 @@ E = TypeVar("E", bound=PendingCall)
 class ClientLeaf(RosLeaf, Generic[E]):
     """A leaf that calls a server once in each activation, and never blocks.
 
-    Its final status is kept until the next activation.
+    The leaf keeps its final status until the next activation.
 
     Attributes:
-        server_timeout_sec: How long to wait for a server. This and all other limits are in simulated seconds if time is
-            simulated, else in those of the machine (`deadline.deadline_clock`).
+        server_timeout_sec: The maximum wait for a server, in seconds. This and all other time limits use simulated time if the
+            node does, otherwise the machine's time (`clock.deadline_clock`).
     """
 
     server_timeout_sec: float = 10.0
@@ -140,13 +140,13 @@ class ClientLeaf(RosLeaf, Generic[E]):
         return self._interface
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the client; does not wait for a server.
+        """Create the client, without waiting for a server.
 
         Args:
-            **kwargs: `node` and optionally `wake`, see `RosLeaf`.
+            **kwargs: `node`, and optionally `wake` (see `RosLeaf`).
 
         Raises:
-            LeafDefinitionError: If the class does not name the server, or the type is not installed.
+            LeafDefinitionError: If the class does not define the server's name, or the type is not installed.
         """
         self.shutdown()
         super().setup(**kwargs)
@@ -155,23 +155,23 @@ class ClientLeaf(RosLeaf, Generic[E]):
         self._connect()
 
     def initialise(self) -> None:
-        """Start a new exchange, and abandon the last activation's."""
+        """Abandon the call of the last activation, and start a new call."""
         self._drop()
         self._verdict = self._begin()
 
     def update(self) -> Status:
-        """Return the leaf's status: RUNNING until there is a response or a failure."""
+        """Return the leaf's status: RUNNING until the server has responded or the call has failed."""
         if self._verdict is Status.RUNNING:
             self._verdict = self._begin() if self._exchange is None else self._progress(self._exchange)
         return self._verdict
 
     def terminate(self, new_status: Status) -> None:
-        """Abandon the current exchange if the leaf was interrupted."""
+        """Abandon the current call if the leaf was interrupted."""
         if new_status is Status.INVALID:
             self._drop()
 
     def shutdown(self) -> None:
-        """Abandon the current exchange, and release the node."""
+        """Abandon the current call, and release the node."""
         self._drop()
         self._interface = None
         super().shutdown()
@@ -179,7 +179,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
     def warn(self, text: str) -> None:
         """Log a warning, and set it as the feedback message.
 
-        A tree may retry in every tick: the same warning is logged only once until the server has answered.
+        Until the server has responded, the same warning is logged only once, because a tree may call the server in every tick.
         """
         self.feedback_message = text
         if text not in self._complaints:
@@ -187,20 +187,20 @@ class ClientLeaf(RosLeaf, Generic[E]):
             super().warn(text)
 
     def on_send(self) -> None:
-        """Hook called before the message is sent, for example to write to the log."""
+        """Hook called before the message is sent, for example to log the call."""
 
     def on_failure(self, reason: str) -> Status:
-        """Return the status after a missing or failed response: FAILURE, with a logged warning.
+        """Log a warning and return FAILURE, because the response is missing or reports a failure.
 
         Args:
-            reason: The cause: no server, no answer in time, a goal that was rejected or aborted.
+            reason: The cause, such as a missing server, a late response, or a goal that was rejected or aborted.
         """
         self.warn(f"'{self.name}' failed: {reason}")
         return Status.FAILURE
 
     @abstractmethod
     def _server(self) -> tuple[str, str, Any]:
-        """Return the kind of interface (`action`, `srv`), the server's name, and its type."""
+        """Return the kind of the interface (`action` or `srv`), the server's name, and the interface's type."""
 
     @abstractmethod
     def _connect(self) -> None:
@@ -208,15 +208,15 @@ class ClientLeaf(RosLeaf, Generic[E]):
 
     @abstractmethod
     def _message(self) -> Any:
-        """Return the message to send, or a status to return without sending."""
+        """Return the message to send; or a status, if no message must be sent."""
 
     @abstractmethod
     def _open(self, message: Any) -> E:
-        """Return an exchange for a message."""
+        """Create the call that sends a message."""
 
     @abstractmethod
     def _conclude(self, answer: Any) -> Status:
-        """Return the status for a response; RUNNING to send again."""
+        """Return the leaf's status after the final response; RUNNING to call the server again."""
 
     def _require_setup(self) -> None:
         if self._interface is None:
@@ -231,8 +231,8 @@ class ClientLeaf(RosLeaf, Generic[E]):
         kind, name, _ = self._server()
         wanted = "Goal" if kind == "action" else "Request"
         if not isinstance(message, getattr(self.interface, wanted)):
-            said = f"{type(self).__name__}.{wanted.lower()}() returned {message!r}"
-            raise LeafDefinitionError(f"{said}; return an interface.{wanted}, or a Status to send none")
+            problem = f"{type(self).__name__}.{wanted.lower()}() returned {message!r}"
+            raise LeafDefinitionError(f"{problem}. Return an interface.{wanted}, or a Status to send nothing")
         self._exchange = self._open(message)
         self._exchange.poll()
         if not self._exchange.sent and not self._exchange.trouble:
@@ -273,11 +273,11 @@ class ClientLeaf(RosLeaf, Generic[E]):
 
 
 class ServiceCall(PendingCall):
-    """One request and its response.
+    """A call of a service: one request and its response.
 
     Args:
-        leaf: The leaf that calls; hears the answer when it arrives, unless the call has been abandoned.
-        client: The service's client.
+        leaf: The leaf that calls the service. It is notified of the response, unless the call is abandoned before.
+        client: The client of the service.
         request: The request to send.
     """
 
@@ -300,11 +300,11 @@ class ServiceCall(PendingCall):
 
     def _cancel_sent(self) -> None:
         if self._future is not None:
-            # Without this the client would wait for the answer, and keep the request, for good.
+            # Otherwise the client would store the request and wait for the response forever.
             self._client.remove_pending_request(self._future)
 
     def _on_future_done(self, future: "Future") -> None:
-        # The answer may have been on its way to this callback when the call was abandoned.
+        # The call of this method may have been scheduled before the service call was abandoned.
         if not self._abandoned:
             self.answer = future.result()
             self._leaf._on_response(self.answer)
@@ -313,18 +313,18 @@ class ServiceCall(PendingCall):
 class ServiceLeaf(ClientLeaf[ServiceCall]):
     """A leaf that calls a service once in each activation, and is RUNNING until the response arrives.
 
-    A subclass has the attributes `service_type` and `service_name`, of the class or set by its constructor, and
-    the methods `request` and, if the content of the answer matters, `on_response`.
+    A subclass sets the attributes `service_type` and `service_name`, in the class or its constructor. It defines the method
+    `request` and, if the content of the response matters, `on_response`.
 
     Attributes:
         service_type: `"package/srv/Name"`, or the Python class.
-        service_name: The service's (relative) name.
-        server_timeout_sec: How long to wait for a server, seconds.
-        timeout_sec: How long to wait for the answer, seconds.
-        interface: The Python class of the service, once the leaf is set up.
+        service_name: The (relative) name of the service.
+        server_timeout_sec: The maximum wait for a server, in seconds.
+        timeout_sec: The maximum wait for the response, in seconds.
+        interface: The Python class of the service; available after the leaf's setup.
 
     Example:
-        A leaf that opens the gripper, FAILURE if the server says so::
+        A leaf that opens the gripper, and returns FAILURE if the server reports a failure::
 
             class OpenGripper(ServiceLeaf):
                 service_type = "std_srvs/srv/Trigger"
@@ -338,9 +338,9 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
         "service_type": "std_srvs/srv/Trigger",
         "service_name": "gripper/open",
     }
-    """The attributes that a class or its constructor must set, with examples; `checks.leaf_classes` asks for them."""
+    """The attributes that a subclass must set in the class or its constructor, with examples; `checks.leaf_classes` checks them."""
     use_kind: ClassVar[str] = "service"
-    """The kind of `Use` in the registration of a leaf."""
+    """The kind of the `Use` with which a leaf is registered."""
     service_type: Any = None
     service_name: str = ""
     timeout_sec: float = 5.0
@@ -351,16 +351,16 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
 
     @abstractmethod
     def request(self) -> Any:
-        """Return the request, an `interface.Request`.
+        """Return the request to send, an `interface.Request`.
 
-        Or a `Status`, to send nothing: SUCCESS and FAILURE end the leaf, with RUNNING this method is called again at
+        To send no request, return a `Status`: SUCCESS and FAILURE end the leaf. After RUNNING, this method is called again in
         the next tick.
         """
 
     def on_response(self, response: Any) -> Status:
-        """Return the leaf's status for the response; RUNNING to call the service again with a new `request`.
+        """Return the leaf's status after the response; RUNNING to call the service again with a new `request`.
 
-        By default SUCCESS, or FAILURE if the response has a field `success`, as in std_srvs, that is false.
+        By default, this is FAILURE if the response has a field `success` (as in std_srvs) that is false, otherwise SUCCESS.
         """
         if getattr(response, "success", True):
             return Status.SUCCESS
@@ -369,12 +369,13 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
     def is_good_news(self, response: Any) -> bool:
         """Return whether a response triggers an immediate tick.
 
-        After a bad answer a tree may call again at once, which would repeat as fast as the machine allows.
+        By default, a response that reports a failure does not, because a tree that calls the service again at once would
+        repeat the call as fast as the machine allows.
         """
         return bool(getattr(response, "success", True))
 
     def shutdown(self) -> None:
-        """Abandon the call and release the client."""
+        """Abandon the current call, and destroy the client."""
         self._drop()
         self._disconnect()
         super().shutdown()
@@ -393,7 +394,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
     def _progress(self, exchange: ServiceCall) -> Status:
         status = super()._progress(exchange)
         if exchange.sent and exchange.trouble:
-            # A server that has not discovered the client's reader drops every answer to it. It may discover another client's.
+            # A server that has not discovered this client's reader drops every response. It may discover the reader of a new client.
             self._disconnect()
             self._connect()
         return status

@@ -1,6 +1,6 @@
-"""The goals of a node from request to end, and the statuses that servers publish.
+"""The goals that a node sends, from the request to their ends, and the goal statuses that servers publish.
 
-The published statuses are a second source for the end of a goal.
+The published statuses are a second source for the end of a goal, beside the server's responses.
 """
 
 import math
@@ -24,11 +24,12 @@ if TYPE_CHECKING:
     from rclpy.task import Future
 
 SUCCEEDED = 4
-"""The status of a goal that has been reached, from `action_msgs/msg/GoalStatus`, like those below."""
+"""The status of a goal that has succeeded, as in `action_msgs/msg/GoalStatus`."""
 ABORTED, CANCELED, UNKNOWN = 6, 5, 0
+"""Further goal statuses, as in `action_msgs/msg/GoalStatus`."""
 
 FINAL = (SUCCEEDED, CANCELED, ABORTED)
-"""The statuses of a goal that has ended."""
+"""The statuses of goals that have ended."""
 
 _CANCEL = "/_action/cancel_goal"
 
@@ -36,35 +37,35 @@ _ENDS = {
     SUCCEEDED: "has arrived",
     CANCELED: "is cancelled",
     ABORTED: "was aborted",
-    UNKNOWN: "the server does not know (any more)",
+    UNKNOWN: "the server does not know, or no longer knows",
 }
 
 StatusListener = Callable[[int], None]
 FeedbackListener = Callable[[bytes], None]
 
-# The position of the goal's id in a serialised feedback message, after four bytes of encoding.
+# The position of the goal ID in a serialised feedback message, after four bytes that define the encoding.
 _GOAL_ID = slice(4, 20)
 
 
 def end_in_words(status: int) -> str:
-    """Describe the end of a goal, given its final status."""
+    """Describe the end of a goal as a relative clause without the pronoun, given the goal's final status."""
     return _ENDS.get(status, f"has ended with status {status}")
 
 
 def cancel_client(node: "Node", action: str) -> "Client":
-    """Return a client of the service that cancels goals of an action from any client."""
+    """Create a client of the service that cancels the goals of an action, whichever client has sent them."""
     from action_msgs.srv import CancelGoal
 
     return node.create_client(CancelGoal, f"{action}{_CANCEL}")
 
 
 def canceled_action(service: str) -> str:
-    """Return the full name of the action of a cancel service."""
+    """Return the full name of the action to which a cancel service belongs."""
     return service.removesuffix(_CANCEL)
 
 
 def cancel_request(goal_id: str) -> Any:
-    """Return the request to cancel one goal, by its id: 32 hexadecimal digits."""
+    """Create the request to cancel one goal, given its ID (32 hexadecimal digits)."""
     from action_msgs.srv import CancelGoal
 
     request = CancelGoal.Request()
@@ -73,20 +74,20 @@ def cancel_request(goal_id: str) -> Any:
 
 
 def uuid_message(goal_id: str) -> Any:
-    """Return an id, 32 hexadecimal digits, as a message."""
+    """Convert a goal ID (32 hexadecimal digits) to a message."""
     from unique_identifier_msgs.msg import UUID
 
     return UUID(uuid=list(bytes.fromhex(goal_id)))
 
 
 class GoalStatuses:
-    """The latest statuses of all goals of one action, from its status topic, by their ids: 32 hexadecimal digits.
+    """The latest statuses of all goals of one action, from its status topic, by goal ID (32 hexadecimal digits).
 
-    Use `goal_statuses_of`, which knows the goals of this node.
+    It is created by `goal_statuses_of`, so that it knows all goals of the node.
 
     Args:
-        node: The rclpy node.
-        action: The action's (relative) name.
+        node: The rclpy node that subscribes to the topic.
+        action: The (relative) name of the action.
 
     Attributes:
         full_name: The full name of the action.
@@ -110,12 +111,12 @@ class GoalStatuses:
         return any(status not in FINAL and goal not in self._ours for goal, status in self._latest.items())
 
     def end_of(self, goal: str) -> int | None:
-        """Return the latest final status of a goal from the topic; None before the first one."""
+        """Return the final status of a goal according to the topic; None if the topic has not reported the goal's end."""
         status = self._latest.get(goal)
         return status if status in FINAL else None
 
     def servers(self) -> frozenset[bytes]:
-        """Return the identities of the action's servers: the ids of their status publishers."""
+        """Return the unique IDs of the status publishers, which identify the action's servers."""
         there = self._node.get_publishers_info_by_topic(self._topic)
         return frozenset(bytes(each.endpoint_gid) for each in there)
 
@@ -124,7 +125,7 @@ class GoalStatuses:
         self._latest = {}
 
     def follow(self, goal: str, on_end: StatusListener) -> None:
-        """Register a callback, held weakly, for the final status of this node's goals."""
+        """Call *on_end*, to which only a weak reference is stored, with the final status of a goal that this node sends."""
         self._ours.add(goal)
         self._listeners[goal] = WeakMethod(on_end)
 
@@ -134,24 +135,24 @@ class GoalStatuses:
             if status in FINAL and (listener := self._listeners.pop(goal, lambda: None)()) is not None:
                 listener(status)
         self._listeners = {goal: each for goal, each in self._listeners.items() if each() is not None}
-        # A goal that has ended stays in the list for a while, and must not look foreign.
+        # A goal of this node that has ended stays in the list for a while, and must not be regarded as another client's goal.
         self._ours.intersection_update({*self._latest, *self._listeners})
 
 
 def goal_statuses_of(node: "Node", action: str) -> GoalStatuses:
-    """Return the statuses of an action's goals, one object for the lifetime of a node."""
+    """Return the statuses of an action's goals; every call for a node returns the same object."""
     return of_node(node, (GoalStatuses, action), lambda: GoalStatuses(node, action))
 
 
 class GoalFeedback:
-    """The serialised feedback on all goals of one action; use `goal_feedback_of`.
+    """The serialised feedback on all goals of one action; created by `goal_feedback_of`.
 
-    Only a receiver that needs a message deserialises it.
+    A message is only deserialised if its receiver calls `read`.
 
     Args:
-        node: The rclpy node.
-        action_type: The action's Python type.
-        action: The action's (relative) name.
+        node: The rclpy node that subscribes to the feedback.
+        action_type: The Python class of the action.
+        action: The (relative) name of the action.
     """
 
     def __init__(self, node: "Node", action_type: Any, action: str) -> None:
@@ -163,12 +164,12 @@ class GoalFeedback:
         node.create_subscription(self._type, name, self._on_feedback, qos, raw=True)
 
     def follow(self, goal: str, on_feedback: FeedbackListener) -> None:
-        """Register a callback, held weakly, for each message about a goal."""
+        """Call *on_feedback*, to which only a weak reference is stored, with each serialised message about a goal."""
         self._listeners = {goal: each for goal, each in self._listeners.items() if each() is not None}
         self._listeners[goal] = WeakMethod(on_feedback)
 
     def read(self, message: bytes) -> Any:
-        """Return the feedback in a message."""
+        """Deserialise a message and return the feedback in it."""
         from rclpy.serialization import deserialize_message
 
         return deserialize_message(message, self._type).feedback
@@ -180,18 +181,18 @@ class GoalFeedback:
 
 
 def goal_feedback_of(node: "Node", action_type: Any, action: str) -> GoalFeedback:
-    """Return the feedback on an action's goals, one object for the lifetime of a node."""
+    """Return the feedback on an action's goals; every call for a node returns the same object."""
     return of_node(node, (GoalFeedback, action_type, action), lambda: GoalFeedback(node, action_type, action))
 
 
 class GoalEvent(NamedTuple):
-    """A change of a goal: it is about to be sent, or has ended.
+    """The event that a goal is about to be sent or has ended.
 
     Attributes:
-        goal_id: Its id, 32 hexadecimal digits.
-        action: The full name of its action.
-        status: Its final status, a constant of `action_msgs/msg/GoalStatus`, 0 if no server knows it; None if it is
-            about to be sent.
+        goal_id: The goal's ID, 32 hexadecimal digits.
+        action: The full name of the action.
+        status: The goal's final status, a constant of `action_msgs/msg/GoalStatus` (0 if no server knows the goal); None if
+            the goal is about to be sent.
     """
 
     goal_id: str
@@ -200,12 +201,12 @@ class GoalEvent(NamedTuple):
 
     @property
     def is_over(self) -> bool:
-        """Whether it has ended."""
+        """Whether the goal has ended."""
         return self.status is not None
 
 
 class ActiveGoals:
-    """Notifies listeners of the goals that one node sends, by their ids (32 hexadecimal digits); use `active_goals_of`."""
+    """The active goals that one node has sent, by goal ID (32 hexadecimal digits); created by `active_goals_of`."""
 
     def __init__(self) -> None:
         self._active: dict[str, str] = {}
@@ -217,37 +218,38 @@ class ActiveGoals:
         return len(self._active)
 
     def drives(self, actions: Collection[str]) -> bool:
-        """Return whether a goal of some actions may be active, ignoring lost goals."""
+        """Return whether a goal of one of the actions may be active, except for lost goals."""
         return any(action in actions and goal not in self._lost for goal, action in self._active.items())
 
     @property
     def may_be_active(self) -> bool:
-        """Whether a goal with an observable end may be active."""
+        """Whether a goal may be active, except for lost goals."""
         return any(goal not in self._lost for goal in self._active)
 
     def active(self) -> "list[GoalEvent]":
-        """Return the goals that were sent and have no observed end; thread-safe."""
+        """Return the goals that were sent and whose ends were not observed; may be called from any thread."""
         return [GoalEvent(goal_id, action) for goal_id, action in [*self._active.items()]]
 
     def mark_lost(self, goal_id: str) -> None:
-        """Record that the server of a goal has stopped responding."""
+        """Mark a goal as lost, because its server has stopped responding."""
         self._lost.add(goal_id)
 
     def add_listener(self, listener: Callable[[GoalEvent], None]) -> None:
-        """Register a callback for each goal before it is sent and after its end."""
+        """Add a callback that is called before each goal is sent and after each goal has ended."""
         self._listeners.append(listener)
 
     def before_sending(self, goal_id: str, action: str) -> None:
-        """Record a goal just before it is sent; *action* is the full name of its action."""
+        """Add a goal just before it is sent, given its ID and the full name of its action."""
         self._active[goal_id] = action
         self._notify(GoalEvent(goal_id, action))
 
     def mark_ended(self, goal_id: str, status: int) -> None:
-        """Record that a goal was rejected or has ended.
+        """Remove a goal that was rejected or has ended.
 
         Args:
-            goal_id: Its id.
-            status: Its final status, a constant of `action_msgs/msg/GoalStatus`; 0 if it was rejected, or no server knows it.
+            goal_id: The goal's ID.
+            status: The goal's final status, a constant of `action_msgs/msg/GoalStatus`; 0 if the goal was rejected, or no
+                server knows it.
         """
         self._lost.discard(goal_id)
         action = self._active.pop(goal_id, None)
@@ -260,7 +262,7 @@ class ActiveGoals:
 
 
 def active_goals_of(node: "Node") -> ActiveGoals:
-    """Return the goals of a node, one object for each node."""
+    """Return the active goals of a node; every call for a node returns the same object."""
     return of_node(node, ActiveGoals, ActiveGoals)
 
 
@@ -269,37 +271,37 @@ _FAILURES = {
     CANCELED: "canceled by another client",
     ABORTED: "aborted",
 }
-# How long the result may take after the status topic has reported the end, seconds.
+# Maximum wait for the result after the status topic has reported the end of a goal, in seconds.
 _RESULT_SEC = 2.0
-# This many goals in a row without an answer are no coincidence.
+# After this many goals in a row without a response, the clients are replaced.
 _UNANSWERED = 2
-# An acceptance is still awaited for this many times its limit.
+# A goal may still be accepted late, until this multiple of the limit for its acceptance.
 _LATEST = 4.0
-# A navigator that neither answers nor sends feedback for this long has crashed, seconds in which this process ran.
+# A navigator that neither responds nor sends feedback for this time has crashed, in seconds of awake time.
 _QUIET_SEC = 2.0
-# Interval between heartbeat requests to a server, seconds.
+# Interval between two requests that check whether a server responds, in seconds.
 _PULSE_SEC = 1.0
-# Interval between status requests for a goal that was abandoned, seconds.
+# Interval between two requests about an abandoned goal, in seconds.
 _CHASE_SEC = 1.0
 
 
 def describe_status(status: int, result: Any = None) -> str:
-    """Describe a goal's final status other than success, with the error in its result."""
+    """Describe the final status of a goal that has not succeeded, together with the error in its result."""
     words = f"{_FAILURES.get(status, 'not finished')} (status {status})"
     reason = reported_error(result) if result is not None else ""
     return f"{words}: {reason}" if reason else words
 
 
 class ActionPort:
-    """A node's access to one action.
+    """The clients and subscriptions by which a node uses one action.
 
     Args:
         node: The rclpy node.
-        action_type: The action's Python type.
-        name: The action's (relative) name.
+        action_type: The Python class of the action.
+        name: The (relative) name of the action.
 
     Attributes:
-        full_name: The action's full name.
+        full_name: The full name of the action.
         unanswered: The number of goals in a row that were neither accepted nor rejected in time.
     """
 
@@ -314,7 +316,8 @@ class ActionPort:
         self._connect()
 
     def _connect(self) -> None:
-        # Not rclpy's ActionClient: it cancels only goals whose acceptance it has seen, and reads all feedback, also on others' goals.
+        # rclpy's ActionClient is not used, because it can only cancel goals whose acceptance has arrived, and deserialises all feedback, including
+        # feedback on other clients' goals.
         node, name = self._node, self.name
         self.sender = node.create_client(self.action_type.Impl.SendGoalService, f"{name}/_action/send_goal")
         self.canceller = cancel_client(node, name)
@@ -332,67 +335,68 @@ class ActionPort:
 
     @property
     def is_usable(self) -> bool:
-        """Whether messages can be sent at all: the node is alive and ROS is not shut down."""
+        """Whether messages can be sent, because the node exists and ROS is not shut down."""
         return is_node_valid(self._node)
 
     def warn(self, text: str) -> None:
-        """Write a warning to the node's log."""
+        """Log a warning on the node."""
         self._node.get_logger().warning(escape_to_one_line(text))
 
     def count_unanswered(self) -> None:
-        """Count a goal without a response in time; replace the clients after the second in a row."""
+        """Count a goal that was neither accepted nor rejected in time; replace the clients after the second such goal in a row."""
         self.unanswered += 1
         if self.unanswered < _UNANSWERED or not self.is_usable:
             return
-        # A server that has not discovered a client's reader drops every answer to it. It may discover another client's.
+        # A server that has not discovered this client's reader drops every response. It may discover the reader of a new client.
         self.unanswered = 0
         self.warn(
-            f"The server of '{self.name}' is present but has not answered {_UNANSWERED} goals in a row. The clients "
+            f"The server of '{self.name}' is present, but has not responded to {_UNANSWERED} goals in a row. The clients "
             "are replaced."
         )
         self.release()
         self._connect()
 
     def release(self) -> None:
-        """Destroy the clients, unless their node was destroyed."""
+        """Destroy the clients, unless their node is already destroyed."""
         if is_node_valid(self._node):
             for client in self._clients:
                 self._node.destroy_client(client)
 
 
 class ServerProbe:
-    """Checks that a server responds by requesting the result of an unknown goal, which it rejects at once.
+    """Checks that a server responds by requesting the result of an unknown goal, which the server rejects at once.
 
-    A server with a single thread does not answer while it works. So it counts as crashed only after it has answered once.
+    A server with a single thread does not respond while it executes a goal. So a silent server is only regarded as crashed if it has
+    responded to an earlier request.
 
     Args:
         prober: A client of the action's result service.
-        limit_sec: How long an answer may take, seconds.
-        clock: The clock of the limits.
+        limit_sec: The maximum wait for a response, in seconds.
+        clock: The clock that measures the wait.
     """
 
     def __init__(self, prober: "Client", limit_sec: float, clock: Clock) -> None:
         self._prober, self._limit_sec, self._clock = prober, limit_sec, clock
-        self._question: Future | None = None
-        self._has_answered = False
+        self._request: Future | None = None
+        self._has_responded = False
         self._due = Deadline(0.0, clock)
         self._limit = Deadline(limit_sec, clock)
 
     def has_server_stopped(self) -> bool:
-        """Send the request if due; return whether a previously responsive server has become silent."""
-        if self._question is None:
+        """Send the next request if it is due; return whether a server that has responded before has become silent."""
+        if self._request is None:
             if self._due.has_passed:
                 self._send_request()
-        elif self._question.done():
-            self._has_answered = True
+        elif self._request.done():
+            self._has_responded = True
             self.postpone()
         elif self._limit.has_passed:
             self._drop()
-            return self._has_answered
+            return self._has_responded
         return False
 
     def postpone(self) -> None:
-        """Postpone the next request: the server has sent a message."""
+        """Postpone the next request, because the server has just sent a message."""
         self._drop()
         self._due = Deadline(_PULSE_SEC, self._clock)
 
@@ -400,44 +404,43 @@ class ServerProbe:
         request: Any = self._prober.srv_type.Request()
         request.goal_id.uuid = list(uuid.uuid4().bytes)
         self._limit = Deadline(self._limit_sec, self._clock)
-        self._question = self._prober.call_async(request)
+        self._request = self._prober.call_async(request)
 
     def _drop(self) -> None:
-        question, self._question = self._question, None
-        if question is not None:
-            # Without this the client would wait for the answer for good.
-            self._prober.remove_pending_request(question)
+        request, self._request = self._request, None
+        if request is not None:
+            # Otherwise the client would wait for the response forever.
+            self._prober.remove_pending_request(request)
 
 
 class GoalSender(ClientLeaf["ActionGoal"]):
-    """The limits of a leaf that sends goals; see `ActionLeaf`."""
+    """Base class of `ActionLeaf` with its time limits, so that `ActionGoal` need not import `ActionLeaf`."""
 
     acceptance_timeout_sec: float = 5.0
     feedback_timeout_sec: float | None = None
     absence_timeout_sec: float = 0.5
 
     def _on_server_answer(self) -> None:
-        """Handle the acceptance or the success of the goal."""
+        """Handle that the server has accepted the goal, or that the goal has succeeded."""
 
 
 class ActionGoal(PendingCall):
-    """One goal, from the request to its end, sent at most once and without blocking.
+    """One goal from the request to the goal's end, which is sent at most once and without blocking.
 
-    The leaf calls `advance` in every tick and reads `answer` and `trouble`. The server's messages arrive in callbacks, each bound to its own
-    goal: the answer to an old goal cannot affect a new one.
+    The leaf calls `poll` in every tick and reads `answer` and `trouble`. The server's messages arrive in callbacks, each of which is bound to one
+    goal, so that a response to an earlier goal cannot affect a later goal.
 
     Args:
-        leaf: The leaf that sends it, which is notified of its acceptance and success.
-        port: The action.
+        leaf: The leaf that sends the goal. It is notified when the goal is accepted or has succeeded.
+        port: The node's access to the action.
         message: The goal to send.
 
     Attributes:
-        sent, trouble: As in every `PendingCall`.
-        answer: The server's final answer, with `status` (a constant of `action_msgs/msg/GoalStatus`) and
-            `result`; None until then.
-        rejected: Whether the server rejected the goal.
-        is_result_lost: Whether the server's result did not arrive, so that the one in the answer is empty.
-        ended_at: The time when its end was seen, steady seconds; infinite until then.
+        sent, trouble: See `PendingCall`.
+        answer: The server's final response, with `status` (a constant of `action_msgs/msg/GoalStatus`) and `result`; None before it arrives.
+        rejected: Whether the server has rejected the goal.
+        is_result_lost: Whether the server's result has not arrived, so that the result in `answer` is empty.
+        ended_at: The time when the goal's end was observed, in seconds of the steady clock; infinite before.
     """
 
     _server_kind = "action"
@@ -450,7 +453,7 @@ class ActionGoal(PendingCall):
         self.rejected = self.is_result_lost = False
         self.ended_at = math.inf
         self._port, self._message = port, message
-        # An id chosen by the client, so that the goal can be cancelled before the server answers.
+        # The client chooses the ID, so that it can cancel the goal before the server responds.
         self._id = uuid.uuid4().hex
         self._is_accepted = False
         self._feedback: bytes | None = None
@@ -461,7 +464,7 @@ class ActionGoal(PendingCall):
         self._doubt: Deadline | None = None
         self._absence: Deadline | None = None
         self._pulse: ServerProbe | None = None
-        self._questions: list[tuple[Client, Future]] = []
+        self._pending: list[tuple[Client, Future]] = []
         self._was_withdrawn = False
         self._granted = False
         self._chased: Deadline | None = None
@@ -471,12 +474,12 @@ class ActionGoal(PendingCall):
 
     @property
     def may_be_active(self) -> bool:
-        """Whether the server has or may have the goal, and it has not been abandoned."""
+        """Whether the server may execute the goal, and the goal was not abandoned."""
         return self.sent and not self.is_over and not self._abandoned
 
     @property
     def was_withdrawn(self) -> bool:
-        """Whether a request to cancel it was sent."""
+        """Whether a request to cancel the goal was sent."""
         return self._was_withdrawn
 
     @property
@@ -486,7 +489,7 @@ class ActionGoal(PendingCall):
 
     @property
     def has_ended(self) -> bool:
-        """Whether the goal is certainly inactive."""
+        """Whether the goal is certainly inactive: it was not sent, or its end was observed."""
         return not self.sent or self._final is not None
 
     @property
@@ -494,43 +497,43 @@ class ActionGoal(PendingCall):
         """Whether no server can still accept the goal."""
         if self.age_sec <= self._reply_sec:
             return False
-        # A killed server stays in the graph for a while: a server that answers has appeared since.
+        # A killed server stays in the ROS graph for a while. If a new server has appeared, it does not know the goal.
         return self.age_sec > _LATEST * self._reply_sec or bool(self._port.statuses.servers() - self._servers)
 
     @property
     def age_sec(self) -> float:
-        """The seconds since it was sent."""
+        """The time since the goal was sent, in seconds."""
         return self._leaf._clock.now() - self._sent_at
 
     @property
     def _silence_sec(self) -> float:
-        """Maximum silence of a server that sends no feedback, seconds."""
+        """The maximum time without a response from a server that sends no feedback, in seconds."""
         limit_sec = self._leaf.feedback_timeout_sec
         return self._leaf.server_timeout_sec if limit_sec is None else limit_sec
 
     @property
     def server_is_gone(self) -> bool:
-        """Whether the goal's server has disappeared, which ends the goal."""
+        """Whether no server is available to this node: the goal's server has disappeared, or ROS is shut down."""
         return not (self._port.is_usable and self._port.sender.service_is_ready())
 
     def abandon_if_silent(self, navigator: str) -> None:
-        """Abandon the goal if its server has stopped sending feedback.
+        """Abandon the goal if the server has also stopped sending feedback.
 
         Args:
-            navigator: The lifecycle node of the server, which does not answer.
+            navigator: The name of the server's lifecycle node, which does not respond.
         """
         if self.may_be_active and self._final is None and AWAKE.now() - self._heard_at > _QUIET_SEC:
             self._mark_lost(
-                f"the server has sent no feedback for {_QUIET_SEC:g} s, and node {navigator} does not answer"
+                f"the server has sent no feedback for {_QUIET_SEC:g} s, and node {navigator} does not respond"
             )
 
     @property
     def has_feedback(self) -> bool:
-        """Whether there is feedback that has not been read."""
+        """Whether feedback has arrived that was not read yet."""
         return self._feedback is not None
 
     def pop_feedback(self) -> Any:
-        """Return and clear the latest feedback, at most once per message."""
+        """Return the latest feedback, and mark it as read."""
         feedback, self._feedback = self._feedback, None
         return self._port.feedback.read(cast("bytes", feedback))
 
@@ -538,9 +541,9 @@ class ActionGoal(PendingCall):
         return self._port.server_is_ready
 
     def chase(self) -> None:
-        """Check an abandoned goal again, and cancel it unless a cancel was granted."""
+        """Send the next request about an abandoned goal if it is due: to cancel the goal or, if the server already does, for its result."""
         if self.has_ended:
-            self._drop_questions()
+            self._drop_pending()
         if self.has_ended or not self._abandoned or not (self._chased is None or self._chased.has_passed):
             return
         if self._granted:
@@ -549,18 +552,18 @@ class ActionGoal(PendingCall):
             self._cancel_sent()
 
     def _query_result(self) -> None:
-        """Request the result again; a server that does not know the goal responds at once."""
+        """Request the result again, because a server that does not know the goal responds at once."""
         self._chased = self._limit(_CHASE_SEC)
         prober = self._port.prober
         if self._port.is_usable and prober.service_is_ready():
             self._request_result()
 
-    def _drop_questions(self) -> None:
-        """Discard all pending responses, once the goal's end is known."""
-        pending, self._questions = self._questions, []
-        for client, question in pending if self._port.is_usable else ():
-            # Without this the client would wait for the answer, and keep the goal alive, for good.
-            client.remove_pending_request(question)
+    def _drop_pending(self) -> None:
+        """Discard all pending requests, because the goal's end is known."""
+        pending, self._pending = self._pending, []
+        for client, request in pending if self._port.is_usable else ():
+            # Otherwise the client would wait for the response, and keep this object in memory, forever.
+            client.remove_pending_request(request)
 
     def _send(self) -> None:
         self._servers = self._port.statuses.servers()
@@ -570,18 +573,18 @@ class ActionGoal(PendingCall):
         self._port.feedback.follow(self._id, self._on_feedback)
         request = self._port.sender.srv_type.Request()
         request.goal_id, request.goal = uuid_message(self._id), self._message
-        self._port.sender.call_async(request).add_done_callback(self._on_answer)
+        self._port.sender.call_async(request).add_done_callback(self._on_goal_response)
 
     def _cancel_sent(self) -> None:
         if not self._port.is_usable or not self._port.canceller.service_is_ready():
             return
-        # Cancel by the client's own id, which works before the acceptance arrives if the server already has the goal.
-        # If not, it answers that it does not know the goal, which is then cancelled when its acceptance arrives.
+        # The ID is known before the acceptance arrives, so the goal is cancelled if the server already has it. Otherwise the
+        # server responds that the goal is unknown, and the goal is cancelled when its acceptance arrives.
         self._chased = self._limit(_CHASE_SEC)
         canceller = self._port.canceller
-        answer = canceller.call_async(cancel_request(self._id))
-        answer.add_done_callback(self._on_cancel_answer)
-        self._questions.append((canceller, answer))
+        request = canceller.call_async(cancel_request(self._id))
+        request.add_done_callback(self._on_cancel_response)
+        self._pending.append((canceller, request))
         self._was_withdrawn = True
 
     def _watch(self) -> None:
@@ -594,54 +597,54 @@ class ActionGoal(PendingCall):
         elif self._silence is not None and self._silence.has_passed:
             self._mark_lost(f"the server has sent no feedback for {self._silence_sec:g} s")
         elif self.server_is_gone:
-            self._miss_server()
+            self._wait_for_missing_server()
         else:
-            self._question_server()
+            self._check_server()
 
     def _await_result(self, status: int) -> None:
-        """Use the status topic if the result does not arrive."""
+        """Wait for the result after the goal has ended; if it does not arrive, use the status from the status topic."""
         if self._result_due is None:
             self._result_due = self._limit(_RESULT_SEC)
         elif self._result_due.has_passed:
             self._port.warn(
-                f"The result of the goal of '{self._port.name}' is lost. The status topic reports its end: {status}."
+                f"The result of the goal of '{self._port.name}' is lost. According to the status topic, the goal has ended with status {status}."
             )
             self.is_result_lost = True
             self.answer = SimpleNamespace(status=status, result=self._port.action_type.Result())
 
-    def _miss_server(self) -> None:
-        # A server that appears instead of it does not know the goal.
+    def _wait_for_missing_server(self) -> None:
+        # The server may appear again after a short time. A different server would not know the goal.
         if self._absence is None:
             self._absence = self._limit(self._leaf.absence_timeout_sec)
         elif self._absence.has_passed:
             self._mark_lost(f"the server has been missing for {self._leaf.absence_timeout_sec:g} s")
 
-    def _question_server(self) -> None:
-        """Determine whether the server responds and knows the goal."""
+    def _check_server(self) -> None:
+        """Check whether the server responds and knows the goal."""
         if self._absence is not None or (
             self._silence is None and self._doubt is not None and self._doubt.has_passed
         ):
-            # This may be another server than before: one that does not know the goal answers at once.
+            # This may be a different server than before. A server that does not know the goal responds at once.
             self._absence = None
             self._doubt = self._limit(self._silence_sec)
             self._request_result()
         if self._pulse is not None and self._pulse.has_server_stopped():
-            self._mark_lost(f"the server has not answered for {self._silence_sec:g} s")
+            self._mark_lost(f"the server has not responded for {self._silence_sec:g} s")
 
     def _mark_lost(self, trouble: str) -> None:
         self._port.goals.mark_lost(self._id)
         self._give_up(f"{trouble}. The robot may still be moving")
 
-    def _on_answer(self, answer: "Future") -> None:
+    def _on_goal_response(self, future: "Future") -> None:
         self._port.unanswered = 0
-        if not answer.result().accepted:
+        if not future.result().accepted:
             self.rejected = True
             self._on_end(UNKNOWN)
             if not self._abandoned:
                 self.trouble = "the server rejected the goal. Is its lifecycle state 'active'?"
             return
         self._is_accepted = True
-        if self._final == UNKNOWN:  # it was considered lost
+        if self._final == UNKNOWN:  # the goal was considered as never received
             self._final = None
             self._port.goals.before_sending(self._id, self._port.full_name)
         self._doubt = self._limit(self._silence_sec)
@@ -653,14 +656,14 @@ class ActionGoal(PendingCall):
             self._leaf._on_server_answer()
 
     def _request_result(self) -> None:
-        # At once, since a server forgets results.
+        # The result is requested at once, because a server discards results after some time.
         if not self._port.is_usable:
             return
         request = self._port.prober.srv_type.Request()
         request.goal_id = uuid_message(self._id)
-        question = self._port.prober.call_async(request)
-        question.add_done_callback(self._on_result)
-        self._questions.append((self._port.prober, question))
+        future = self._port.prober.call_async(request)
+        future.add_done_callback(self._on_result)
+        self._pending.append((self._port.prober, future))
 
     def _on_feedback(self, message: bytes) -> None:
         self._feedback, self._heard_at = message, AWAKE.now()
@@ -674,9 +677,9 @@ class ActionGoal(PendingCall):
         self.ended_at = min(self.ended_at, time.monotonic())
         self._port.goals.mark_ended(self._id, status)
 
-    def _on_result(self, answer: "Future") -> None:
-        result = answer.result()
-        self._drop_questions()
+    def _on_result(self, future: "Future") -> None:
+        result = future.result()
+        self._drop_pending()
         self._on_end(result.status)
         if self.is_over or self._abandoned:
             return
@@ -684,23 +687,23 @@ class ActionGoal(PendingCall):
         if result.status == SUCCEEDED:
             self._leaf._on_server_answer()
 
-    def _on_cancel_answer(self, answer: "Future") -> None:
-        response = answer.result()
+    def _on_cancel_response(self, future: "Future") -> None:
+        response = future.result()
         if response.goals_canceling:
             self._granted = True
         if self._granted or self.has_ended:
             return
         if response.return_code == response.ERROR_GOAL_TERMINATED:
-            # The goal has ended, or another client has requested to cancel it, which does not end it yet.
+            # The goal has ended, or is still being cancelled because another client has requested it.
             self._granted = True
             self._query_result()
         elif response.return_code == response.ERROR_UNKNOWN_GOAL_ID:
-            # A server that no longer knows the goal is a new one. If the goal is unknown long after it was sent, it
-            # did not arrive.
+            # A server that has accepted the goal and no longer knows it was restarted. A goal that is unknown long after it was sent
+            # has not arrived.
             if self._is_accepted or self._is_too_late:
                 self._on_end(UNKNOWN)
         elif not self._refused:
-            # A server rejects the request by an empty list. Its return code may still be "no error".
+            # A server rejects the request with an empty list. The return code may still be "no error".
             self._refused = True
             self._port.warn(
                 f"The server of '{self._port.name}' did not cancel the goal (return code "

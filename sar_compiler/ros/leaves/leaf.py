@@ -1,4 +1,4 @@
-"""The base class of leaves that use ROS 2, and objects shared by a node's leaves."""
+"""The base class of leaves that use ROS 2, and objects that the leaves of a node share."""
 
 from collections.abc import Callable, Hashable
 from importlib import import_module
@@ -34,29 +34,29 @@ _ATTRIBUTE = "_sar_compiler_of_node"
 
 
 def of_node(node: "Node", key: Hashable, make: Callable[[], T]) -> T:
-    """Return the object that a node has for a key; create it in the first call.
+    """Return the object that is stored on a node under a key; the first call creates it.
 
-    It is an attribute of the node, so it may refer to the node.
+    The object is part of the node, so it may refer to the node.
 
     Args:
         node: The node.
         key: The key of the object.
-        make: Creates the object in the first call.
+        make: Creates the object.
     """
-    held: dict[Hashable, Any] = vars(node).setdefault(_ATTRIBUTE, {})
-    if key not in held:
-        held[key] = make()
-    return cast("T", held[key])
+    objects: dict[Hashable, Any] = vars(node).setdefault(_ATTRIBUTE, {})
+    if key not in objects:
+        objects[key] = make()
+    return cast("T", objects[key])
 
 
 class MissingNodeError(SarError, KeyError):
     """A leaf that needs a ROS node was set up without one, or ticked before its setup.
 
-    It is also a `KeyError`, which is what py_trees' own ROS leaves raise.
+    It is also a `KeyError`, because py_trees' own ROS leaves raise this exception.
 
     Args:
-        leaf_name: The node's name.
-        leaf_class: The name of its class.
+        leaf_name: The leaf's name.
+        leaf_class: The name of the leaf's class.
     """
 
     def __init__(self, leaf_name: str, leaf_class: str) -> None:
@@ -66,23 +66,23 @@ class MissingNodeError(SarError, KeyError):
 
     def __str__(self) -> str:
         return (
-            f"'{self.leaf_name}' ({self.leaf_class}) uses ROS but has no node: pass an rclpy node to the "
-            "tree's setup, as in setup(node=my_node)"
+            f"'{self.leaf_name}' ({self.leaf_class}) uses ROS, but has no node. Pass an rclpy node to the "
+            "tree's setup: setup(node=my_node)"
         )
 
 
 class LeafDefinitionError(SarError):
-    """The class of a leaf lacks a required attribute, or its interface type is not installed."""
+    """A required attribute of a leaf is missing or invalid, or the leaf's interface type is not installed."""
 
 
 class RosLeaf(Behaviour):
-    """A leaf that has a node, and may wake its tree's engine.
+    """A leaf that has a ROS node, and can request a tick of its tree.
 
     Args:
-        name: The node's name.
+        name: The leaf's name.
 
     Attributes:
-        outcome_label: The label of the declared outcome that it has returned, if its status has several (`outcome`).
+        outcome_label: The label of the last declared outcome, which distinguishes outcomes with the same status (`outcome`).
     """
 
     def __init__(self, name: str) -> None:
@@ -92,13 +92,13 @@ class RosLeaf(Behaviour):
         self._wake: Wake = ignore_wake
 
     def setup(self, **kwargs: Any) -> None:
-        """Store the node to use, without blocking.
+        """Store the rclpy node, without blocking.
 
         Args:
-            **kwargs: `node`, the rclpy node; and optionally `wake`, which requests a tick.
+            **kwargs: `node`, the rclpy node, and optionally `wake`, a function that requests a tick.
 
         Raises:
-            MissingNodeError: If there is no `node`.
+            MissingNodeError: If `node` is missing.
         """
         if kwargs.get("node") is None:
             raise MissingNodeError(self.name, type(self).__name__)
@@ -106,7 +106,7 @@ class RosLeaf(Behaviour):
         self._wake = kwargs.get("wake", ignore_wake)
 
     def require_definition(self) -> None:
-        """Check the attributes from the file, before waiting for requirements.
+        """Check the attributes in the tree file; called before a run waits for the tree's requirements.
 
         Raises:
             LeafDefinitionError: If an attribute is invalid.
@@ -118,31 +118,31 @@ class RosLeaf(Behaviour):
 
     @property
     def node(self) -> "Node":
-        """The node that the leaf was set up with.
+        """The rclpy node with which the leaf was set up.
 
         Raises:
-            MissingNodeError: If it was not set up, or has been shut down.
+            MissingNodeError: If the leaf was not set up, or has been shut down.
         """
         if self._node is None:
             raise MissingNodeError(self.name, type(self).__name__)
         return self._node
 
     def outcome(self, status: Status, label: str) -> Status:
-        """Return a status, and record the label of its declared outcome.
+        """Return the status, and store the label of the declared outcome.
 
         Args:
-            status: The status.
-            label: The label of the outcome; empty for no declared outcome.
+            status: The status of the outcome.
+            label: The label of the outcome; empty if the outcome is not declared.
         """
         self.outcome_label = label
         return status
 
     def log(self, text: str) -> None:
-        """Write a line to the mission's log; line breaks and unprintable characters are escaped."""
+        """Log a text on one line; line breaks and unprintable characters are escaped, and a long text is shortened."""
         self.node.get_logger().info(shorten_to_line(text))
 
     def warn(self, text: str) -> None:
-        """Log a warning, as `log` does, and store it as the leaf's feedback message."""
+        """Log a warning on one line, like `log`, and store it as the leaf's feedback message."""
         self.feedback_message = text
         self.node.get_logger().warning(shorten_to_line(text))
 
@@ -152,28 +152,27 @@ NAMED_QOS = {
     "reliable": ("reliable", "volatile"),
     "transient_local": ("reliable", "transient_local"),
 }
-"""The qualities of service that have a name, the least demanding first: reliability and durability."""
+"""The reliability and durability of QoS profiles by name, least demanding first."""
 WORDS = {"action": "action", "srv": "service", "msg": "topic"}
-"""The kinds of interfaces, and the words for their endpoints."""
+"""The words for endpoints by the kind of their interface."""
 
 
 def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
-    """Return the Python class of an action, a service or a message.
+    """Return the Python class of an action, service or message type.
 
     Args:
-        owner: The class of the leaf, for messages.
+        owner: The name of the leaf's class, for error messages.
         kind: `action`, `srv` or `msg`.
-        name: The name of the server or topic, which is required as well.
-        written: The type: a string such as `nav2_msgs/action/NavigateToPose`, which is resolved only here, or the
-            Python class itself.
+        name: The name of the server or topic, which must not be empty.
+        written: The type, as a string such as `nav2_msgs/action/NavigateToPose` or as the Python class itself.
 
     Raises:
-        LeafDefinitionError: If name or type is missing, or the type is not installed.
+        LeafDefinitionError: If the name or type is missing, or the type is not installed.
     """
     word = WORDS[kind]
     if not name or not written:
         missing = f"{word}_type" if name else f"{word}_name"
-        raise LeafDefinitionError(f"{owner} has no {missing}. Set it on the class, or in the constructor")
+        raise LeafDefinitionError(f"{owner} has no {missing}. Set it in the class or its constructor")
     if not isinstance(written, str):
         return written
     package, _, cls = written.partition(f"/{kind}/")
@@ -183,20 +182,20 @@ def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
 
 
 def interface_name(interface: Any) -> str:
-    """Return the full name of a Python class of an interface or a message: `package/srv/Name`."""
+    """Return the full ROS name of an interface's Python class, such as `package/srv/Name`."""
     package, kind, *_ = f"{interface.__module__}.".split(".")
     return f"{package}/{kind}/{interface.__name__}"
 
 
 def qos_profile(owner: str, written: Any) -> "QoSProfile":
-    """Return the quality of service of a subscription that keeps only the latest message.
+    """Create the QoS profile of a subscription that keeps only the latest message.
 
     Args:
-        owner: The class of the leaf, for messages.
-        written: `sensor_data`, `reliable`, `transient_local`, or an rclpy `QoSProfile`.
+        owner: The name of the leaf's class, for error messages.
+        written: `sensor_data`, `reliable`, `transient_local`, or an rclpy `QoSProfile`, which is returned unchanged.
 
     Raises:
-        LeafDefinitionError: If it is any other string.
+        LeafDefinitionError: If *written* is any other string.
     """
     from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 

@@ -17,25 +17,26 @@ if TYPE_CHECKING:
 class TopicLeaf(RosLeaf):
     """A leaf that evaluates the latest message of a topic.
 
-    A condition returns at once, and a leaf that `waits` is RUNNING until there is a message. It is subscribed from
-    the setup on, so a message may be older than the activation; `max_age_sec` and `clearing_policy` limit its age.
+    A leaf that `waits` is RUNNING until there is a message, other leaves return FAILURE. The leaf subscribes in its setup, so a
+    message may be older than the activation; `max_age_sec` and `clearing_policy` limit the age of messages.
 
-    A subclass has the attributes `topic_type` and `topic_name`, of the class or set by its constructor, and, if the content of
-    a message matters, the method `on_message`. A message for which that raises `UnusableValueError`, whose stamp is in the
-    future, or older than `max_age_sec`, is reported once and ignored. With `check_message` the usable message before it stays.
+    A subclass sets the attributes `topic_type` and `topic_name`, in the class or its constructor. If the content of a message
+    matters, it defines the method `on_message`. A message is reported once and ignored if `on_message` raises
+    `UnusableValueError`, or its time stamp is in the future or older than `max_age_sec`. If `check_message` raises this error, the
+    last usable message is kept.
 
     Attributes:
         topic_type: `"package/msg/Name"`, or the Python class.
-        topic_name: The topic's (relative) name.
+        topic_name: The (relative) name of the topic.
         qos: `"sensor_data"` (best effort, compatible with every publisher), `"reliable"`, `"transient_local"`
-            (reliable, including the last message from before the setup), or an rclpy `QoSProfile`.
-        max_age_sec: The maximum age of a message, seconds of the node's clock; None for no limit.
-        waits: Whether the leaf is RUNNING, instead of FAILURE, while there is no message.
-        clearing_policy: When the message is forgotten: `ClearingPolicy.NEVER`, `ON_INITIALISE` to use only those
-            that arrive after the leaf was entered, `ON_SUCCESS` to use each only once.
+            (reliable, including the last message before the setup), or an rclpy `QoSProfile`.
+        max_age_sec: The maximum age of a message, in seconds of the node's clock; None for no limit.
+        waits: Whether the leaf returns RUNNING, instead of FAILURE, while there is no message.
+        clearing_policy: When the latest message is discarded: `ClearingPolicy.NEVER`; `ON_INITIALISE`, to use only
+            messages that arrive after the leaf has started; or `ON_SUCCESS`, to use each message only once.
 
     Example:
-        A condition on a sensor, FAILURE also while there is no message::
+        A condition on a sensor, which returns FAILURE while there is no message::
 
             class BatteryOk(TopicLeaf):
                 topic_type = "sensor_msgs/msg/BatteryState"
@@ -51,9 +52,9 @@ class TopicLeaf(RosLeaf):
         "topic_type": "sensor_msgs/msg/BatteryState",
         "topic_name": "battery",
     }
-    """The attributes that a class or its constructor must set, with examples; `checks.leaf_classes` asks for them."""
+    """The attributes that a subclass must set in the class or its constructor, with examples; `checks.leaf_classes` checks them."""
     use_kind: ClassVar[str] = "topic"
-    """The kind of `Use` in the registration of a leaf."""
+    """The kind of the `Use` with which a leaf is registered."""
     topic_type: Any = None
     topic_name: str = ""
     qos: Any = "sensor_data"
@@ -70,10 +71,10 @@ class TopicLeaf(RosLeaf):
 
     @property
     def message(self) -> Any:
-        """The latest message; None if there is none, or it is too old."""
+        """The latest message; None if no message has arrived, or the latest message is too old."""
         if self._message is None or self.max_age_sec is None:
             return self._message
-        # A clock that jumps back, as that of a restarted simulator, makes every message too old.
+        # If the clock jumps back, as after the restart of a simulator, every message is too old.
         age_sec = self._now_sec() - self._received_sec
         return self._message if 0.0 <= age_sec <= self.max_age_sec else None
 
@@ -81,7 +82,7 @@ class TopicLeaf(RosLeaf):
     def absence_reason(self) -> str:
         """The reason why there is no usable message, as the end of a sentence.
 
-        It describes the last message, or the ROS graph. It is empty if a publisher exists whose messages reach the leaf.
+        The reason is a problem of the last message, or of the ROS graph. It is empty if messages of a publisher reach the leaf.
         """
         if self.unusable_reason or self._node is None:
             return self.unusable_reason
@@ -91,17 +92,17 @@ class TopicLeaf(RosLeaf):
         """Subscribe to the topic.
 
         Args:
-            **kwargs: `node` and optionally `wake`, see `RosLeaf`.
+            **kwargs: `node`, and optionally `wake` (see `RosLeaf`).
 
         Raises:
-            LeafDefinitionError: If the class does not name the topic, or the type is not installed.
+            LeafDefinitionError: If the class does not define the topic's name, or the type is not installed.
         """
         self.shutdown()
         super().setup(**kwargs)
         self.subscribe()
 
     def subscribe(self) -> None:
-        """Subscribe to the topic instead of the previous one, whose message is dropped."""
+        """Subscribe to the topic, end the previous subscription, and discard the previous message."""
         self._unsubscribe()
         owner = type(self).__name__
         interface = find_interface(owner, "msg", self.topic_name, self.topic_type)
@@ -109,18 +110,18 @@ class TopicLeaf(RosLeaf):
         self._subscription = self.node.create_subscription(interface, self.topic_name, self._on_message, qos)
 
     def initialise(self) -> None:
-        """Discard the earlier message if the clearing policy requires it."""
+        """Discard the latest message if the clearing policy is `ON_INITIALISE`."""
         if self.clearing_policy is ClearingPolicy.ON_INITIALISE:
             self._message = None
 
     def update(self) -> Status:
-        """Return the status for the latest message, or for a missing one."""
+        """Return the status of `on_message` for the latest message, or the status of `on_silence` if there is none."""
         message = self.message
         self.feedback_message = ""
         try:
             status = self.on_silence() if message is None else self.on_message(message)
         except UnusableValueError as error:
-            self._refuse(error)
+            self._report_unusable(error)
             self._message = None
             status = self.on_silence()
         if status is Status.SUCCESS and self.clearing_policy is ClearingPolicy.ON_SUCCESS:
@@ -128,7 +129,7 @@ class TopicLeaf(RosLeaf):
         return status
 
     def shutdown(self) -> None:
-        """Discard the message and end the subscription."""
+        """Discard the latest message, and end the subscription."""
         self._unsubscribe()
         super().shutdown()
 
@@ -140,18 +141,18 @@ class TopicLeaf(RosLeaf):
             self._subscription = None
 
     def check_message(self, message: Any) -> None:
-        """Check a message on arrival; a rejected message does not replace the previous one.
+        """Check a message when it arrives; a rejected message does not replace the latest message.
 
         Raises:
-            UnusableValueError: If a field is outside its definition.
+            UnusableValueError: If the value of a field violates the message's definition.
         """
 
     def on_message(self, message: Any) -> Status:  # noqa: ARG002 - for subclasses
-        """Return the status for a message; by default SUCCESS, regardless of its content. Called in every tick."""
+        """Return the leaf's status for the latest message, by default SUCCESS; called in every tick."""
         return Status.SUCCESS
 
     def on_silence(self) -> Status:
-        """Return the status while there is no message: RUNNING for a leaf that `waits`, else FAILURE."""
+        """Return the leaf's status while there is no message: RUNNING for a leaf that `waits`, otherwise FAILURE."""
         old = "" if self._message is None else f" within {self.max_age_sec:g} s"
         self.feedback_message = f"no message on '{self.topic_name}'{old}{self.absence_reason}"
         return Status.RUNNING if self.waits else Status.FAILURE
@@ -166,20 +167,20 @@ class TopicLeaf(RosLeaf):
             check_stamp(message, self.node, self.max_age_sec)
             self.check_message(message)
         except UnusableValueError as error:
-            self._refuse(error)
+            self._report_unusable(error)
             return
         self._problem = ""
         self._receive(message)
 
-    def _refuse(self, error: UnusableValueError) -> None:
+    def _report_unusable(self, error: UnusableValueError) -> None:
         self._problem = str(error)
         value_reports(self.node).report_problem(f"Topic '{self.topic_name}'", error)
 
     def _receive(self, message: Any) -> None:
-        """Store a usable message."""
-        awaited = self.status is Status.RUNNING and self.message is None
+        """Store a usable message, and request a tick if the leaf waits for it."""
+        is_awaited = self.status is Status.RUNNING and self.message is None
         self._message, self._received_sec = message, self._now_sec()
-        if awaited:
+        if is_awaited:
             self._wake()
 
     def _now_sec(self) -> float:
