@@ -1,8 +1,8 @@
-"""Values of ROS messages, checked against the definition of their message before use.
+"""Values of ROS messages, which are checked against the definitions of the messages before use.
 
-Leaves and watches read measured fields through this module only (`tests/test_house.py`). A value outside its definition
-raises `UnusableValueError`, whose text names the likely cause. `ValueReports` reports each cause once for each source,
-and the value counts as unknown.
+Leaves and monitors read measured fields only through this module (`tests/test_house.py`). A value that violates its definition
+raises `UnusableValueError`, whose message names the likely cause. `ValueReports` logs each kind of problem once for each source,
+and the value is treated as unknown.
 """
 
 import math
@@ -28,26 +28,27 @@ T = TypeVar("T")
 MAP_FRAME = "map"
 """The frame in which a mission plans."""
 FARTHEST_M = 100_000.0
-"""No robot drives so far: the limit of a coordinate, metres."""
+"""The maximum absolute value of a coordinate, in metres, because no robot drives so far."""
 
-# tf2 accepts quaternions whose length is off by 0.01. In hand-written poses sin and cos are rounded to one digit.
+# Maximum deviation of a quaternion's length from 1, in poses and in transforms. In hand-written poses, sine and cosine may be rounded to one
+# digit. tf2 accepts a deviation of 0.01.
 _ROTATION_TOLERANCE, TRANSFORM_TOLERANCE = 0.1, 0.01
 # Relative rounding error of a number in single precision.
 _ROUNDING = 1e-6
-# Indices of x, y and yaw in the covariance of a pose. Localisations in the plane do not fill in the others.
+# Indices of the variances of x, y and yaw in the covariance of a pose. Localisations in the plane do not set the other variances.
 _PLANAR_VARIANCES = (0, 7, 35)
-# AMCL stamps its transforms a second ahead, and clocks of two machines differ a little. A simulated clock and messages come late: at 50
-# times the machine's speed, half a second of the machine is 25 s.
+# Maximum difference between a time stamp and the node's clock, in seconds. AMCL stamps its transforms one second ahead, and the clocks of two
+# machines differ slightly. Simulated time and messages arrive late: at 50 times real time, a delay of half a second is 25 simulated seconds.
 _APART_SEC, _SIMULATED_APART_SEC = 2.0, 30.0
-# Clocks that differ by more are different clocks.
+# If a time stamp differs by more from the node's clock, in seconds, the publisher uses another clock.
 _ANOTHER_CLOCK_SEC = 86_400.0
-# A problem is reported again if it did not occur for this long, seconds. A stale stamp is reported only if it
-# persists for this long, because after a standstill this process reads older messages first.
+# A problem is reported again if it has not occurred for the first time, in seconds. A stale time stamp is only reported if the problem persists
+# for the second time, because after a suspension this process first receives older messages.
 _AGAIN_SEC, _STAYS_SEC = 60.0, 1.0
 
 
 class ValueProblem(Enum):
-    """The kind of problem with a value; each kind is reported once for each source."""
+    """The kind of a problem, each of which is reported once for each source."""
 
     VALUE = "value"
     FRAME = "frame"
@@ -56,11 +57,11 @@ class ValueProblem(Enum):
 
 
 class UnusableValueError(SarError, ValueError):
-    """A value is outside its message's definition, and is treated as unknown.
+    """A value violates its message's definition, and is treated as unknown.
 
     Args:
-        text: The value, its allowed values, and the likely cause.
-        problem: The kind.
+        text: A message with the value, the allowed values, and the likely cause.
+        problem: The kind of the problem.
     """
 
     def __init__(self, text: str, problem: ValueProblem = ValueProblem.VALUE) -> None:
@@ -72,9 +73,9 @@ class PlanarPose(NamedTuple):
     """A pose in the plane.
 
     Attributes:
-        x: Metres.
-        y: Metres.
-        yaw: Radians.
+        x: The position's x, in metres.
+        y: The position's y, in metres.
+        yaw: The heading, in radians.
     """
 
     x: float
@@ -83,14 +84,14 @@ class PlanarPose(NamedTuple):
 
 
 class _Definition(NamedTuple):
-    """The valid numbers of a field, according to the comments of its message.
+    """The valid values of a numeric field, according to the comments in the message's definition.
 
     Attributes:
-        least: The lowest.
-        most: The highest.
-        unit: The unit, for messages.
-        cause: The likely cause of a number outside, as a question.
-        has_infinity: Whether infinity has a meaning: REP 117 uses it for ranges without a return.
+        least: The minimum.
+        most: The maximum.
+        unit: The unit, for error messages.
+        cause: The likely cause of an invalid value, as a question.
+        has_infinity: Whether infinity is valid, as for ranges without a return (REP 117).
     """
 
     least: float = -math.inf
@@ -100,13 +101,13 @@ class _Definition(NamedTuple):
     has_infinity: bool = False
 
     def check(self, name: str, number: float) -> float:
-        """Return the number, rounding removed.
+        """Return the number, limited to the valid range if it only deviates by rounding.
 
         Raises:
-            UnusableValueError: If the field cannot have this value.
+            UnusableValueError: If the number is not valid.
         """
         if math.isnan(number):
-            raise UnusableValueError(f"{name} is not a number (NaN): it was not measured")
+            raise UnusableValueError(f"{name} is not a number (NaN), so it was not measured")
         if math.isinf(number) and not self.has_infinity:
             raise UnusableValueError(f"{name} is {number:g}, but must be finite")
         if math.isinf(number):
@@ -165,21 +166,22 @@ _DEFINED: dict[str, dict[str, _Definition]] = {
 
 
 def check_field(message: Any, name: str, path: str = "") -> Any:
-    """Return a field of a message.
+    """Return the value of a message's field.
 
     Args:
         message: The message.
-        name: The field.
-        path: Its name in messages; *name* if empty.
+        name: The name of the field.
+        path: The field's name in error messages; *name* if empty.
 
     Raises:
-        UnusableValueError: If its value is outside the definition of the message.
+        UnusableValueError: If the value violates the message's definition.
     """
     value, kind, path = getattr(message, name), interface_name(type(message)), path or name
     if name == "covariance" or name.endswith("_covariance"):
         _check_covariance(value, path)
     elif kind == "sensor_msgs/msg/LaserScan" and name == "ranges":
-        # The message's definition says to discard such values, but a list without them would have other angles.
+        # According to the message's definition, values out of range must be discarded. They are replaced by NaN, because the index of a value
+        # determines its angle.
         low, high = message.range_min, message.range_max
         return [each if low <= each <= high or math.isinf(each) else math.nan for each in value]
     elif kind == "sensor_msgs/msg/Range" and name == "range":
@@ -187,7 +189,7 @@ def check_field(message: Any, name: str, path: str = "") -> Any:
     elif (definition := _DEFINED.get(kind, {}).get(name)) is not None:
         if kind == "sensor_msgs/msg/NavSatFix" and message.status.status < 0:
             raise UnusableValueError(
-                f"{path} is not known: the receiver has no fix (status {message.status.status})"
+                f"{path} is unknown, because the receiver has no fix (status {message.status.status})"
             )
         if kind == "geometry_msgs/msg/Quaternion":
             _check_rotation(message)
@@ -198,64 +200,66 @@ def check_field(message: Any, name: str, path: str = "") -> Any:
 def _check_covariance(values: Sequence[float], path: str) -> None:
     side = math.isqrt(len(values))
     if side and values[0] == -1.0:
-        raise UnusableValueError(f"{path} starts with -1: the sensor does not measure it")
+        raise UnusableValueError(f"{path} starts with -1, so the sensor does not measure it")
     for index in range(side):
         _check_variance(float(values[index * (side + 1)]), path)
 
 
 def _check_variance(variance: float, path: str) -> None:
-    # Filters can return slightly negative variances by rounding.
+    # Rounding in filters can lead to slightly negative variances.
     _POSITIVE.check(f"a variance of {path}", 0.0 if -_ROUNDING <= variance < 0.0 else variance)
 
 
 def read_field(message: Any, path: str) -> Any:
-    """Return a field of a message by its path, such as `pose.position.x` or `poses[0].header`, as a plain value.
+    """Return the value of a message's field as a plain Python value, given the field's path, such as `pose.position.x` or `poses[0].header`.
 
     Raises:
-        UnusableValueError: If its value is outside the definition of the message.
-        InterfaceError: If a list has no such element.
-        AttributeError: If there is no such field.
+        UnusableValueError: If the value violates the message's definition.
+        InterfaceError: If the path contains an index that is out of range.
+        AttributeError: If the message has no such field.
     """
     return ros_interfaces.read_field(message, FieldPath(path), check_field)
 
 
 def battery_share(message: Any) -> float:
-    """Return the charge of a battery from a `sensor_msgs/msg/BatteryState`, as a share of 1.
+    """Return the charge of a battery from a `sensor_msgs/msg/BatteryState`, from 0 to 1.
 
     Raises:
-        UnusableValueError: If its percentage is invalid: not measured, or in percent.
+        UnusableValueError: If the charge is not measured, or is not from 0 to 1.
     """
     return _SHARE.check("percentage", float(message.percentage))
 
 
 def check_position(x: float, y: float) -> tuple[float, float]:
-    """Return a position, metres.
+    """Check a position and return it, in metres.
 
     Raises:
-        UnusableValueError: If it is not finite, or farther away than any robot drives.
+        UnusableValueError: If a coordinate is not finite, or larger than `FARTHEST_M`.
     """
     if not (math.isfinite(x) and math.isfinite(y)):
         raise UnusableValueError(f"({x}, {y}) is not a position")
     if max(abs(x), abs(y)) > FARTHEST_M:
-        raise UnusableValueError(f"({x:g}, {y:g}) is farther away than any robot drives")
+        raise UnusableValueError(
+            f"({x:g}, {y:g}) is out of range: coordinates must be between -{FARTHEST_M:g} and {FARTHEST_M:g} m"
+        )
     return float(x), float(y)
 
 
 def planar_point(stamped: Any, frame: str) -> tuple[float, float]:
-    """Return x and y of a `geometry_msgs/msg/PointStamped`, metres in a frame.
+    """Return x and y of a `geometry_msgs/msg/PointStamped`, in metres.
 
     Raises:
-        UnusableValueError: If it is in another frame, or not a position.
+        UnusableValueError: If the point is not in the given frame, or not a valid position.
     """
     check_frame("the point", stamped, frame)
     return check_position(stamped.point.x, stamped.point.y)
 
 
 def planar_outline(stamped: Any, frame: str) -> list[tuple[float, float]]:
-    """Return the corners of a `geometry_msgs/msg/PolygonStamped`, metres in a frame; empty if it has none, in any frame.
+    """Return the corners of a `geometry_msgs/msg/PolygonStamped`, in metres.
 
     Raises:
-        UnusableValueError: If it is in another frame.
+        UnusableValueError: If the polygon has corners, but is not in the given frame.
     """
     points = stamped.polygon.points
     if points:
@@ -264,40 +268,43 @@ def planar_outline(stamped: Any, frame: str) -> list[tuple[float, float]]:
 
 
 def planar_pose(pose: Any) -> PlanarPose:
-    """Return a `geometry_msgs/msg/Pose` in the plane.
+    """Convert a `geometry_msgs/msg/Pose` to a pose in the plane.
 
     Raises:
-        UnusableValueError: If its position or its quaternion is invalid.
+        UnusableValueError: If the position or the quaternion is invalid.
     """
     return PlanarPose(*check_position(pose.position.x, pose.position.y), _yaw(pose.orientation))
 
 
 def stamped_pose(stamped: Any, frame: str) -> PlanarPose:
-    """Return a `geometry_msgs/msg/PoseStamped` or `PoseWithCovarianceStamped` in the plane, in a frame.
+    """Convert a `geometry_msgs/msg/PoseStamped` or `PoseWithCovarianceStamped` to a pose in the plane.
 
     Raises:
-        UnusableValueError: If it is in another frame, or `planar_pose` raises it.
+        UnusableValueError: If the pose is not in the given frame, or its position or quaternion is invalid.
     """
     check_frame("the pose", stamped, frame)
     return planar_pose(getattr(stamped.pose, "pose", stamped.pose))
 
 
 def goal_position(pose: Any) -> tuple[float, float] | None:
-    """Return x and y of a navigation goal's pose, metres in the frame `map`; None if it is in another frame."""
+    """Return x and y of a navigation goal's pose, in metres in the frame `map`; None if the pose is in another frame."""
     return (pose.pose.position.x, pose.pose.position.y) if pose.header.frame_id == MAP_FRAME else None
 
 
 def localised_pose(message: Any, node: "Node") -> PlanarPose:
-    """Return the pose of a localisation, a `geometry_msgs/msg/PoseWithCovarianceStamped`, in the frame `map`.
+    """Return the pose in a localisation's `geometry_msgs/msg/PoseWithCovarianceStamped`, in the frame `map`.
 
-    It may be old: a localisation publishes a pose only after the robot has moved.
+    The pose may be old, because a localisation only publishes a pose after the robot has moved.
 
     Raises:
-        UnusableValueError: If it is in another frame or from the future, or its numbers are invalid.
+        UnusableValueError: If the pose is in another frame or from the future, or its numbers are invalid.
     """
     if message.header.frame_id:  # `amcl_pose` is defined in `map`
         check_frame(
-            "the pose", message, MAP_FRAME, "another robot's? Or set the localisation's global_frame_id"
+            "the pose",
+            message,
+            MAP_FRAME,
+            "does it belong to another robot? Otherwise set the localisation's global_frame_id",
         )
     stamp_age(message.header.stamp, node)
     for index in _PLANAR_VARIANCES:
@@ -306,10 +313,10 @@ def localised_pose(message: Any, node: "Node") -> PlanarPose:
 
 
 def path_points(path: Any) -> list[tuple[float, float]]:
-    """Return the points of a `nav_msgs/msg/Path`, metres.
+    """Return the positions of the poses in a `nav_msgs/msg/Path`, in metres.
 
     Raises:
-        UnusableValueError: If one of them is not a position.
+        UnusableValueError: If a position is invalid.
     """
     return [check_position(each.pose.position.x, each.pose.position.y) for each in path.poses]
 
@@ -320,15 +327,15 @@ def frame_of(message: Any) -> str:
 
 
 class GridGeometry(NamedTuple):
-    """The position and size of the cells of a `nav_msgs/msg/OccupancyGrid`.
+    """The position and size of a `nav_msgs/msg/OccupancyGrid`.
 
     Attributes:
-        cell_m: The side of a cell, metres.
+        cell_m: The side length of a cell, in metres.
         width: The number of cells along x.
         height: The number of cells along y.
-        x: The lower left corner, metres.
-        y: The lower left corner, metres.
-        yaw: The rotation of the grid about this corner, radians.
+        x: The x of the lower left corner, in metres.
+        y: The y of the lower left corner, in metres.
+        yaw: The rotation of the grid about the lower left corner, in radians.
     """
 
     cell_m: float
@@ -339,7 +346,7 @@ class GridGeometry(NamedTuple):
     yaw: float
 
     def contains(self, x: float, y: float) -> bool:
-        """Return whether a position is on the grid."""
+        """Return whether a position (metres) is on the grid."""
         right, up = x - self.x, y - self.y
         along = right * math.cos(self.yaw) + up * math.sin(self.yaw)
         across = up * math.cos(self.yaw) - right * math.sin(self.yaw)
@@ -347,10 +354,10 @@ class GridGeometry(NamedTuple):
 
 
 def grid_geometry(message: Any) -> GridGeometry:
-    """Return the position and size of the cells of a `nav_msgs/msg/OccupancyGrid`.
+    """Return the position and size of a `nav_msgs/msg/OccupancyGrid`.
 
     Raises:
-        UnusableValueError: If the message is not a valid map.
+        UnusableValueError: If the resolution or the origin of the grid is invalid.
     """
     info = message.info
     if not (math.isfinite(info.resolution) and info.resolution > 0.0):
@@ -362,11 +369,11 @@ class RigidTransform(NamedTuple):
     """The content of a `geometry_msgs/msg/TransformStamped`.
 
     Attributes:
-        parent: The frame of the header.
-        child: The frame whose pose is given.
-        offset: x, y and z, metres.
-        turn: The quaternion x, y, z, w of length one.
-        stamp_sec: The stamp, seconds.
+        parent: The outer frame, from the header.
+        child: The inner frame, whose pose the transform defines.
+        offset: The translation x, y and z, in metres.
+        turn: The rotation, a unit quaternion x, y, z, w.
+        stamp_sec: The time stamp, in seconds.
     """
 
     parent: str
@@ -377,15 +384,15 @@ class RigidTransform(NamedTuple):
 
     @property
     def planar(self) -> PlanarPose:
-        """The pose of the child in the plane of the parent."""
+        """The pose of the child frame in the plane of the parent frame."""
         return PlanarPose(*self.offset[:2], yaw_of_quaternion(*self.turn))
 
 
 def read_transform(message: Any) -> RigidTransform:
-    """Return the content of a transform.
+    """Return the content of a `geometry_msgs/msg/TransformStamped`.
 
     Raises:
-        UnusableValueError: If its numbers are invalid.
+        UnusableValueError: If the translation or the rotation is invalid.
     """
     place, turn = message.transform.translation, message.transform.rotation
     child, parent = frame_name(message.child_frame_id), frame_name(message.header.frame_id)
@@ -400,15 +407,15 @@ def read_transform(message: Any) -> RigidTransform:
 
 
 class OdometryReading(NamedTuple):
-    """The content of a `nav_msgs/msg/Odometry`, unchecked.
+    """The content of a `nav_msgs/msg/Odometry`, which is not checked yet.
 
     Attributes:
         frame: The frame of the pose.
         child: The frame of the speeds.
-        pose: The pose of the robot, not yet checked.
+        pose: The unchecked pose of the robot; see `usable_pose`.
         turn: The quaternion of the pose.
-        speeds: Along and about x, y and z: m/s, rad/s.
-        stamp_sec: The stamp, seconds.
+        speeds: The speeds along x, y and z (m/s), and about x, y and z (rad/s).
+        stamp_sec: The time stamp, in seconds.
     """
 
     frame: str
@@ -420,10 +427,10 @@ class OdometryReading(NamedTuple):
 
     @property
     def usable_pose(self) -> PlanarPose:
-        """The pose.
+        """The checked pose of the robot.
 
         Raises:
-            UnusableValueError: If it is not a valid pose.
+            UnusableValueError: If the position or the quaternion is invalid.
         """
         check_position(*self.pose[:2])
         _check_length(*self.turn)
@@ -431,7 +438,7 @@ class OdometryReading(NamedTuple):
 
     @property
     def usable_speed(self) -> tuple[float, float]:
-        """The driving and turning speeds of the robot: m/s, rad/s.
+        """The driving speed (m/s) and the turning speed (rad/s) of the robot.
 
         Raises:
             UnusableValueError: If a speed is not finite.
@@ -443,17 +450,17 @@ class OdometryReading(NamedTuple):
         return speed
 
 
-# Offsets in a serialised message: its content, and the end of the stamp at its beginning.
+# Offsets in a serialised message: the start of its content, and the end of the time stamp at this start.
 _HEAD, _STAMP_END = 4, 12
 _NATIVE = b"\0\x01" if sys.byteorder == "little" else b"\0\0"
 _STAMP = struct.Struct("=iI")
 _POSE_AND_TWIST = struct.Struct("=7d288x6d")
-"""A covariance of 36 numbers follows each of them."""
+"""The pose and the twist, each of which is followed by a covariance of 36 numbers (288 bytes)."""
 
 
 def read_odometry(message: bytes) -> OdometryReading:
-    """Read odometry from a serialised message, which is faster than deserialisation."""
-    if message[:2] != _NATIVE:  # from a machine with the other byte order
+    """Read a serialised `nav_msgs/msg/Odometry`, which is faster than deserialising the whole message."""
+    if message[:2] != _NATIVE:  # sent by a machine with a different byte order
         from nav_msgs.msg import Odometry
         from rclpy.serialization import deserialize_message, serialize_message
 
@@ -464,7 +471,7 @@ def read_odometry(message: bytes) -> OdometryReading:
         length = int.from_bytes(message[at : at + 4], sys.byteorder)
         frames[number] = message[at + 4 : at + 3 + length].decode(errors="replace")
         at += (4 + length + 3) // 4 * 4
-    # Numbers of eight bytes are aligned to multiples of eight, counted from the end of the head.
+    # Numbers of eight bytes are aligned to multiples of eight bytes after the header.
     numbers = _POSE_AND_TWIST.unpack_from(message, at + (_HEAD - at) % 8)
     x, y, _, *turn = numbers[:7]
     pose = PlanarPose(x, y, yaw_of_quaternion(*turn))
@@ -472,13 +479,13 @@ def read_odometry(message: bytes) -> OdometryReading:
 
 
 def remaining_drive(feedback: Any) -> tuple[float, float] | None:
-    """Return the remaining metres and seconds of a drive from Nav2's feedback; None if the feedback has none."""
+    """Return the remaining distance (metres) and time (seconds) of a drive from Nav2's feedback; None if the distance is unknown."""
     metres, time = feedback.distance_remaining, feedback.estimated_time_remaining
     return (metres, time.sec + time.nanosec * 1e-9) if math.isfinite(metres) and metres >= 0.0 else None
 
 
 def remaining_poses(feedback: Any) -> int:
-    """Return the number of remaining poses of a goal through poses, from Nav2's feedback."""
+    """Return the number of remaining poses of a `NavigateThroughPoses` goal from Nav2's feedback."""
     return int(feedback.number_of_poses_remaining)
 
 
@@ -491,13 +498,13 @@ def check_frame(subject: str, message: Any, wanted: str, cause: str = "") -> Non
     """Check the frame of a message with a header.
 
     Args:
-        subject: The object in the frame, as the beginning of a sentence.
+        subject: The noun for the message's content, with which the error message begins.
         message: The message.
         wanted: The required frame.
-        cause: A possible reason for another frame, in words.
+        cause: A possible reason for another frame, in words; empty for none.
 
     Raises:
-        UnusableValueError: If it is in another frame.
+        UnusableValueError: If the message is in another frame.
     """
     frame = message.header.frame_id
     if frame != wanted:
@@ -507,15 +514,15 @@ def check_frame(subject: str, message: Any, wanted: str, cause: str = "") -> Non
 
 
 def check_stamp(message: Any, node: "Node", max_age_sec: float | None = None) -> None:
-    """Check the stamp of a message, if it has one.
+    """Check the time stamp of a message, if the message has a header.
 
     Args:
-        message: A message, with a header or without.
-        node: The node.
-        max_age_sec: The largest accepted age, seconds of the node's clock; None for no limit.
+        message: A message with or without a header.
+        node: The node whose clock determines the age.
+        max_age_sec: The maximum age, in seconds of the node's clock; None for no limit.
 
     Raises:
-        UnusableValueError: If it is from the future, or older.
+        UnusableValueError: If the time stamp is in the future, or older than *max_age_sec*.
     """
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     if stamp is not None:
@@ -523,17 +530,17 @@ def check_stamp(message: Any, node: "Node", max_age_sec: float | None = None) ->
 
 
 def stamp_sec(stamp: Any) -> float:
-    """Return a `builtin_interfaces/msg/Time` in seconds."""
+    """Convert a `builtin_interfaces/msg/Time` to seconds."""
     return float(stamp.sec + stamp.nanosec * 1e-9)
 
 
 def logged_sec(message: Any) -> float:
-    """Return the time at which a line of `/rosout` was logged, seconds."""
+    """Return the time at which a message of `/rosout` was logged, in seconds."""
     return stamp_sec(message.stamp)
 
 
 def node_sec(node: "Node") -> float:
-    """Return the time of a node's clock, seconds."""
+    """Return the current time of a node's clock, in seconds."""
     return float(node.get_clock().now().nanoseconds * 1e-9)
 
 
@@ -546,23 +553,23 @@ def stamp_age(
     is_strict: bool = False,
     subject: str = "its stamp is",
 ) -> float:
-    """Return the age of a stamp on a node's clock, at least 0 s; a missing stamp has age 0.
+    """Return the age of a time stamp on a node's clock, in seconds; a missing time stamp, and one in the near future, has the age 0.
 
     Args:
-        stamp: The stamp of a header, or its seconds.
-        node: The node.
-        max_age_sec: The largest accepted age, seconds.
-        is_strict: Whether both clocks must be the same; else they may differ as much as those of two machines.
-        at_sec: The time at which its message arrived, by the node's clock; now if None.
-        subject: The beginning of a sentence about it.
+        stamp: The time stamp of a header, or its value in seconds.
+        node: The node whose clock determines the age.
+        max_age_sec: The maximum age, in seconds.
+        is_strict: Whether *max_age_sec* applies exactly. Otherwise the clocks of the publisher and the node may differ slightly.
+        at_sec: The time at which the message has arrived, in seconds of the node's clock; the current time if None.
+        subject: The subject and verb with which an error message begins.
 
     Raises:
-        UnusableValueError: If it is from the future, or older.
+        UnusableValueError: If the time stamp is in the future, or older than *max_age_sec*.
     """
     then = stamp if isinstance(stamp, float) else stamp_sec(stamp)
     now = node_sec(node) if at_sec is None else at_sec
     is_simulated = node.get_clock().ros_time_is_active
-    if then == 0.0 or (is_simulated and now == 0.0):  # no stamp, or no time yet
+    if then == 0.0 or (is_simulated and now == 0.0):  # there is no time stamp, or no simulated time yet
         return 0.0
     apart = _SIMULATED_APART_SEC if is_simulated else _APART_SEC
     if then - now > apart:
@@ -576,13 +583,13 @@ def stamp_age(
 
 
 def clock_hint(apart_sec: float, node: "Node") -> str:
-    """Return the likely cause of a stamp's large difference from a node's time; empty if unknown."""
+    """Return the likely cause of a large difference between a time stamp and a node's clock, as the end of a sentence; empty if unknown."""
     if apart_sec <= _ANOTHER_CLOCK_SEC:
         return ""
     if node.get_clock().ros_time_is_active:
-        return ": this node has a simulated clock, and the publisher another one. Start it with `-p use_sim_time:=true`"
+        return ", because this node uses simulated time, and the publisher does not. Start the publisher with `-p use_sim_time:=true`"
     return (
-        ": this node has the machine's clock, and the publisher another one. With a simulator or a bag, "
+        ", because this node uses the machine's clock, and the publisher does not. With a simulator or a bag, "
         "add `--ros-args -p use_sim_time:=true`"
     )
 
@@ -604,21 +611,21 @@ def _check_length(*turn: float, tolerance: float = _ROTATION_TOLERANCE) -> float
     """Return the length of a quaternion.
 
     Raises:
-        UnusableValueError: If it is not one, so the quaternion is not a rotation.
+        UnusableValueError: If the length is not 1, so the quaternion is not a rotation.
     """
     length = math.hypot(*turn)
     if not abs(length - 1.0) <= tolerance:
         raise UnusableValueError(
-            f"the length of the quaternion is {length:.3g}, but must be 1 (for no turn write w: 1.0)"
+            f"the length of the quaternion is {length:.3g}, but must be 1 (for no rotation, write w: 1.0)"
         )
     return length
 
 
 class ValueReports:
-    """Logs invalid values once for each source and kind of problem; obtain it with `value_reports`.
+    """Logs each kind of problem with values once for each source; created by `value_reports`.
 
     Args:
-        node: The rclpy node.
+        node: The rclpy node that logs the problems.
     """
 
     def __init__(self, node: "Node") -> None:
@@ -627,11 +634,11 @@ class ValueReports:
         self._reported: set[tuple[str, ValueProblem]] = set()
 
     def read(self, source: str, read: Callable[[], T]) -> T | None:
-        """Return a value; None if it is outside its definition, which is reported.
+        """Return the value that *read* returns; None if the value is unusable, which is reported.
 
         Args:
-            source: The source of the value, as the beginning of a sentence.
-            read: Reads it, and may raise `UnusableValueError`.
+            source: The source of the value, with which the message begins.
+            read: Returns the value, or raises `UnusableValueError`.
         """
         try:
             return read()
@@ -640,7 +647,7 @@ class ValueReports:
             return None
 
     def report_problem(self, source: str, error: UnusableValueError) -> None:
-        """Report a problem, unless it occurred within the last minute."""
+        """Log a problem, unless it was already logged and has occurred again within a minute."""
         now, key = AWAKE.now(), (source, error.problem)
         first, last = self._seen.get(key, (now, -math.inf))
         if now - last > _AGAIN_SEC:
@@ -654,5 +661,5 @@ class ValueReports:
 
 
 def value_reports(node: "Node") -> ValueReports:
-    """Return the reports of a node's unusable values, one object for the lifetime of the node."""
+    """Return the `ValueReports` of a node; every call for a node returns the same object."""
     return of_node(node, ValueReports, lambda: ValueReports(node))

@@ -1,7 +1,7 @@
-"""The start of ROS in a process: checks before it, and the clean-up of shared memory.
+"""The start of ROS in a process: a check of the middleware, and the clean-up of shared memory.
 
-If the middleware in `RMW_IMPLEMENTATION` is not installed, rcl would end the process, so this is checked first. Fast DDS keeps
-half a megabyte of shared memory for a process, and a killed process leaves it there for good. It is removed here.
+rcl would end the process if the middleware in `RMW_IMPLEMENTATION` is not installed, so this is checked first. Fast DDS uses half a
+megabyte of shared memory for each process, which remains if the process is killed. This module removes it.
 """
 
 import fcntl
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 _VARIABLE = "RMW_IMPLEMENTATION"
 _INDEX = Path("share", "ament_index", "resource_index", "rmw_typesupport")
-# The package that loads the other middlewares; it registers itself among them.
+# The package that loads the middleware. It is registered like a middleware.
 _LOADER = "rmw_implementation"
-# rclpy's warning if a client is destroyed while it is being answered. The client has a deadline of its own.
-_UNHEARD = r"failed to send response \(timeout\)"
+# rclpy's warning if a client is destroyed before it receives the response. Such a client no longer needs the response.
+_RESPONSE_NOT_SENT = r"failed to send response \(timeout\)"
 
 
 class MiddlewareError(SarError):
@@ -33,28 +33,28 @@ class MiddlewareError(SarError):
 
 
 def require_middleware() -> None:
-    """Check that the middleware of `RMW_IMPLEMENTATION` is installed; call it before importing rclpy.
+    """Check that the middleware in `RMW_IMPLEMENTATION` is installed; call this function before rclpy is imported.
 
-    If it is unknown which middlewares are installed, rcl decides.
+    If it is unknown which middlewares are installed, the check is left to rcl.
 
     Raises:
-        MiddlewareError: If it is not. The message names the installed ones.
+        MiddlewareError: If the middleware is not installed; names the installed middlewares.
     """
     wanted, installed = os.environ.get(_VARIABLE, ""), sorted(set(_installed_middlewares()))
     if not wanted or not installed or wanted in installed:
         return
     raise MiddlewareError(
         f"{_VARIABLE} is '{wanted}', which is not installed. Installed: {', '.join(installed)}. Unset {_VARIABLE}, "
-        f"or install it (on a robot: sudo apt install ros-jazzy-{wanted.replace('_', '-')})"
+        f"or install this middleware (on a robot: sudo apt install ros-jazzy-{wanted.replace('_', '-')})"
     )
 
 
 @contextmanager
 def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
-    """Initialise ROS in its own context, and shut it down at the end of the block.
+    """Initialise ROS in a new context, and shut the context down at the end of the block.
 
-    Signals are left to the caller: rclpy's handlers would shut ROS down before an active goal could be cancelled.
-    Within the block rclpy does not warn about answers to clients that were just destroyed.
+    The caller must handle signals, because rclpy's handlers would shut ROS down before active goals are cancelled.
+    Within the block, rclpy does not warn about responses to clients that were just destroyed.
 
     Args:
         arguments: The arguments of `rclpy.init`.
@@ -71,49 +71,50 @@ def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
         with convert_ros_errors():
             rclpy.init(args=list(arguments), context=context, signal_handler_options=SignalHandlerOptions.NO)
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", _UNHEARD, RuntimeWarning)
+            warnings.filterwarnings("ignore", _RESPONSE_NOT_SENT, RuntimeWarning)
             yield context
     finally:
         context.try_shutdown()
 
 
 def _installed_middlewares() -> Iterator[str]:
-    """Yield the middlewares that are installed in sourced workspaces or this environment."""
+    """Yield the names of the middlewares that are installed in sourced workspaces or this environment."""
     for prefix in (*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix):
         folder = Path(prefix) / _INDEX
         if prefix and folder.is_dir():
             yield from (path.name for path in folder.iterdir() if path.name != _LOADER)
 
 
-_FOLDER = Path("/dev/shm")  # noqa: S108 - where Linux has it
-# The lock file of a segment, which its process holds as long as it lives, has the segment's name with this ending.
+_FOLDER = Path("/dev/shm")  # noqa: S108 - the folder for shared memory on Linux
+# The suffix of a segment's lock file. The process of the segment holds the lock until the process ends.
 _LOCK = "_el"
-# A port, unlike a segment, has a number as its name: a process that is just starting may be about to use the same one.
+# The prefix of a port's files. Unlike a segment, a port has a number as its name, so another process may be about to use the same port.
 _PORTS = "fastrtps_port"
-# Time between the creation of a file and its lock; seconds.
+# Maximum time between the creation of a file and of its lock, in seconds.
 _NEW_SEC = 60.0
-# A file is created and sized by two system calls. An empty file of this age has lost its process in between; seconds.
+# A process creates a file and sets its size in two system calls. If a file is still empty after this time, in seconds, its process has ended in
+# between.
 _UNFINISHED_SEC = 2.0
 
 
 def remove_stale_segments(folder: Path = _FOLDER) -> int:
-    """Remove shared-memory segments of this user's ended processes; return their number.
+    """Remove the shared-memory segments of this user's ended processes; return the number of removed segments.
 
-    A segment with a held lock is left alone, and so is one that is younger than a minute or belongs to another user.
-    Ports are left alone too: a starting process takes over those of dead processes, under a mutex of Fast DDS. It would
-    find the port's lock held during this check, or hold the lock of a file that no longer exists, and another process
-    would listen at the same port. Segments have random names, which no process uses again.
+    A segment is not removed if its lock is held, it is younger than a minute, or it belongs to another user. Ports are not
+    removed either, because a starting process takes over ports of ended processes, protected by a mutex of Fast DDS. That process
+    would find the port's lock held during this check, or would hold the lock of a deleted file while another process
+    uses the same port. Segments have random names, which no process uses again.
 
-    An empty file of a port or segment is always removed: its process was killed while creating it. Each process that
-    opens the file, such as the next one with this port, waits in Fast DDS forever for the missing size.
+    An empty file of a port or segment is always removed, because its process was killed while it created the file. Each process
+    that opens the file, such as the next process with this port, would wait in Fast DDS forever.
 
     Args:
         folder: The folder of the segments.
     """
-    made = list(folder.glob("fastrtps_*"))
-    locks = [each for each in made if each.name.endswith(_LOCK)]
-    dead = [_remove_if_dead(lock) for lock in locks if not lock.name.startswith(_PORTS)]
-    return sum(dead) + sum(_remove_if_unfinished(each) for each in made if each not in locks)
+    files = list(folder.glob("fastrtps_*"))
+    locks = [each for each in files if each.name.endswith(_LOCK)]
+    removed = [_remove_if_stale(lock) for lock in locks if not lock.name.startswith(_PORTS)]
+    return sum(removed) + sum(_remove_if_unfinished(each) for each in files if each not in locks)
 
 
 def _remove_if_unfinished(file: Path) -> bool:
@@ -126,8 +127,8 @@ def _remove_if_unfinished(file: Path) -> bool:
     return False
 
 
-def _remove_if_dead(lock: Path) -> bool:
-    with suppress(OSError):  # it is held, or another process has just removed it
+def _remove_if_stale(lock: Path) -> bool:
+    with suppress(OSError):  # the lock is held, or another process has just removed it
         about = lock.lstat()
         if about.st_uid != os.geteuid() or time.time() - about.st_mtime < _NEW_SEC:
             return False

@@ -1,4 +1,4 @@
-"""Running missions in the ROS graph, and the commands that they accept."""
+"""Find running missions in the ROS graph, and send commands to them."""
 
 import time
 from collections.abc import Callable
@@ -15,23 +15,24 @@ from sar_compiler.ros.robot_lease import CLAIMS, LeaseClaim, parse_claim
 
 _TRIGGER = "std_srvs/srv/Trigger"
 _TURN_SEC = 0.1
-# How long to look for missions after the last node was discovered, and at most; steady seconds.
+# Duration of the search for missions after the last node was discovered, and maximum duration, in seconds of the steady clock.
 _LOOK_SEC, _LONGEST_LOOK_SEC = 2.0, 15.0
-# How long a command may take to be answered, steady seconds.
-_ANSWER_SEC = 10.0
+# Maximum wait for the response to a command, in seconds of the steady clock.
+_RESPONSE_SEC = 10.0
 
 
 class MissionCommandError(SarError):
-    """A command could not be sent or was not carried out."""
+    """A command could not be sent or was not executed."""
 
 
 def find_missions(node: Node) -> list[LeaseClaim]:
-    """Return the claims of missions that drive a robot.
+    """Return the claims of running missions, each of which uses a robot.
 
-    On a busy machine nodes discover each other late. The search continues for a while after a discovery, or without a claim.
+    On a busy machine, nodes discover each other late. The search therefore continues for some time after each discovery, and while a
+    discovered mission has not sent its claim.
 
     Args:
-        node: The node that listens, which must be spun elsewhere.
+        node: The node that receives the claims, which must be spun in another thread.
     """
     latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     claims: dict[str, LeaseClaim] = {}
@@ -63,43 +64,43 @@ def find_missions(node: Node) -> list[LeaseClaim]:
 
 
 def available_commands(node: Node, of: str) -> list[str]:
-    """Return the names of the commands without values that a mission's node accepts now.
+    """Return the names of the commands without fields that a mission currently accepts.
 
     Args:
-        node: The node that asks.
+        node: The node that queries the ROS graph.
         of: The full name of the mission's node.
     """
-    before = f"{of}/"
+    prefix = f"{of}/"
     found = [name for name, types in node.get_service_names_and_types() if _TRIGGER in types]
-    return sorted(name.removeprefix(before) for name in found if name.startswith(before))
+    return sorted(name.removeprefix(prefix) for name in found if name.startswith(prefix))
 
 
 def send_command(node: Node, of: str, order: str, sign: Callable[[Callable[[], None]], object]) -> str:
-    """Send a command, and return the response.
+    """Send a command to a mission, and return the message of the response.
 
     Args:
-        node: The node that sends the command, which must be spun elsewhere.
+        node: The node that sends the command, which must be spun in another thread.
         of: The full name of the mission's node.
-        order: The name of the command's service.
-        sign: Announces the sender, then calls the function that sends the command.
+        order: The name of the command.
+        sign: Announces the author of the command, then calls the function that sends the command.
 
     Raises:
-        MissionCommandError: If the command is not answered, or not carried out.
+        MissionCommandError: If the mission does not respond, or does not execute the command.
     """
     client: Any = node.create_client(Trigger, f"{of}/{order}")
-    answered, answers = Event(), list[Any]()
+    has_response, responses = Event(), list[Any]()
 
-    def on_response(answer: Any) -> None:
-        answers.append(answer.result())
-        answered.set()
+    def on_response(future: Any) -> None:
+        responses.append(future.result())
+        has_response.set()
 
-    if not client.wait_for_service(_ANSWER_SEC):
+    if not client.wait_for_service(_RESPONSE_SEC):
         raise MissionCommandError(f"{of} no longer accepts '{order}'")
     sign(lambda: client.call_async(Trigger.Request()).add_done_callback(on_response))
-    if not answered.wait(_ANSWER_SEC):
+    if not has_response.wait(_RESPONSE_SEC):
         raise MissionCommandError(
-            f"{of} has not responded within {_ANSWER_SEC:g} s. It may have accepted '{order}'"
+            f"{of} has not responded within {_RESPONSE_SEC:g} s. It may have accepted '{order}'"
         )
-    if not answers[0].success:
-        raise MissionCommandError(f"not carried out: {answers[0].message}")
-    return str(answers[0].message)
+    if not responses[0].success:
+        raise MissionCommandError(f"not executed: {responses[0].message}")
+    return str(responses[0].message)

@@ -1,4 +1,4 @@
-"""Publish a mission in ROS: its tree's log (in Nav2's messages), state, diagnostics and markers."""
+"""Publish a mission on ROS topics: the log and state of its tree (in Nav2's messages), diagnostics and markers."""
 
 import math
 import time
@@ -33,15 +33,15 @@ TOPIC = "behavior_tree_log"
 
 
 class TreeLog:
-    """Publishes the changes of each tick.
+    """Converts the status changes of each tick to a message.
 
     Args:
-        node: The node whose clock stamps the messages.
-        tree: The tree.
-        tell: Called with each message, in the thread that ticks.
+        node: The node whose clock sets the time stamps of the messages.
+        tree: The tree with numbered nodes.
+        tell: Called with each message, in the thread that ticks the tree.
 
     Attributes:
-        statuses: The status of each node, by its number.
+        statuses: The status of each node, indexed by node number.
     """
 
     def __init__(self, node: Node, tree: NumberedTree, tell: Callable[[BehaviorTreeLog], object]) -> None:
@@ -56,12 +56,12 @@ class TreeLog:
         engine.add_post_tick_handler(lambda _: self._publish_events())
 
     def publish_result(self) -> None:
-        """Publish the result."""
+        """Publish the changes that the last tick and the end of the run have caused."""
         self._changes.finalise()
         self._publish_events()
 
     def state(self) -> BehaviorTreeLog:
-        """Return a message with the status of every node."""
+        """Return a message with the current status of every node."""
         events = [self._event(StatusChange(uid, now, now)) for uid, now in enumerate(self.statuses) if uid]
         return BehaviorTreeLog(timestamp=self._now(), event_log=events)
 
@@ -84,12 +84,12 @@ class TreeLog:
         return self._node.get_clock().now().to_msg()
 
 
-# Seconds of the steady clock between two messages without a change.
+# Minimum interval between two messages of the diagnostics, and of the tree's state, in seconds of the steady clock.
 _PERIOD_SEC = 1.0
-# How long to wait for the readers of the last messages, in total.
-_LAST_WORDS_SEC = 1.0
+# Maximum total wait until the subscribers have received the last messages, in seconds.
+_LAST_MESSAGES_SEC = 1.0
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# Scale by the shape of a marker, with the diameter in metres.
+# The type and diameter (in metres) of a marker, by the shape of the landmark.
 _FORMS = {
     "circle": (Marker.CYLINDER, 1.0),
     "triangle": (Marker.SPHERE, 0.5),
@@ -99,13 +99,13 @@ _FORMS = {
 
 
 class MissionPublisher(RunExtension):
-    """Publishes the progress of a mission, in the thread that ticks it.
+    """Publishes the progress of a mission in the thread that ticks the tree.
 
-    - `behavior_tree_log` (`nav2_msgs/msg/BehaviorTreeLog`): the changes of each tick, with the numbers that Groot2 has
-    - `~/tree` (`std_msgs/msg/String`, latched): the tree in XML, with these numbers
-    - `~/tree_state` (`nav2_msgs/msg/BehaviorTreeLog`, latched): every node's status, at most once a second
-    - `/diagnostics` (`diagnostic_msgs/msg/DiagnosticArray`): once a second, while the tree is ticked
-    - `~/markers` (`visualization_msgs/msg/MarkerArray`, latched): landmarks and the plan, in the frame `map`
+    - `behavior_tree_log` (`nav2_msgs/msg/BehaviorTreeLog`): the status changes of each tick, with the node numbers that Groot2 uses
+    - `~/tree` (`std_msgs/msg/String`, latched): the tree in XML, with these node numbers
+    - `~/tree_state` (`nav2_msgs/msg/BehaviorTreeLog`, latched): the status of every node, at most once a second
+    - `/diagnostics` (`diagnostic_msgs/msg/DiagnosticArray`): once a second while the tree is ticked
+    - `~/markers` (`visualization_msgs/msg/MarkerArray`, latched): the landmarks in the frame `map`, and Nav2's plan
 
     Args:
         node: The mission's node.
@@ -125,7 +125,7 @@ class MissionPublisher(RunExtension):
         self._xml = node.create_publisher(String, "~/tree", _LATCHED)
 
     def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:
-        """Publish a tree, and observe the engine that ticks it."""
+        """Publish the tree, and observe the engine that ticks it."""
         self._tree = NumberedTree(tree)
         self._log = TreeLog(self._node, self._tree, self._publish_changes)
         self._xml.publish(String(data=tree_xml(self._tree)))
@@ -133,11 +133,11 @@ class MissionPublisher(RunExtension):
         engine.add_post_tick_handler(self._after_tick)
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Publish an entry of the run's journal."""
+        """Apply an entry of the run's journal to the state that the next messages describe."""
         if entry.kind in (STATUS, LOG):
             return
         self._mission.apply(entry)
-        # They are not used here, and would accumulate.
+        # Events and positions are not published, and would accumulate.
         self._mission.facts.clear()
         self._mission.trail.clear()
         if entry.kind == PLAN:
@@ -150,7 +150,7 @@ class MissionPublisher(RunExtension):
         return self._mission.situation
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Publish the result if the run has started."""
+        """Publish the final state if the run has started."""
         if has_begun:
             self._log.publish_result()
             self._try(self._publish_state)
@@ -172,7 +172,7 @@ class MissionPublisher(RunExtension):
                 self._try(self._publish_state)
 
     def _try(self, publish: Callable[[], object]) -> None:
-        """Publish a message; an error does not stop the mission."""
+        """Call a function that publishes a message; an error is logged, ends the publishing, and does not end the mission."""
         if self._is_broken:
             return
         try:
@@ -186,8 +186,8 @@ class MissionPublisher(RunExtension):
         self._state.publish(self._log.state())
 
     def _wait_for_readers(self) -> None:
-        """Wait, within a limit, until reliable readers have received the last messages."""
-        deadline = time.monotonic() + _LAST_WORDS_SEC
+        """Wait briefly until reliable subscribers have received the last messages."""
+        deadline = time.monotonic() + _LAST_MESSAGES_SEC
         for publisher in (self._changes, self._state, self._markers):
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
 
@@ -246,7 +246,7 @@ def _colour(name: str) -> ColorRGBA:
 
 
 def _strip(kind: str, number: int, colour: ColorRGBA, points: Iterable[Sequence[float]]) -> Marker:
-    """Return a line through positions, x and y in metres."""
+    """Create the marker of a line through positions (x and y in metres)."""
     marker = Marker(ns=kind, id=number, type=Marker.LINE_STRIP, color=colour)
     marker.scale.x, marker.pose.orientation.w = 0.05, 1.0
     marker.points = [Point(x=float(x), y=float(y), z=0.05) for x, y in points]
@@ -254,11 +254,11 @@ def _strip(kind: str, number: int, colour: ColorRGBA, points: Iterable[Sequence[
 
 
 def _shape(number: int, landmark: Landmark, shape: str, colour: ColorRGBA) -> list[Marker]:
-    """Return a marker for a landmark, with its name and state above it."""
+    """Create the marker of a landmark, and a marker with the landmark's name and state above it."""
     kind, size = _FORMS.get(shape, _FORMS["circle"])
     form = Marker(ns=landmark.kind, id=number, type=kind, color=colour)
     form.scale.x = form.scale.y = size
-    # Flat, so that a robot on it is visible.
+    # A circle is flat, so that a robot on it is visible.
     form.scale.z = 0.05 if kind == Marker.CYLINDER else size
     words = f"{landmark.name}\n{landmark.state}".rstrip()
     text = Marker(ns=f"{landmark.kind}_names", id=number, type=Marker.TEXT_VIEW_FACING, text=words)
@@ -270,7 +270,7 @@ def _shape(number: int, landmark: Landmark, shape: str, colour: ColorRGBA) -> li
 
 
 def _line(plan: Mapping[str, Any]) -> list[Marker]:
-    """Return the line of a plan; empty for fewer than two points, which RViz reports as an error."""
+    """Create the marker of a plan; none if the plan has fewer than two points, because RViz would report an error."""
     points = [point for point in plan.get("points", ()) if all(map(math.isfinite, point))]
     marker = _strip("plan", 0, _colour("plan"), points)
     marker.header.frame_id = str(plan.get("frame", ""))

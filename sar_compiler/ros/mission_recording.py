@@ -1,6 +1,6 @@
-"""Record a mission in an MCAP file as ROS 2 messages.
+"""Record the ROS 2 messages of a mission in an MCAP file.
 
-Readers need the definitions of the messages, which are derived from their Python classes.
+The file must contain the definitions of the messages, which are derived from the messages' Python classes.
 """
 
 import json
@@ -41,16 +41,16 @@ from sar_compiler.ros.mission_publisher import TOPIC, TreeLog
 from sar_compiler.ros.run_extension import RunExtension
 from sar_compiler.views.numbered_tree import NumberedTree, tree_xml
 
-# Names of types in the Python classes that differ from those in definitions.
+# The names of primitive types in message definitions, by their names in the Python classes.
 _WORDS = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
 _BETWEEN = f"{'=' * 80}\nMSG: "
 
 
 def message_text(kind: Any) -> str:
-    """Return the definition of a message and its nested messages in the format `ros2msg`."""
+    """Return the definitions of a message type and its nested message types, in the format `ros2msg`."""
     inner: dict[str, Any] = {}
     parts = [_fields(kind, inner)]
-    # The definitions written so far add more types to this list.
+    # Each definition can add further nested types to `inner`.
     seen: set[str] = set()
     while left := [name for name in inner if name not in seen]:
         for name in left:
@@ -60,13 +60,13 @@ def message_text(kind: Any) -> str:
 
 
 def _fields(kind: Any, inner: dict[str, Any]) -> str:
-    """Return the lines of a message's fields, and collect the messages in it."""
+    """Return the lines that define a message type's fields, and add the nested message types to *inner*."""
     for slot in kind.SLOT_TYPES:
-        slot = getattr(slot, "value_type", slot)  # noqa: PLW2901 - of an array, what it has in it
+        slot = getattr(slot, "value_type", slot)  # noqa: PLW2901 - the type of an array's elements
         if hasattr(slot, "namespaces"):
-            # The parts of an action are in the same module.
-            beside, there = (import_module(name) for name in (kind.__module__, ".".join(slot.namespaces)))
-            found = getattr(there, slot.name, None) or getattr(beside, slot.name)
+            # The message types of an action are in the same module as the enclosing type.
+            own, nested = (import_module(name) for name in (kind.__module__, ".".join(slot.namespaces)))
+            found = getattr(nested, slot.name, None) or getattr(own, slot.name)
             inner.setdefault(f"{slot.namespaces[0]}/{slot.name}", found)
     return "".join(
         f"{_field_type(text)} {name}\n" for name, text in kind.get_fields_and_field_types().items()
@@ -74,7 +74,7 @@ def _fields(kind: Any, inner: dict[str, Any]) -> str:
 
 
 def _field_type(text: str) -> str:
-    """Return the type of a field as in a definition: `float64[36]`, `string[<=10]`, `geometry_msgs/Pose[]`."""
+    """Convert the type of a field to the form in message definitions, such as `float64[36]`, `string[<=10]` or `geometry_msgs/Pose[]`."""
     if text.startswith("sequence<"):
         item, _, most = text.removeprefix("sequence<").removesuffix(">").partition(", ")
         return f"{_field_type(item)}[{f'<={most}' if most else ''}]"
@@ -87,7 +87,7 @@ def _field_type(text: str) -> str:
     return _WORDS.get(text, text)
 
 
-# Relative names, as a node uses them; its remappings change absolute names, too.
+# The names are written as in a node, whose remappings also change absolute names.
 RECORDED: dict[str, tuple[Any, ...]] = {
     "/tf": (TFMessage,),
     "/tf_static": (TFMessage,),
@@ -105,16 +105,16 @@ RECORDED: dict[str, tuple[Any, ...]] = {
     "/diagnostics": (DiagnosticArray,),
     "~/markers": (MarkerArray,),
 }
-"""The topics of a mission with their types. If there are several, the publisher decides."""
+"""The topics to record, with their message types. If a topic has several types, the type that the publisher uses is recorded."""
 
 _LATCHED = ("/tf_static", "map", "amcl_pose", "navigate_to_pose/_action/status", "~/markers")
 _UNRELIABLE = ("scan", "/clock", "odometry/filtered", "battery_state")
 _DEPTH = 100
-# Interval between checks for new topics, seconds of the steady clock.
+# Interval between checks for new topics, in seconds of the steady clock.
 _LOOK_SEC = 0.5
-# Interval between writes to the disk, seconds of the steady clock. A process that is killed may lose this much.
+# Interval between writes to the disk, in seconds of the steady clock. If the process is killed, the messages of this time may be lost.
 _FLUSH_SEC = 1.0
-# Limits of the queue: its size in bytes, and the seconds without any write after which the end gives up the file.
+# Maximum size of the queue in bytes, and maximum time without a write at the end of a run, in seconds, after which the file is abandoned.
 _MOST_WAITING = 256 << 20
 _PATIENCE_SEC = 10.0
 
@@ -124,22 +124,22 @@ class RecordingError(SarError):
 
 
 def _type_to_record(name: str, types: Iterable[str]) -> Any:
-    """Return the type of a recorded topic; None if it is not recorded, or has an unexpected type."""
+    """Return the Python class of a topic's message type; None if the topic is not recorded, or has only other types."""
     return next((kind for kind in RECORDED.get(name, ()) if interface_name(kind) in types), None)
 
 
 def _as_yaml(profiles: Iterable[QoSProfile]) -> str:
-    """Return quality-of-service profiles in rosbag2's YAML format."""
+    """Convert QoS profiles to rosbag2's YAML format."""
     policies = ("history", "depth", "reliability", "durability", "liveliness")
     times = ("deadline", "lifespan", "liveliness_lease_duration")
     written = []
     for profile in profiles:
-        of_profile: dict[str, object] = {name: int(getattr(profile, name)) for name in policies}
+        values: dict[str, object] = {name: int(getattr(profile, name)) for name in policies}
         for name in times:
             seconds, nanoseconds = divmod(getattr(profile, name).nanoseconds, 10**9)
-            of_profile[name] = {"sec": seconds, "nsec": nanoseconds}
-        of_profile["avoid_ros_namespace_conventions"] = profile.avoid_ros_namespace_conventions
-        written.append(of_profile)
+            values[name] = {"sec": seconds, "nsec": nanoseconds}
+        values["avoid_ros_namespace_conventions"] = profile.avoid_ros_namespace_conventions
+        written.append(values)
     return json.dumps(written)
 
 
@@ -151,35 +151,35 @@ class _Recorded(NamedTuple):
 
 
 class McapRecorder:
-    """Writes messages from a background thread, so that a slow disk never delays a tick.
+    """Writes messages to a file in a background thread, so that a slow disk does not delay ticks.
 
-    Messages are stamped with their arrival by the machine's clock, as in rosbag2.
+    The time of a message is its time of arrival on the machine's clock, as in rosbag2.
 
     Args:
-        path: The name of the file.
+        path: The path of the file.
         file: The file, open and empty.
-        complain: Called with a text, from any thread, if something cannot be recorded. The mission continues.
+        complain: Called with an error message, from any thread, if a message or topic cannot be recorded.
     """
 
     def __init__(self, path: Path, file: IO[bytes], complain: Callable[[str], object]) -> None:
         self._path, self._file, self._complain = path, file, complain
         self._waiting: SimpleQueue[_Recorded | None] = SimpleQueue()
-        # In bytes; each counter is changed by one thread only.
-        self._put_in = self._written = 0
+        # The numbers of enqueued and written bytes, each of which is changed by only one thread.
+        self._enqueued = self._written = 0
         self._is_broken = False
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
-        # The profiles of a topic's publishers, collected before its first message enters the queue.
+        # The QoS profiles of each topic's publishers, which are determined before the topic's first message is enqueued.
         self._offers: dict[str, str] = {}
         self._thread = Thread(target=self._write_queued, name="recorder", daemon=True)
         self._thread.start()
 
     @classmethod
     def create(cls, path: Path, complain: Callable[[str], object]) -> "McapRecorder":
-        """Create a file, and return its writer.
+        """Create a file, and return its recorder.
 
         Raises:
-            RecordingError: If the file exists, or cannot be created.
+            RecordingError: If the file already exists, or cannot be created.
         """
         try:
             file = path.open("xb")
@@ -191,7 +191,7 @@ class McapRecorder:
         return cls(path, file, complain)
 
     def record_topics(self, node: Node) -> None:
-        """Record a mission's topics, each as soon as it appears with a known type."""
+        """Record the topics in `RECORDED`, each of them from the time on when it is discovered with an expected type."""
         left = {node.resolve_topic_name(name): name for name in RECORDED}
 
         def subscribe_new_topics() -> None:
@@ -201,7 +201,7 @@ class McapRecorder:
                     continue
                 try:
                     self._listen_to(node, topic, left.pop(topic), kind)
-                except Exception as error:  # noqa: BLE001 - such as of another type than this process publishes there
+                except Exception as error:  # noqa: BLE001 - for example if this process publishes another type on the topic
                     self._complain(f"{topic} is not recorded: {error_text(error)}")
             if not left:
                 timer.cancel()
@@ -221,20 +221,20 @@ class McapRecorder:
         node.create_subscription(kind, topic, on_message, qos, raw=True)
 
     def _offers_in(self, node: Node, topic: str) -> str:
-        # Queried with the first message, because a topic also exists if it only has subscribers.
+        # Called when the first message has arrived, because before that the topic may only have subscribers.
         try:
             return _as_yaml(each.qos_profile for each in node.get_publishers_info_by_topic(topic))
-        except Exception as error:  # noqa: BLE001 - the message itself is recorded
-            self._complain(f"The quality of service of {topic} is not recorded: {error_text(error)}")
+        except Exception as error:  # noqa: BLE001 - the message must still be recorded
+            self._complain(f"The QoS profiles of {topic} are not recorded: {error_text(error)}")
             return _as_yaml([])
 
     def write(self, topic: str, message: Any, *, latched: bool = False) -> None:
         """Record a message.
 
         Args:
-            topic: The full name of its topic.
+            topic: The full name of the message's topic.
             message: The message.
-            latched: Whether late subscribers receive it, too, when it is played back.
+            latched: Whether late subscribers also receive the message when the recording is played back.
         """
         if latched:
             self._offers.setdefault(
@@ -245,17 +245,17 @@ class McapRecorder:
     def _enqueue(self, recorded: _Recorded) -> None:
         if self._is_broken:
             return
-        if self._put_in - self._written > _MOST_WAITING:
-            self._give_up(f"{_MOST_WAITING >> 20} MiB are waiting because the disk is too slow")
+        if self._enqueued - self._written > _MOST_WAITING:
+            self._give_up(f"the disk is too slow: {_MOST_WAITING >> 20} MiB are waiting to be written")
             return
-        self._put_in += len(recorded.data)
+        self._enqueued += len(recorded.data)
         self._waiting.put(recorded)
 
     def close(self, *, keep: bool = True) -> None:
         """Write the rest of the queue, and close the file.
 
         Args:
-            keep: Whether to keep it. An empty recording is removed in any case.
+            keep: Whether to keep the file. A recording without messages is always deleted.
         """
         self._waiting.put(None)
         written = -1
@@ -273,9 +273,9 @@ class McapRecorder:
             with self._file:
                 writer = Writer(self._file)
                 writer.start(profile="ros2", library="sar_compiler")
-                self._write_what_comes(writer)
+                self._write_until_closed(writer)
                 writer.finish()  # type: ignore[no-untyped-call]
-        except Exception as error:  # noqa: BLE001 - whatever it is, the mission goes on
+        except Exception as error:  # noqa: BLE001 - a failed recording must not end the mission
             self._give_up((error.strerror if isinstance(error, OSError) else None) or repr(error))
 
     def _give_up(self, reason: str) -> None:
@@ -284,8 +284,8 @@ class McapRecorder:
             f"{self._path} cannot be written ({reason}). The mission continues without a recording."
         )
 
-    def _write_what_comes(self, writer: Writer) -> None:
-        """Write until the queue is closed and empty."""
+    def _write_until_closed(self, writer: Writer) -> None:
+        """Write the queue's messages until the queue is closed and empty."""
         due = time.monotonic() + _FLUSH_SEC
         while True:
             with suppress(Empty):
@@ -303,29 +303,29 @@ class McapRecorder:
             name = interface_name(kind)
             if name not in self._schemas:
                 self._schemas[name] = writer.register_schema(name, "ros2msg", message_text(kind).encode())
-            # At least the empty list: rosbag2 cannot read an empty string.
+            # The value is never an empty string, which rosbag2 could not read.
             metadata = {"offered_qos_profiles": self._offers.get(topic, _as_yaml([]))}
             self._channels[topic] = writer.register_channel(topic, "cdr", self._schemas[name], metadata)
         writer.add_message(self._channels[topic], time_ns, data, time_ns)
         self._written += len(data)
 
 
-# Other topics of the recording have the content of these entries.
-_ELSEWHERE = (STATUS, *OF_ROBOT)
+# Entries that are not recorded in `mission_log`, because other recorded topics have the same content.
+_ON_OTHER_TOPICS = (STATUS, *OF_ROBOT)
 
 
 class MissionRecording(RunExtension):
-    """Records a mission in an MCAP file, even if the mission publishes nothing.
+    """Records a mission in an MCAP file, even if the mission itself is not published.
 
-    In addition to the topics of `ros.mission_recording.RECORDED` it records `behavior_tree_log` and `~/tree` as in
-    `ros.mission_publisher`, and `mission_log` (`rcl_interfaces/msg/Log`): the other entries of the run's journal.
+    It records the topics in `ros.mission_recording.RECORDED`, and `behavior_tree_log` and `~/tree` as in
+    `ros.mission_publisher`. On `mission_log` (`rcl_interfaces/msg/Log`), it records the other entries of the run's journal.
 
     Args:
         node: The mission's node.
         path: The file to create.
 
     Raises:
-        RecordingError: If the file exists, or cannot be created.
+        RecordingError: If the file already exists, or cannot be created.
     """
 
     def __init__(self, node: Node, path: Path) -> None:
@@ -334,7 +334,7 @@ class MissionRecording(RunExtension):
         self._tree_log: TreeLog | None = None
 
     def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:
-        """Start recording a tree and the engine that ticks it."""
+        """Record the tree, and start to record its status changes and the mission's topics."""
         numbered = NumberedTree(tree)
         self._write("~/tree", String(data=tree_xml(numbered)), latched=True)
         self._tree_log = TreeLog(self._node, numbered, lambda message: self._write(TOPIC, message))
@@ -343,7 +343,7 @@ class MissionRecording(RunExtension):
 
     def on_entry(self, entry: JournalEntry) -> None:
         """Record an entry of the run's journal."""
-        if entry.kind in _ELSEWHERE:
+        if entry.kind in _ON_OTHER_TOPICS:
             return
         data: Mapping[str, object] = entry.data
         if entry.kind == RUN_BEGAN:
@@ -355,7 +355,7 @@ class MissionRecording(RunExtension):
         self._write("mission_log", message)
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Record the result and close the file; if the run never started, remove the file."""
+        """Record the last status changes and close the file; if the run has not started, delete the file."""
         try:
             if has_begun and self._tree_log is not None:
                 self._tree_log.publish_result()
@@ -365,5 +365,5 @@ class MissionRecording(RunExtension):
     def _write(self, name: str, message: object, *, latched: bool = False) -> None:
         try:
             self._recorder.write(self._node.resolve_topic_name(name), message, latched=latched)
-        except Exception as error:  # noqa: BLE001 - what cannot be written is no reason to stop the mission
+        except Exception as error:  # noqa: BLE001 - a failed recording must not end the mission
             self._node.get_logger().error(f"A message of {name} is not recorded: {error_text(error)}")

@@ -1,4 +1,4 @@
-"""Warnings and errors of Nav2's nodes on `/rosout`, which explain failed goals and bring-ups."""
+"""Warnings and errors of Nav2's nodes on `/rosout`, which explain failed goals and failed bring-ups."""
 
 import math
 import re
@@ -13,24 +13,24 @@ from sar_compiler.ros.leaves.leaf import of_node
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-# Number of lines that are stored and queued.
+# Maximum number of stored lines.
 _LINES = 200
 
 _FAILED_CHANGE = re.compile(r"Failed to change state for node: ([\w/]+)")
-# Logged by the lifecycle manager before it waits for a node, between colour codes, and at its end.
+# Log messages of the lifecycle manager before it waits for a node, and after the node has failed. They may contain colour codes.
 _AWAITED = re.compile(
     r"(?:Configuring|Activating|Failed to change state for node:) ([\w/]+)|Waiting for service ([\w/]+)/get_state"
 )
 _ALL_ACTIVE = "Managed nodes are active"
-# This long after the manager's line its node has been discovered if it exists, steady seconds.
+# Time after the manager's message in which its node is discovered if it exists, in seconds of the steady clock.
 _DISCOVERED_SEC = 2.0
 
 
 class Nav2Log:
-    """Warnings and errors of the nodes in the namespace of a node, without its own; use `nav2_log`.
+    """Warnings and errors of the other nodes in the namespace of a node; created by `nav2_log`.
 
     Args:
-        node: The rclpy node.
+        node: The rclpy node, which subscribes to `/rosout`.
     """
 
     def __init__(self, node: "Node") -> None:
@@ -42,21 +42,21 @@ class Nav2Log:
         self._node, self._prefix = node, node.get_namespace().strip("/").replace("/", ".")
         self._own = f"{self._prefix}.{node.get_name()}".lstrip(".")
         self._warning, self._error = Log.WARN, Log.ERROR
-        # Stored for late queries: lines logged just before the first query are included.
+        # A transient local subscription also receives lines that were logged shortly before.
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(Log, "/rosout", self._on_line, latched)
 
     def quote(self, name: str = "", *, since: float = -math.inf) -> str:
-        """Return the lines that best explain a failure: `controller_server: "Failed to make progress"`; may be empty.
+        """Return the lines that best explain a failure, such as `controller_server: "Failed to make progress"`; empty if there are none.
 
         Args:
-            name: The node that logged them; all by default.
-            since: Only lines from this time on, steady seconds.
+            name: The name of the node that has logged the lines; by default any node.
+            since: The time from which on lines are returned, in seconds of the steady clock.
         """
         return quote_lines(self._lines_since(name, since))
 
     def failed_change(self) -> str:
-        """Return the last node whose state the lifecycle manager could not change; empty if none."""
+        """Return the name of the last node whose state the lifecycle manager could not change; empty if there is none."""
         found = [
             each
             for line in self._lines_since(MANAGER, -math.inf)
@@ -65,9 +65,9 @@ class Nav2Log:
         return found[-1][1].rpartition("/")[2] if found else ""
 
     def awaited_node(self) -> str:
-        """Return the last node that the lifecycle manager waited for during start-up; empty if none.
+        """Return the name of the node for which the lifecycle manager is waiting during start-up; empty if there is none.
 
-        If the process of this node crashes, the manager waits for its answer forever and logs nothing more.
+        If the process of this node crashes, the manager waits for its response forever and logs nothing more.
         """
         name, since = self._awaited
         return name if time.monotonic() - since >= _DISCOVERED_SEC else ""
@@ -81,7 +81,7 @@ class Nav2Log:
                 yield each
 
     def _foreign_namespaces(self) -> tuple[str, ...]:
-        """Return the prefixes of other robots' loggers: namespaces below this one with a Nav2 of their own."""
+        """Return the prefixes of the loggers of other robots, which have their own Nav2 in a namespace below the node's namespace."""
         own = self._node.get_namespace()
         there = (
             namespace
@@ -118,5 +118,5 @@ class Nav2Log:
 
 
 def nav2_log(node: "Node") -> Nav2Log:
-    """Return the log of Nav2, one object for the lifetime of a node."""
+    """Return the `Nav2Log` of a node; every call for a node returns the same object."""
     return of_node(node, Nav2Log, lambda: Nav2Log(node))

@@ -149,7 +149,7 @@ def test_an_order_says_who_gives_it_and_why_before_it_is_given(mission, robots, 
 
 def test_an_order_that_is_not_carried_out_fails_and_says_why(mission, robots):
     robots("digger", HEEDS)
-    assert mission("skip") == (2, "ros2 mission skip: not carried out: nothing is left\n")
+    assert mission("skip") == (2, "ros2 mission skip: not executed: nothing is left\n")
 
 
 def test_an_order_that_a_mission_does_not_heed_is_told_beside_those_that_it_does(mission, robots):

@@ -181,7 +181,7 @@ def test_without_a_tolerance_of_the_mission_that_of_nav2_counts_and_half_a_metre
     arrival = Arrival(stage.node, (0.0, 0.0))
     assert arrival.tolerance_m == 0.75
     values = {"goal_checker_plugins": ["precise"], "precise.xy_goal_tolerance": 1.0}
-    nav2_parameters(stage.node)._questions["controller_server"].values = values
+    nav2_parameters(stage.node)._queries["controller_server"].values = values
     assert arrival.tolerance_m == 1.5
 
 

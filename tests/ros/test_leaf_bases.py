@@ -448,7 +448,7 @@ class TestTheSecondWitness:
         assert stage.warnings == []
         clock.advance(0.2)
         assert stage.run(leaf) is Status.SUCCESS
-        assert "is lost. The status topic reports its end: 4" in stage.warnings[0]
+        assert "is lost. According to the status topic, the goal has ended with status 4" in stage.warnings[0]
 
 
 class Lifecycle:
@@ -740,8 +740,8 @@ class TestTopicLeaf:
 @pytest.mark.parametrize(
     ("leaf", "attributes", "message"),
     [
-        (DriveTo("D", Input(0.0)), {"action_name": ""}, "DriveTo has no action_name. Set it on the class"),
-        (DriveTo("D", Input(0.0)), {"action_type": None}, "DriveTo has no action_type. Set it on the class"),
+        (DriveTo("D", Input(0.0)), {"action_name": ""}, "DriveTo has no action_name. Set it in the class"),
+        (DriveTo("D", Input(0.0)), {"action_type": None}, "DriveTo has no action_type. Set it in the class"),
         (
             Configure("C"),
             {"service_type": "ChangeState"},

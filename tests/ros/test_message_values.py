@@ -201,7 +201,7 @@ def stamped(seconds: float) -> Any:
         (60.0, 100.0, True, "its stamp is 40.0 s old, but may be at most 5 s"),
         (YEARS_SEC + 3.0, YEARS_SEC, False, "its stamp is 3.0 s in the future"),
         (100.0, YEARS_SEC, False, "add `--ros-args -p use_sim_time:=true`"),
-        (YEARS_SEC, 100.0, True, "Start it with `-p use_sim_time:=true`"),
+        (YEARS_SEC, 100.0, True, "Start the publisher with `-p use_sim_time:=true`"),
         (200.0, 100.0, True, "its stamp is 100.0 s in the future"),
     ],
 )

@@ -262,7 +262,7 @@ def test_a_disk_that_is_too_slow_ends_the_recording_before_the_memory_is_full(di
         recorder.write("/text", String(data="x" * (1 << 20)))
     assert recorder._waiting.qsize() == 2
     assert said == [
-        f"{path} cannot be written (2 MiB are waiting because the disk is too slow). The mission continues without a recording."
+        f"{path} cannot be written (the disk is too slow: 2 MiB are waiting to be written). The mission continues without a recording."
     ]
 
 

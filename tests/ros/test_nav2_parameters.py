@@ -36,8 +36,8 @@ def asked(ros: Ros, node: Any) -> Nav2Parameters:
 def test_time_outs_that_abort_goals_are_named_with_the_line_to_write(ros: Ros) -> None:
     nav2_node(ros, "bt_navigator", default_server_timeout=20, wait_for_service_timeout=499, other=1)
     assert asked(ros, ros.node()).advice() == [
-        f"{key} of bt_navigator is {value} ms: it aborts a goal whenever another node of Nav2 answers later: "
-        f"write `{key}: 1000` under `bt_navigator: ros__parameters:` {FILE}"
+        f"{key} of bt_navigator is {value} ms, so it aborts a goal if another Nav2 node responds later. "
+        f"Write `{key}: 1000` under `bt_navigator: ros__parameters:` {FILE}"
         for key, value in (("default_server_timeout", 20), ("wait_for_service_timeout", 499))
     ]
 
@@ -95,7 +95,7 @@ def test_without_nav2_nothing_is_waited_for(ros: Ros) -> None:
 def test_a_node_that_does_not_answer_is_given_up(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     from sar_compiler.ros import nav2_parameters as module
 
-    monkeypatch.setattr(module, "_ANSWER_SEC", 0.3)
+    monkeypatch.setattr(module, "_RESPONSE_SEC", 0.3)
     frozen = nav2_node(ros, "bt_navigator", default_server_timeout=20)
     ros.executor.remove_node(frozen)
     assert asked(ros, ros.node()).advice() == []
@@ -132,8 +132,8 @@ def test_velocity_commands_of_another_type_than_the_robots_are_named(
     has_robot(ros, mission, kind)
     assert asked(ros, mission).advice() == [
         (
-            f"the robot accepts {kind} on cmd_vel, and behavior_server sends the other type: "
-            f"write `enable_stamped_cmd_vel: {line}` under `behavior_server: ros__parameters:` {FILE}"
+            f"the robot accepts {kind} on cmd_vel, but behavior_server sends the other type. "
+            f"Write `enable_stamped_cmd_vel: {line}` under `behavior_server: ros__parameters:` {FILE}"
         )
     ]
 
@@ -144,8 +144,8 @@ def test_odometry_that_only_the_mission_finds_is_named_with_the_line_to_write(ro
     odometry(ros, mission, "odometry/filtered")
     assert asked(ros, mission).advice() == [
         (
-            "bt_navigator reads odometry from /odom, which no node publishes: "
-            f"write `odom_topic: odometry/filtered` under `bt_navigator: ros__parameters:` {FILE}"
+            "bt_navigator reads odometry from /odom, on which no node publishes. "
+            f"Write `odom_topic: odometry/filtered` under `bt_navigator: ros__parameters:` {FILE}"
         )
     ]
 
@@ -157,8 +157,8 @@ def test_odometry_that_only_nav2_finds_is_named_with_the_remapping(ros: Ros) -> 
     odometry(ros, mission, "odom")
     assert asked(ros, mission).advice() == [
         (
-            "no node publishes /odometry/filtered, and bt_navigator reads odometry from /odom: "
-            "add `--ros-args -r odometry/filtered:=odom` to the command"
+            "no node publishes on /odometry/filtered, and bt_navigator reads odometry from /odom. "
+            "Add `--ros-args -r odometry/filtered:=odom` to the command"
         )
     ]
 

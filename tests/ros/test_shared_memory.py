@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.ros.middleware import _remove_if_dead, remove_stale_segments
+from sar_compiler.ros.middleware import _remove_if_stale, remove_stale_segments
 
 BEGINS = """
 import rclpy
@@ -114,9 +114,9 @@ def test_what_a_living_participant_has_stays_and_goes_when_it_was_killed(
     opened = {each.readlink() for each in Path(f"/proc/{process.pid}/fd").iterdir()}
     held = {each for each in opened & set(folder.glob("fastrtps_*_el")) - before if "_port" not in each.name}
     assert held, "Fast DDS holds no lock: its names have changed"
-    assert not any(_remove_if_dead(each) for each in held)
+    assert not any(_remove_if_stale(each) for each in held)
     assert all(each.exists() for each in held)
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    assert all(_remove_if_dead(each) for each in held)
+    assert all(_remove_if_stale(each) for each in held)
     assert not any(each.exists() for each in held)
