@@ -165,7 +165,7 @@ def test_a_run_ends_when_the_robot_stands_and_with_4_if_it_does_not(fly, serve, 
     assert run.end() == status, run.output
     navigation.wait_for("ended", how="cancel")
     navigation.wait_for("follow_path cancelled")
-    still = "no goal of this mission is active, and the robot still moves (0.30 m/s, 0.00 rad/s)"
+    still = "no goal of this mission is active, but the robot still moves (0.30 m/s, 0.00 rad/s)"
     assert (still in run.output) is runs_away
 
 
