@@ -1,16 +1,16 @@
-"""Cancel goals that another process left active, and wait for their ends.
+"""Cancel goals that another process has left active, and wait for their ends.
 
-Why the response to a request to cancel is not enough: it says that the server has accepted the request. The robot brakes
-after that, and the server may abort, finish or ignore the goal. A goal has ended when its final status was observed.
+The response to a request to cancel a goal is not enough, because it only says that the server has accepted the request. After that, the robot
+has to brake, and the server may also abort, complete or ignore the goal. A goal has ended when its final status was observed.
 
-Why requests are repeated: a server may accept a goal only after the request to cancel it, if both were sent by a process
-that died in between. A request that arrived too early has no effect, so it is sent every second until the end is seen.
+The requests are repeated, because a server may receive a goal after the request to cancel it, if the process that sent the goal has just crashed.
+A request that arrives too early has no effect. So the request is sent every second until the goal's end is observed.
 
-Why a server that does not know the goal ends it only after some seconds: it may not have received the goal yet. If it was
-restarted, it never will.
+A server that does not know a goal may not have received it yet. So the goal has only ended if the server still does not know it after some seconds,
+because it was restarted or the goal was lost.
 
-Why clients are replaced: a server drops its responses while it has not discovered the client's reader, and may never
-discover it. A new client has a new chance. Goals of one action share their clients, because each takes time to be discovered.
+A server drops its responses while it has not discovered the client's reader, and may never discover it. So silent clients are replaced. The goals
+of an action share their clients, because the discovery of each client takes time.
 """
 
 import math
@@ -48,61 +48,60 @@ from sar_compiler.ros.leaves.goals import (
 from sar_compiler.ros.leaves.leaf import find_interface, of_node
 from sar_compiler.ros.readiness import Requirement
 
-# A request to cancel that was answered without effect is repeated after this time, seconds of the steady clock.
+# Interval between two requests to cancel a goal, in seconds of the steady clock.
 _PERIOD_SEC = 1.0
-# A server that answers neither question for this long may not have discovered these clients' readers, and then sends
-# them nothing.
+# If a server has not responded to any request for this time, in seconds, the clients are replaced, because it may not have discovered their readers.
 _RENEWAL_SEC = 5.0
-# How long a server must report a goal as unknown: it may still receive one that was sent just before the client died.
+# Time for which a server must report a goal as unknown, in seconds. It may still receive a goal that was sent just before the client crashed.
 UNKNOWN_SEC = 3.0
 _TURN_SEC = 0.05
 
 
 def record_goals(node: Node, journal: Journal) -> None:
-    """Record every goal of a node in the journal before it is sent, and its end."""
+    """Record every goal of a node in the journal before the goal is sent, and record the goal's end."""
 
     def record_goal(news: GoalEvent) -> None:
         if news.status is None:
             journal.record_event(GOAL_SENT, action=news.action, goal=news.goal_id)
         else:
-            _watch_end(journal, news.goal_id, news.status)
+            _record_end(journal, news.goal_id, news.status)
 
     active_goals_of(node).add_listener(record_goal)
 
 
-def _watch_end(journal: Journal, goal_id: str, status: int) -> None:
+def _record_end(journal: Journal, goal_id: str, status: int) -> None:
     journal.record_observation(GOAL_ENDED, goal=goal_id, status=status)
 
 
 class OrphanedGoals(Requirement):
-    """The goals that earlier runs sent, all of which must have ended.
+    """The requirement that all goals of earlier runs have ended.
 
     Args:
-        node: The node to cancel them from.
-        journal: Has the goals, and records their ends.
+        node: The node that cancels the goals.
+        journal: The journal that contains the goals, and records their ends.
     """
 
     def __init__(self, node: Node, journal: Journal) -> None:
         self._goals = [
             OrphanedGoal(
-                node, GoalEvent(goal.goal_id, goal.action), on_end=partial(_watch_end, journal, goal.goal_id)
+                node, GoalEvent(goal.goal_id, goal.action), on_end=partial(_record_end, journal, goal.goal_id)
             )
             for goal in journal.active_goals()
         ]
 
     def poll(self) -> str | None:
-        """Cancel the active goals; describe the first one that has not ended, or return None."""
+        """Cancel the active goals; describe the first goal that has not ended, or return None."""
         return next((line for line in [goal.poll() for goal in self._goals] if line is not None), None)
 
 
 class CancelClients:
-    """A node's clients that cancel goals of one action and request results, replaced if the server does not answer.
+    """The clients of a node that cancel goals of one action and request their results; replaced if the server does not respond.
 
-    Use `of_node`: the goals of one action share them.
+    The object is stored on the node, because the goals of an action share the clients.
 
     Args:
         node: The node.
-        action: The action's name.
+        action: The name of the action.
     """
 
     def __init__(self, node: Node, action: str) -> None:
@@ -115,7 +114,7 @@ class CancelClients:
         self._prober: Client | None = None
 
     def renew_if_silent(self) -> None:
-        """Replace the clients after a long silence, because a server drops responses to undiscovered readers."""
+        """Replace the clients if the server has been silent for too long, because it may not have discovered their readers."""
         if self._unheard_since is None or time.monotonic() - self._unheard_since < _RENEWAL_SEC:
             return
         for client in filter(None, (self.canceller, self._prober)):
@@ -123,8 +122,8 @@ class CancelClients:
         self._unheard_since = None
         self._connect()
 
-    def on_answer(self) -> None:
-        """Record a response of the server."""
+    def on_response(self) -> None:
+        """Store that the server has responded."""
         self._unheard_since = None
 
     def cancel(self, goal_id: str) -> Future:
@@ -139,11 +138,13 @@ class CancelClients:
         return self._prober if self._prober is not None and self._prober.service_is_ready() else None
 
     def _result_client(self) -> Client | None:
-        # If only the name of an action is left, its type is known from the graph alone.
+        # Only the name of the action is known. Its type is determined from the ROS graph.
         name = f"{self._action}/_action/get_result"
         types = dict(self._node.get_service_names_and_types()).get(self._node.resolve_service_name(name), [])
         for written in types:
-            with suppress(SarError):  # its package is not installed: two other sources remain
+            with suppress(
+                SarError
+            ):  # the type's package is not installed, so two other sources must show the goal's end
                 action_type = written.removesuffix("_GetResult")
                 interface: Any = find_interface("", "action", self._action, action_type)
                 return self._node.create_client(interface.Impl.GetResultService, name)
@@ -151,18 +152,18 @@ class CancelClients:
 
 
 class OrphanedGoal:
-    """A goal that its own process cannot cancel; canceled from this process until it has ended.
+    """A goal that its own process cannot cancel. Another process cancels it until it has ended.
 
-    Three sources show its end: the status topic, the answer to the request for its result, and a server that does not
-    know the goal (because it was restarted, or never received the goal). Each can fail to arrive, so all three are
-    used, and no pending answer is dropped.
+    Three sources can show the goal's end: the status topic, the response to the request for the result, and the response of a server that does
+    not know the goal (because it was restarted, or has never received the goal). Each of these messages can be lost. So all sources are used, and
+    no pending request is abandoned.
 
     Args:
-        node: The node to cancel it from.
+        node: The node that cancels the goal.
         goal: The goal.
-        on_end: Called with its final status; 0 if the server no longer knows the goal or its result.
-        on_request: Called when the first request to cancel it was sent.
-        patience_sec: How long a server must deny knowing the goal, steady seconds.
+        on_end: Called with the goal's final status; 0 if the server does not know the goal.
+        on_request: Called when the first request to cancel the goal was sent.
+        patience_sec: The time for which a server must report the goal as unknown, in seconds of the steady clock.
     """
 
     def __init__(
@@ -181,10 +182,10 @@ class OrphanedGoal:
         self._is_over = False
         self._asked_at = -math.inf
         self._unknown_since: float | None = None
-        self._questioned: Client | None = None
+        self._result_requested_by: Client | None = None
 
     def poll(self) -> str | None:
-        """Cancel the goal if due; return why it may be active, None once it has ended."""
+        """Send the next request to cancel the goal if it is due; return why the goal may be active, None if it has ended."""
         status = self._statuses.end_of(self._id)
         if status is not None:
             self._end(status)
@@ -192,22 +193,22 @@ class OrphanedGoal:
             return None
         self._clients.renew_if_silent()
         if not self._clients.canceller.service_is_ready():
-            return f"action {self.action}: no server that could cancel the orphaned goal"
+            return f"action {self.action}: no server is available that could cancel the orphaned goal"
         if time.monotonic() - self._asked_at >= _PERIOD_SEC:
             is_first = self._asked_at == -math.inf
             self._asked_at = time.monotonic()
-            self._clients.cancel(self._id).add_done_callback(self._on_cancel_answer)
+            self._clients.cancel(self._id).add_done_callback(self._on_cancel_response)
             if is_first:
                 self._on_request()
-            self._ask_for_result()
+            self._request_result()
         return f"action {self.action}: the orphaned goal has not ended. The robot may be moving"
 
-    def _ask_for_result(self) -> None:
-        """Request the result, once by each client."""
+    def _request_result(self) -> None:
+        """Request the goal's result, unless a request of the current client is pending."""
         prober = self._clients.prober()
-        if prober is None or prober is self._questioned:
+        if prober is None or prober is self._result_requested_by:
             return
-        self._questioned = prober
+        self._result_requested_by = prober
         request = prober.srv_type.Request()
         request.goal_id = uuid_message(self._id)
         prober.call_async(request).add_done_callback(self._on_result)
@@ -217,16 +218,16 @@ class OrphanedGoal:
         if status in FINAL:
             self._end(status)
         else:
-            self._questioned = None
+            self._result_requested_by = None
 
-    def _on_cancel_answer(self, future: Future) -> None:
-        self._clients.on_answer()
+    def _on_cancel_response(self, future: Future) -> None:
+        self._clients.on_response()
         code, now = future.result().return_code, time.monotonic()
         if code != CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
             self._unknown_since = None
         elif self._unknown_since is None:
             self._unknown_since = now
-        # The response reports a goal as terminated while it is still being cancelled, which is not its end.
+        # The response also reports a goal as terminated while it is still being cancelled, which is not the goal's end.
         if self._unknown_since is not None and now - self._unknown_since >= self._patience_sec:
             self._end(UNKNOWN)
 
@@ -237,12 +238,12 @@ class OrphanedGoal:
 
 
 def cancel_goals(goals: Sequence[OrphanedGoal], node: Node, limit_sec: float) -> list[OrphanedGoal]:
-    """Cancel goals until they have ended; return those that may still be active.
+    """Cancel goals until they have ended; return the goals that may still be active.
 
     Args:
         goals: The goals.
-        node: Their node, which no other code spins.
-        limit_sec: How long to try, steady seconds.
+        node: The node that cancels the goals, which no other code spins.
+        limit_sec: The maximum time, in seconds of the steady clock.
     """
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
@@ -254,12 +255,12 @@ def cancel_goals(goals: Sequence[OrphanedGoal], node: Node, limit_sec: float) ->
 
 
 class Canceller:
-    """Cancels goals in a separate ROS context, if the run's executor is blocked or its context shut down.
+    """Cancels goals in a separate ROS context, because the run's executor is blocked or its context is shut down.
 
     Args:
-        name: The name of the node.
-        security: The ROS arguments that a second participant of this run needs (`--enclave`).
-        domain_id: The ROS domain; by default that of the environment.
+        name: The name of the node in this context.
+        security: The ROS arguments for SROS 2 (`--enclave`), which the node also needs.
+        domain_id: The ROS domain; by default the domain of the environment.
     """
 
     def __init__(self, name: str, security: Sequence[str] = (), domain_id: int | None = None) -> None:
@@ -276,37 +277,37 @@ class Canceller:
     def cancel(
         self, goals: Iterable[GoalEvent], limit_sec: float, on_request: Callable[[GoalEvent], None]
     ) -> list[str]:
-        """Cancel goals until they have ended; return the actions of those that may still be active.
+        """Cancel goals until they have ended; return the actions of the goals that may still be active.
 
         Args:
             goals: The goals.
-            limit_sec: How long to try, steady seconds.
-            on_request: Called with each goal once the first request to cancel it was sent.
+            limit_sec: The maximum time, in seconds of the steady clock.
+            on_request: Called with each goal when the first request to cancel the goal was sent.
         """
-        left = [
+        orphaned_goals = [
             OrphanedGoal(self.node, goal, on_request=partial(on_request, goal), patience_sec=UNKNOWN_SEC)
             for goal in goals
         ]
-        return [goal.action for goal in cancel_goals(left, self.node, limit_sec)]
+        return [goal.action for goal in cancel_goals(orphaned_goals, self.node, limit_sec)]
 
     def close(self) -> None:
-        """Shut down the context."""
+        """Destroy the node and shut down the context."""
         self.node.destroy_node()
         self.context.try_shutdown()
 
 
 class CancelFunction(Protocol):
-    """Cancels the goals of a node from a thread other than its executor's."""
+    """Cancels the goals of a node; may be called from any thread."""
 
     def __call__(self, limit_sec: float) -> Sequence[str]:
-        """Cancel the goals; return the actions of those that have not ended within a limit, in seconds."""
+        """Cancel the goals; return the actions of the goals that have not ended within a time limit, in seconds."""
 
 
 def make_separate_canceller(node: Node) -> CancelFunction:
     """Return a function that cancels a node's goals in a separate ROS context.
 
     Args:
-        node: The node, whose context is still up.
+        node: The node, whose context is not shut down yet.
     """
     domain, security = node.context.get_domain_id(), security_arguments(split_arguments(sys.argv[1:]).ros)
     logger, name = node.get_logger(), node.get_name()

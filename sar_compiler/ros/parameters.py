@@ -1,4 +1,4 @@
-"""Nodes that declare every parameter from a file or the command line."""
+"""A node that declares all parameters in parameter files and on the command line."""
 
 from array import array
 from typing import Any
@@ -11,16 +11,16 @@ from sar_compiler.ros.arguments import RosArgumentError, convert_ros_errors
 
 
 class DataNode(Node):
-    """A node that declares all parameters that it receives.
+    """A node that declares all parameters in parameter files and on the command line.
 
     Args:
-        name: Its name, unless it is remapped.
-        context: Its context; by default the process's own.
-        cli_args: Arguments of its own (`arguments.node_arguments`).
+        name: The node's name, unless it is remapped.
+        context: The node's context; by default the default context.
+        cli_args: The node's own ROS arguments (`arguments.node_arguments`).
         options: Further keyword arguments of `rclpy.node.Node`.
 
     Raises:
-        RosArgumentError: If a name or a value among them is not allowed for a node.
+        RosArgumentError: If a name or value in the ROS arguments is invalid.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class DataNode(Node):
                     **options,
                 )
             except ValueError as error:
-                # The only error caused by the user's values; an empty list is an array of no type.
+                # Of the user's values, only an empty list, whose type is unknown, can cause a ValueError.
                 if "PARAMETER_NOT_SET" not in str(error):
                     raise
                 names = _names_without_type(name, context, cli_args)
@@ -48,11 +48,11 @@ class DataNode(Node):
 
 
 def _require_sim_time_switch(node: Node) -> None:
-    """Check that `use_sim_time` is a Boolean, because a node ignores other values."""
+    """Check that `use_sim_time` is a Boolean, because a node ignores values of other types."""
     value = node.get_parameter("use_sim_time").value
     if not isinstance(value, bool):
         node.destroy_node()
-        raise RosArgumentError(f"parameter use_sim_time must be true or false, not {value!r}")
+        raise RosArgumentError(f"parameter use_sim_time must be true or false, but is {value!r}")
 
 
 def _names_without_type(name: str, context: Context | None, cli_args: list[str] | None) -> str:
@@ -67,6 +67,6 @@ def _names_without_type(name: str, context: Context | None, cli_args: list[str] 
 
 
 def flat_parameters(node: Node) -> dict[str, object]:
-    """Return the values of a node's parameters by their flat names; arrays as lists."""
+    """Return the values of a node's parameters by flat name; arrays are converted to lists."""
     values = {name: parameter.value for name, parameter in node.get_parameters_by_prefix("").items()}
     return {name: list(value) if isinstance(value, array) else value for name, value in values.items()}

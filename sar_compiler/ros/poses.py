@@ -1,4 +1,4 @@
-"""Poses as messages: rotations about z, and the initial pose for a localisation."""
+"""Rotations about the z axis as quaternions, and the message with an initial pose for a localisation."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -7,35 +7,35 @@ if TYPE_CHECKING:
     from geometry_msgs.msg import PoseWithCovarianceStamped
     from rclpy.node import Node
 
-# Half a metre and 15 degrees of standard deviation, as variances: x and y in m², yaw in rad².
+# The variances of an initial pose by their index in the covariance: x and y in m², yaw in rad². The standard deviations are 0.5 m and 15°.
 _VARIANCES = {0: 0.25, 7: 0.25, 35: 0.068}
 
 
 def turn_by(orientation: Any, yaw: float) -> None:
-    """Set a new quaternion to a rotation about z, by an angle in radians."""
+    """Set a new quaternion message to a rotation about the z axis, given the angle in radians."""
     orientation.z, orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
 
 
 def yaw_of(orientation: Any) -> float:
-    """Return the angle about z of a quaternion of any length, in radians; NaN if it is not finite."""
+    """Return the angle of a quaternion message's rotation about the z axis, in radians; NaN if the quaternion is not finite."""
     return yaw_of_quaternion(orientation.x, orientation.y, orientation.z, orientation.w)
 
 
 def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
-    """Return the angle about z of a quaternion, given as four numbers, in radians."""
+    """Return the angle of a quaternion's rotation about the z axis, in radians; NaN if the quaternion, of any length, is not finite."""
     if not math.isfinite(math.hypot(x, y, z, w)):
         return math.nan
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 def estimated_pose(node: "Node", x: float, y: float, yaw: float) -> "PoseWithCovarianceStamped":
-    """Return a pose message for a localisation, with the current time and its own variances.
+    """Create the message that sets the pose of a localisation, with default variances.
 
     Args:
-        node: The node whose clock is used.
-        x: In the frame `map`, metres.
-        y: In the frame `map`, metres.
-        yaw: Radians.
+        node: The node whose clock sets the time stamp.
+        x: The position's x, in metres in the frame `map`.
+        y: The position's y, in metres in the frame `map`.
+        yaw: The heading, in radians.
     """
     from geometry_msgs.msg import PoseWithCovarianceStamped
 

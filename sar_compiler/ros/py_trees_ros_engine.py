@@ -1,8 +1,7 @@
-"""Tick a tree with `py_trees_ros`, if it is installed (it is not on PyPI).
+"""Tick a tree with `py_trees_ros`, if this package is installed (it is not on PyPI).
 
-Its advantages: snapshot streams for `py-trees-tree-watcher` and the viewers, blackboard streams, statistics. Its
-limitations compared to `runner.TreeRunner`: leaves with a new result do not trigger a tick, and a stopped clock stops
-the ticks, and with them the deadlines of the leaves.
+Compared to `runner.TreeRunner`, it provides snapshot streams for `py-trees-tree-watcher` and viewers, blackboard streams and statistics.
+But leaves with a new result do not trigger a tick. If the node's clock stops, so do the ticks, and with them the deadlines of leaves.
 """
 
 from typing import Any
@@ -24,7 +23,7 @@ from sar_compiler.ros.engine import (
 )
 from sar_compiler.runtime.kernel.leaf_nodes import insist_on_status
 
-# The parameters that the class declares on its node, even if the command line sets them.
+# The parameters that the base class declares on the node, even if they are already declared.
 _ITS_PARAMETERS = (
     "default_snapshot_stream",
     "default_snapshot_period",
@@ -35,10 +34,10 @@ _ITS_PARAMETERS = (
 
 
 class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
-    """A `py_trees_ros.trees.BehaviourTree` that always stops its tree at the end.
+    """A `py_trees_ros.trees.BehaviourTree` that always stops its tree, even after an exception.
 
     Attributes:
-        failure: The exception of a leaf or a handler that stopped the tree; None if there was none.
+        failure: The exception of a leaf or a tick handler that has stopped the tree; None if there is none.
     """
 
     root: Behaviour
@@ -52,25 +51,25 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         """Set up every behaviour of the tree on a node.
 
         Args:
-            node: The node to tick on.
-            kwargs: As for `py_trees_ros.trees.BehaviourTree.setup`.
+            node: The node whose executor ticks the tree.
+            kwargs: See `py_trees_ros.trees.BehaviourTree.setup`.
 
         Raises:
             TreeTooDeepError: If the tree is nested too deeply to be ticked.
-            SetupFailedError: If the setup of a behaviour raised an exception. Those that were set up
-                before it are shut down.
+            SetupFailedError: If the setup of a behaviour raised an exception. The behaviours that were set up
+                before it are then shut down.
         """
         require_tickable_depth(self.root, frames_per_level=2)
         given = [name for name in _ITS_PARAMETERS if node.has_parameter(name)]
         for name in given:
-            # The class declares it again, with the given value.
+            # The base class declares the parameter again, with the value from the command line.
             node.undeclare_parameter(name)
         try:
             super().setup(node=node, **kwargs)
-        except Exception as error:  # noqa: BLE001 - raised again, in words
+        except Exception as error:  # noqa: BLE001 - `give_up` raises it again, with its context
             self._stopped = self._shut_down = True
             give_up(self.root, error, node)
-        # py_trees would only log the error and continue as if the node had been reset: a `Timeout` would start over each time.
+        # If `update` returns no status, py_trees would only log an error and continue as if the node were reset. A `Timeout` would start over.
         for behaviour in self.root.iterate():
             insist_on_status(behaviour)
 
@@ -80,27 +79,27 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
             return
         try:
             super().tick(*args, **kwargs)
-        except Exception as error:  # noqa: BLE001 - kept and logged; nobody would catch it in a timer
+        except Exception as error:  # noqa: BLE001 - stored and logged, because it would not be caught in a timer
             self._fail(error)
 
     def settle(self, executor: Executor, timeout_sec: float = SETTLE_SEC) -> list[str]:
-        """Stop the tree, then spin until none of its leaves has work in progress.
+        """Stop the tree, then spin until no leaf has work in progress.
 
         Returns:
-            The names of the leaves that still had work in progress at the end.
+            The names of the leaves that still have work in progress.
         """
         self._stop(None)
         return settle(self.root, executor, timeout_sec, self.node)
 
     def shutdown(self) -> None:
-        """Stop the tree, and release its resources, including its node."""
+        """Stop the tree, and release the resources of its behaviours and of the base class."""
         self._stop(None)
         if not self._shut_down:
             self._shut_down = True
             shut_down(list(self.root.iterate()), self.node)
         if self.node is None:
             return
-        # The class's own method traverses the tree again, and stops at the first behaviour that raises.
+        # The base class's method would shut down the tree again, and stop at the first behaviour that raises an exception.
         root, self.root = self.root, Dummy("nothing is left to shut down")
         try:
             super().shutdown()

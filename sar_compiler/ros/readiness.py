@@ -1,4 +1,4 @@
-"""Wait, before the first tick, for the resources that a tree's leaves declare."""
+"""Wait before the first tick until the resources that a tree's leaves declare are available."""
 
 import math
 import time
@@ -29,23 +29,23 @@ from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.tree.display_text import escape_to_one_line
 
 InitialPose = tuple[float, float, float]
-"""x and y in metres, yaw in radians."""
+"""An initial pose: x and y in metres, yaw in radians."""
 
 _INITIAL_POSE_PERIOD_SEC = 1.0
-# How long to listen for a localisation before an initial pose is sent: twice the time in which half of the participants
+# Time to wait for the pose of a discovered localisation before an initial pose is sent, in seconds: twice the time in which half of the participants
 # discover each other.
 _LISTEN_SEC = 1.0
-# How long the odometry may take to arrive after the transforms from `map`: without it these give no position.
+# Maximum wait for the odometry after transforms from `map` have arrived, in seconds, because both are needed to compute the position.
 _PLACE_SEC = 5.0
 MOVED_M = 0.25
-"""Movements below this are ignored, as by AMCL (its `update_min_d`), metres."""
-# A pose within these tolerances of the initial one is the same, metres and radians.
+"""Movements below this distance are ignored, as by AMCL (`update_min_d`), in metres."""
+# Maximum differences, in metres and radians, at which a pose agrees with the initial pose.
 _AGREES_M, _AGREES_RAD = 0.5, 0.5
 
 _POSITION = "the robot's position"
 _ODOMETRY = Endpoint("topic", "odometry/filtered", "nav_msgs/msg/Odometry")
 
-# The errors of a bring-up without an initial pose.
+# The node and the step that fail if Nav2 is brought up without an initial pose.
 _WAITS_FOR_POSE = ("planner_server", "failed to activate")
 
 
@@ -53,8 +53,8 @@ class Requirement(ABC):
     """A requirement that must be fulfilled before the first tick.
 
     Attributes:
-        ends_by_itself: Whether it will be fulfilled without any intervention. No time limit applies meanwhile.
-        title: Its name in the operator's words.
+        ends_by_itself: Whether the requirement will be fulfilled without intervention, so that no time limit applies to it.
+        title: The requirement's name for operators.
     """
 
     ends_by_itself = False
@@ -62,19 +62,19 @@ class Requirement(ABC):
 
     @abstractmethod
     def poll(self) -> str | None:
-        """Perform the next step, and describe the missing item; None if nothing is missing."""
+        """Perform the next step, and describe what is missing; None if the requirement is fulfilled."""
 
-    def close(self) -> None:  # noqa: B027 - most have created nothing
-        """Destroy the entities that it created on the node."""
+    def close(self) -> None:  # noqa: B027 - most requirements create no entities
+        """Destroy the entities that the requirement has created on the node."""
 
 
 class RobotMovedError(SarError):
-    """A robot is not at the initial pose that a mission would send to its localisation.
+    """The robot is not at the initial pose that the mission would send to the localisation.
 
     Attributes:
-        place: Its position according to its localisation: x, y (m) and yaw (rad), frame `map`; None if it is unknown.
+        place: The robot's pose according to the localisation: x, y (m) and yaw (rad), frame `map`; None if it is unknown.
         pose: The initial pose of the mission.
-        moved: The distance driven according to its odometry, metres, if its localisation has no pose; else None.
+        moved: The robot's distance from its start according to the odometry, in metres, if the localisation has no pose; otherwise None.
     """
 
     def __init__(
@@ -108,21 +108,21 @@ class RobotMovedError(SarError):
 
 
 class LocalisationCheck(Requirement):
-    """The requirement that the localisation has a pose: its current one or the initial one.
+    """The requirement that the localisation has a pose: its current pose, or the mission's initial pose.
 
-    A localisation that has a pose is sent another one only if that is nearly the same. If it is far away, the start is
-    refused. A localisation without a pose is sent the initial one only if the odometry shows that the robot has not
-    moved, as during a run (`ros.dependency_monitor`). The pose is published until an answer arrives: an old pose, kept by the
-    publisher for late subscribers, does not confirm this one.
+    If the localisation already has a pose, the initial pose is only sent if the two are nearly equal. If they are far apart, the
+    start is refused. If the localisation has no pose, the initial pose is only sent if the odometry shows that the robot has not
+    moved, as during a run (`ros.dependency_monitor`). The initial pose is published until the localisation publishes a new pose.
+    An older pose, which late subscribers receive, does not confirm the initial pose.
 
     Args:
-        node: The node to publish with.
-        pose: The robot's pose, in the frame `map`.
-        restarts: Whether the localisation is known to have none, as that of a simulation that has just begun.
-        can_resume: Whether the journal of the mission before is there.
+        node: The node that publishes the initial pose.
+        pose: The initial pose, in the frame `map`.
+        restarts: Whether the localisation is known to have no pose, as at the start of a simulation.
+        can_resume: Whether the journal of an interrupted mission exists.
 
     Attributes:
-        may_publish: Whether the pose may be published; until then the localisation is only listened to.
+        may_publish: Whether the initial pose may be published; if not, the node only subscribes to the localisation's pose.
     """
 
     may_publish = True
@@ -134,63 +134,61 @@ class LocalisationCheck(Requirement):
         self._pose = pose
         self._robot = robot_estimate(node)
         self._restarts, self._can_resume = restarts, can_resume
-        self._heard_of_at = -math.inf if restarts else math.inf
+        self._discovered_at = -math.inf if restarts else math.inf
         self._sent_at = -math.inf
         self._localised_at = math.inf
-        self._answered = False
-        self._answers, self._poses = (
+        self._is_confirmed = False
+        self._pose_topic, self._initial_pose_topic = (
             with_full_name(topic, node.resolve_topic_name(topic)) for topic in ("amcl_pose", "initialpose")
         )
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
 
     def poll(self) -> str | None:
-        """Publish the pose if due, and describe a missing response; None once there is one.
+        """Publish the initial pose if it is due; describe that the localisation's pose is missing, None if it has arrived.
 
         Raises:
-            RobotMovedError: If the localisation has a pose that is far from the initial one.
+            RobotMovedError: If the localisation has a pose that is far from the initial pose, or the robot has moved.
         """
-        has_taken_it = self._has_asked and self._robot.pose_at >= self._sent_at
+        has_response = self._was_sent and self._robot.pose_at >= self._sent_at
         now = AWAKE.now()
-        if not (self._answered or has_taken_it):
+        if not (self._is_confirmed or has_response):
             if self._robot.localisation_conflict():
-                return f"topic {self._answers}: no initial pose is sent while another robot's localisation may be heard"
-            if self._is_heard_too_briefly(now):
-                return f"topic {self._answers}: waiting for the localisation's pose"
-        self._answered = self._answered or has_taken_it or self._keeps_its_own()
-        if self._answered:
+                return f"topic {self._pose_topic}: no initial pose is sent, because the localisation may belong to another robot"
+            if self._must_wait_for_pose(now):
+                return f"topic {self._pose_topic}: waiting for the localisation's pose"
+        self._is_confirmed = self._is_confirmed or has_response or self._keeps_own_yaw()
+        if self._is_confirmed:
             return None
-        heard = self._publisher.get_subscription_count() > 0
-        has_been_listened_to = self._has_been_listened_to(now)
+        has_subscriber = self._publisher.get_subscription_count() > 0
+        has_listened = self._has_listened(now)
         if (
-            heard
+            has_subscriber
             and self.may_publish
-            and has_been_listened_to
+            and has_listened
             and self._has_not_moved()
             and now - self._sent_at >= _INITIAL_POSE_PERIOD_SEC
         ):
             self._sent_at = now
             self._publisher.publish(estimated_pose(self._node, *self._pose))
         x, y, yaw = self._pose
-        deaf = "" if heard else f", and no node subscribes to {self._poses}"
-        return (
-            f"topic {self._answers}: no response to the initial pose ({x:.2f}, {y:.2f}, yaw {yaw:.2f}){deaf}"
-        )
+        cause = "" if has_subscriber else f", and no node subscribes to {self._initial_pose_topic}"
+        return f"topic {self._pose_topic}: no response to the initial pose ({x:.2f}, {y:.2f}, yaw {yaw:.2f}){cause}"
 
     def close(self) -> None:
         """Destroy the publisher."""
         self._node.destroy_publisher(self._publisher)
 
     @property
-    def _has_asked(self) -> bool:
+    def _was_sent(self) -> bool:
         return self._sent_at > -math.inf
 
     def _has_not_moved(self) -> bool:
-        """Return whether an unlocalised robot has not moved; True without odometry.
+        """Return whether a robot that is not localised has not moved; True if no node publishes odometry.
 
         Raises:
-            RobotMovedError: If it is elsewhere.
+            RobotMovedError: If the robot has moved according to the odometry.
         """
-        is_known = self._restarts or self._has_asked or self._robot.is_localised
+        is_known = self._restarts or self._was_sent or self._robot.is_localised
         if is_known or not ros_graph(self._node).publishers(_ODOMETRY.name):
             return True
         if self._robot.odometry is None:
@@ -201,24 +199,24 @@ class LocalisationCheck(Requirement):
             raise RobotMovedError(None, self._pose, moved=moved, can_resume=self._can_resume)
         return True
 
-    def _is_heard_too_briefly(self, now: float) -> bool:
-        """Return whether the localisation was observed for too short a time."""
+    def _must_wait_for_pose(self, now: float) -> bool:
+        """Return whether to wait until the pose of a localised robot is known, or another robot's transforms are detected."""
         if not self._robot.is_localised:
             return False
         is_placed = self._robot.last_pose() is not None
-        if is_placed and len(ros_graph(self._node).publisher_ids("/tf")) < 2:  # noqa: PLR2004 - then they are of one
+        if is_placed and len(ros_graph(self._node).publisher_ids("/tf")) < 2:  # noqa: PLR2004 - one publisher belongs to one robot
             return False
         self._localised_at = min(self._localised_at, now)
         return now - self._localised_at < (_LISTEN_SEC if is_placed else _PLACE_SEC)
 
-    def _keeps_its_own(self) -> bool:
-        """Return whether the localisation has the initial position with a different yaw.
+    def _keeps_own_yaw(self) -> bool:
+        """Return whether the localisation already has the initial position, but with a different yaw, which it keeps.
 
         Raises:
-            RobotMovedError: If it has one elsewhere.
+            RobotMovedError: If the localisation has a different position.
         """
-        others = self._robot.pose is None and self._robot.hears_other_robots
-        if self._has_asked or not self._robot.is_localised or others:
+        has_other_robots = self._robot.pose is None and self._robot.hears_other_robots
+        if self._was_sent or not self._robot.is_localised or has_other_robots:
             return False
         place = self._robot.last_pose()
         if place is None or not math.dist(place[:2], self._pose[:2]) <= _AGREES_M:
@@ -231,24 +229,24 @@ class LocalisationCheck(Requirement):
             )
         return not turned <= _AGREES_RAD
 
-    def _has_been_listened_to(self, now: float) -> bool:
-        """Return whether an existing pose would have arrived by now."""
-        if self._heard_of_at == math.inf and ros_graph(self._node).publishers("amcl_pose"):
-            self._heard_of_at = now
-        return now - self._heard_of_at >= _LISTEN_SEC
+    def _has_listened(self, now: float) -> bool:
+        """Return whether a pose that the localisation has published before would have arrived by now."""
+        if self._discovered_at == math.inf and ros_graph(self._node).publishers("amcl_pose"):
+            self._discovered_at = now
+        return now - self._discovered_at >= _LISTEN_SEC
 
 
 class Nav2Check(Requirement):
-    """The requirement that Nav2's navigator is active, with the reason if it is not.
+    """The requirement that Nav2's navigator is active; explains why it is not.
 
-    Nav2's lifecycle manager activates its nodes in an order, the navigator late. If an earlier node cannot be
-    activated, the manager gives up for good. The most frequent case is `planner_server`: it waits for the frame `map`,
-    and thus for the initial pose, no longer than `initial_transform_timeout`.
+    Nav2's lifecycle manager activates its nodes in a fixed order, and the navigator as one of the last. If an earlier node cannot
+    be activated, the manager does not try again. The most frequent case is `planner_server`, which waits for the frame `map`, and thus
+    for the initial pose, for at most `initial_transform_timeout`.
 
     Args:
-        node: The node to ask with.
+        node: The node that queries the states.
         name: The relative name of the navigator.
-        tells_pose: Whether the localisation is sent an initial pose meanwhile. If not, a missing pose is reported.
+        tells_pose: Whether an initial pose is sent to the localisation during the wait. If not, a missing pose is reported.
     """
 
     def __init__(self, node: Node, name: str, *, tells_pose: bool) -> None:
@@ -257,27 +255,27 @@ class Nav2Check(Requirement):
         self._manager: PolledService | None = None
 
     def poll(self) -> str | None:
-        """Query if due, and describe the navigator's state with the reason; None if it is `active`."""
-        # The missing item may just have arrived.
+        """Query the state if a query is due; describe the navigator's state and the reason, None if it is `active`."""
+        # The state is queried again after a pose has arrived, because Nav2 may have waited for it.
         line, state = self._lifecycle.poll(self._robot.pose_at), self._lifecycle.state
         if line is None:
             return None
         awaited = self._log.awaited_node()
         if awaited and not ros_graph(self._node).query(Endpoint("node", awaited)).is_there:
-            said = self._log.quote(awaited)
+            logged = self._log.quote(awaited)
             return (
-                f"{line}: {MANAGER} waits for {awaited}, whose process was not started or has crashed"
-                f"{f' ({said})' if said else ''}. Restart Nav2"
+                f"{line}. {MANAGER} waits for {awaited}, whose process was not started or has crashed"
+                f"{f' ({logged})' if logged else ''}. Restart Nav2"
             )
         return line if state is None else line + self._reason(state) + self._pose()
 
     def close(self) -> None:
-        """Destroy the client."""
+        """Destroy the client of the lifecycle manager."""
         if self._manager is not None:
             self._manager.close()
 
     def _reason(self, state: str) -> str:
-        """Query the manager and the nodes that it activates earlier, and explain the navigator's state."""
+        """Query the lifecycle manager and the nodes that it activates before the navigator; explain the navigator's state."""
         if self._manager is None:
             self._manager = PolledService(self._node, Trigger, f"{MANAGER}/is_active")
         self._manager.query()
@@ -286,44 +284,44 @@ class Nav2Check(Requirement):
             each.poll()
         states = {each.name: each.state for each in before if each.state is not None}
         asleep = next((pair for pair in states.items() if pair[1] != "active"), None)
-        # It does not answer while it is busy.
+        # The manager does not respond while it is busy.
         if self._manager.answer is None or self._manager.answer.success:
-            return f"; {asleep[0]} is '{asleep[1]}', too" if asleep else ""
+            return f", and {asleep[0]} is '{asleep[1]}'" if asleep else ""
         if {state, *states.values()} == {"unconfigured"} and not self._log.quote():
             call = self._node.resolve_service_name(f"{MANAGER}/manage_nodes")
             return (
-                f"; {MANAGER} has not started Nav2 (autostart is off): "
+                f". {MANAGER} has not started Nav2, because autostart is off. Run: "
                 f'ros2 service call {call} nav2_msgs/srv/ManageLifecycleNodes "{{command: 0}}"'
             )
         stuck, what = _failed_bringup({**states, self._lifecycle.name: state}, self._log.failed_change())
-        said = self._log.quote(stuck)
-        pose = ", and give the initial pose within its initial_transform_timeout"
+        logged = self._log.quote(stuck)
+        pose = ", and set the initial pose within its initial_transform_timeout"
         if self._robot.localisation_conflict():
             pose = ""
         return (
-            f"; {MANAGER} has stopped starting Nav2: {stuck} {what}{f' ({said})' if said else ''}. Restart "
+            f". {MANAGER} has stopped starting Nav2, because {stuck} {what}{f' ({logged})' if logged else ''}. Restart "
             f"Nav2{pose if (stuck, what) == _WAITS_FOR_POSE else ''}"
         )
 
     def _pose(self) -> str:
-        """Describe a missing pose of the localisation that no node will send."""
+        """Describe that the localisation has no pose, if this run does not send one; otherwise return an empty string."""
         if self._tells_pose or self._robot.is_localised or not ros_graph(self._node).publishers("amcl_pose"):
             return ""
         if self._robot.localisation_conflict():
             return ""
         poses = with_full_name("initialpose", self._node.resolve_topic_name("initialpose"))
-        return f"; the localisation has no pose yet: send it one ({poses}; in RViz: 2D Pose Estimate)"
+        return f". The localisation has no pose yet. Publish the pose on {poses} (in RViz: 2D Pose Estimate)"
 
 
 def _failed_bringup(states: Mapping[str, str], named: str) -> tuple[str, str]:
-    """Return the node whose bring-up failed, and the failed step in words.
+    """Return the node whose bring-up has failed, and a description of the failed step.
 
     Args:
         states: The states of the nodes, in the order of the bring-up.
-        named: The node that the lifecycle manager names; empty if it names none.
+        named: The node that failed according to the lifecycle manager's log; empty if the log names none.
     """
     if named in states:
-        # The manager performs each step on all nodes in turn: the answer of a node that is one step ahead was lost.
+        # The manager performs each step on all nodes in turn. If the named node is one step ahead of others, the manager has not received its response.
         others = {state for name, state in states.items() if name != named}
         if states[named] == "active" or (states[named] == "inactive" and "unconfigured" in others):
             done = "activated" if states[named] == "active" else "configured"
@@ -339,8 +337,8 @@ def _failed_bringup(states: Mapping[str, str], named: str) -> tuple[str, str]:
     return next(name for name in states if states[name] != "active"), "failed to activate"
 
 
-# How long a killed server remains in the graph (20 s by the middleware's default), and a little more: of two servers,
-# one may be a remnant of a killed one.
+# Maximum time for which a killed server stays in the ROS graph, in seconds (the default of the middleware is 20 s). Of two servers, one may have
+# been killed.
 SHADOW_SEC = 22.0
 
 _PROGRESS_PERIOD_SEC = 5.0
@@ -349,12 +347,12 @@ _TURN_SEC = 0.05
 
 
 class NotReadyError(SarError):
-    """A resource that the mission needs is not available in time.
+    """A resource that the mission needs was not available in time.
 
     Attributes:
-        missing: The missing resources, one line each.
-        waited_sec: The time waited, in seconds; None if waiting could not help.
-        hint: A remedy for all of them, if there is one.
+        missing: A line for each missing resource.
+        waited_sec: The duration of the wait, in seconds; None if waiting cannot help.
+        hint: A common remedy for all missing resources; empty if there is none.
     """
 
     exit_status = 3
@@ -370,22 +368,22 @@ class NotReadyError(SarError):
 class Readiness:
     """The requirements of a tree, and whether they are fulfilled.
 
-    Nothing here blocks: `poll` does the next step, between two spins of the executor.
+    The methods do not block: `poll` performs the next step between two spins of the executor.
 
     Args:
-        node: The node that the tree will run on.
+        node: The node on which the tree will run.
         uses: The resources that the tree's leaves use, with resolved names; may contain duplicates.
         initial_pose: The initial pose for the localisation, if Nav2 is used: x, y (m), yaw (rad) in the
-            frame `map`; None to send none and not to wait for it.
+            frame `map`; None to send no pose, and not to wait for the localisation's pose.
         restarts: Whether the localisation is known to have no pose yet.
-        can_resume: Whether the journal of the previous mission exists.
-        endpoints: The use of actions, services and topics by the leaves; names that are not listed may have any type.
-        first: Requirements of the caller, who also closes them, to check before all others.
-        report: Called with all requirements in the operator's words whenever one of them changes.
+        can_resume: Whether the journal of an interrupted mission exists.
+        endpoints: The types and QoS profiles of the actions, services and topics that leaves use; a resource that is not listed may have any type.
+        first: Further requirements, which are checked before all others, and which the caller closes.
+        report: Called with all requirements in words for operators whenever one of them changes.
 
     Attributes:
-        uses_nav2: Whether a leaf needs Nav2 to be localised and active.
-        ends_by_itself: Whether a requirement of the caller that was last missing will be fulfilled by itself.
+        uses_nav2: Whether a leaf requires Nav2 to be localised and active.
+        ends_by_itself: Whether one of the further requirements is missing, and will be fulfilled by itself.
     """
 
     def __init__(
@@ -403,7 +401,7 @@ class Readiness:
         self.node = node
         self._first = tuple(first)
         self.ends_by_itself = False
-        # The names and the next steps of the checks, each of which returns the missing item, and the objects to close at the end.
+        # The name of each check, and the function that performs the check's next step and returns what is missing.
         self._steps: list[tuple[str, Callable[[], str | None]]] = []
         self._report, self._reported = report, dict[str, str]()
         self._closing: list[Requirement] = []
@@ -429,7 +427,7 @@ class Readiness:
 
     @property
     def _is_robot_elsewhere(self) -> bool:
-        """Whether the localisation has a different name, which explains all other missing items."""
+        """Whether the localisation only exists under a different name, which explains all other missing resources."""
         return bool(self._graph.query(Endpoint("node", NAV2_NODES[0])).elsewhere)
 
     def _localisation_conflict(self) -> str | None:
@@ -449,7 +447,7 @@ class Readiness:
             )
             self._closing.append(self._localised)
             self._steps.append((_POSITION, self._localised.poll))
-        # Queried even after it was active: it may have become inactive before everything else is ready.
+        # The state is queried until all requirements are fulfilled, because the node may become inactive before.
         self._steps.append((_POSITION, robot_estimate(self.node).lifecycle(localizer).poll))
         self._closing.append(Nav2Check(self.node, navigator, tells_pose=initial_pose is not None))
         self._steps.append(("navigation", self._closing[-1].poll))
@@ -458,21 +456,21 @@ class Readiness:
 
     @property
     def is_nav2_absent(self) -> bool:
-        """Whether Nav2 is required, and none of its nodes is in the ROS graph under any name."""
+        """Whether Nav2 is required, and the ROS graph contains none of its nodes under any name."""
         nodes = [self._graph.query(Endpoint("node", name)) for name in NAV2_NODES]
         return self.uses_nav2 and not any(each.is_there or each.elsewhere for each in nodes)
 
     @property
     def has_rival_servers(self) -> bool:
-        """Whether several servers have the same name and would accept the same goal."""
+        """Whether several servers with the same name would accept the same goal, or `/clock` has several publishers."""
         servers = any(self._graph.query(each).is_contested for each in self._endpoints)
         return servers or self._graph.is_clock_contested
 
     def poll(self) -> bool:
-        """Perform the next step.
+        """Perform the next step of all checks.
 
         Returns:
-            Whether all requirements are fulfilled; the clients and subscriptions made for them are then destroyed.
+            Whether all requirements are fulfilled. The clients and publishers of the checks are then destroyed.
         """
         if self.poll_all():
             return False
@@ -482,17 +480,15 @@ class Readiness:
         return True
 
     def poll_all(self) -> list[str]:
-        """Perform the next step, and return the missing items, one line each."""
+        """Perform the next step of all checks; return a line for each missing resource."""
         first = {each: line for each in self._first if (line := each.poll()) is not None}
         self.ends_by_itself = any(each.ends_by_itself for each in first)
         if self._localised is not None:
             self._localised.may_publish = not first
         items = {each.title: first.get(each, "") for each in self._first}
-        # Queries and their responses continue while a requirement is missing that must be met before anything is changed.
+        # While a further requirement is missing, the other checks continue, but change nothing. Their error is raised when no further requirement is missing.
         others: list[str] = []
-        with (
-            suppress(SarError) if first else nullcontext()
-        ):  # it is raised again once no other requirement precedes it
+        with suppress(SarError) if first else nullcontext():
             for name, step in self._steps:
                 line = step()
                 items[name] = items.get(name) or line or ""
@@ -502,7 +498,7 @@ class Readiness:
             self._report([*map(AwaitedItem, items, items.values())])
         lines = [*first.values()] or others
         advice = self._graph.advice(self._endpoints) if lines and not first else ""
-        # Nav2's nodes declare most of their parameters while they are configured.
+        # The parameters are queried last, because Nav2's nodes declare most parameters while they are configured.
         if not lines and self.uses_nav2 and self._parameters.are_awaited():
             return ["the parameters of Nav2: no response yet"]
         return [*lines, advice] if advice else lines
@@ -522,7 +518,7 @@ class Readiness:
                 self.node.get_logger().warning(escape_to_one_line(f"{line}."))
 
     def close(self) -> None:
-        """Destroy the clients and subscriptions when the wait is aborted."""
+        """Destroy the clients and publishers of the checks."""
         closing, self._closing, self._steps, self._endpoints = self._closing, [], [], []
         for each in closing:
             each.close()
@@ -538,15 +534,15 @@ def wait_until_ready(
     Args:
         executor: The executor of the node.
         readiness: The requirements to wait for.
-        timeout_sec: The time limit, in seconds of the steady clock. It starts when none is left that will be fulfilled by itself.
+        timeout_sec: The time limit, in seconds of the steady clock. It starts when no missing requirement will be fulfilled by itself.
         should_stop: Returns whether to stop waiting. The function then returns normally.
 
     Raises:
-        NotReadyError: If the time is over, if two servers share a name for longer than a killed
-            server remains visible, or if the robot is not at the initial pose of the mission.
+        NotReadyError: If the time limit expires, if two servers share a name for longer than a killed
+            server stays in the ROS graph, or if the robot is not at the initial pose of the mission.
     """
     start = time.monotonic()
-    told, contested_since = start, None
+    reported_at, contested_since = start, None
     logger = readiness.node.get_logger()
     try:
         while not should_stop() and not readiness.poll():
@@ -564,8 +560,8 @@ def wait_until_ready(
                 raise NotReadyError(
                     readiness.poll_all(), now - start, _ABSENT if readiness.is_nav2_absent else ""
                 )
-            if now - told >= _PROGRESS_PERIOD_SEC:
-                told = now
+            if now - reported_at >= _PROGRESS_PERIOD_SEC:
+                reported_at = now
                 logger.info(_waiting_line(readiness))
             if not _spin_for(executor, min(_TURN_SEC, timeout_sec)):
                 return
@@ -580,7 +576,7 @@ def _waiting_line(readiness: Readiness) -> str:
 
 
 def _spin_for(executor: Executor, duration_sec: float) -> bool:
-    """Spin for a moment; return whether ROS is still up."""
+    """Spin an executor for a duration; return whether ROS is not shut down."""
     deadline = time.monotonic() + duration_sec
     try:
         while executor.context.ok() and (left := deadline - time.monotonic()) > 0:

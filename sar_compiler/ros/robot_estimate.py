@@ -1,6 +1,7 @@
-"""The state estimate of a robot: pose, motion, localisation, and states of nodes.
+"""The state estimate of a robot: pose, motion, localisation, and states of lifecycle nodes.
 
-Leaves, the monitoring, the readiness check, the journal and the end of a run read it. Each topic is subscribed to once for each node.
+Leaves, the monitor of a running tree, the readiness check, the journal and the end of a run share one estimate for each node, so that the node has only one
+subscription to each topic.
 """
 
 import math
@@ -33,39 +34,39 @@ from sar_compiler.runtime.leaf_protocol import Wake
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-# A robot below these speeds counts as standing, m/s and rad/s, after this time, seconds of its own clock.
+# A robot stands still if its speeds (m/s and rad/s) have been below these limits for this time, in seconds of the node's clock.
 _STANDS_MPS, _STANDS_RADPS, _STANDS_SEC = 0.02, 0.05, 0.5
-# How long a transform from `map` may be missing. AMCL sends about ten a second while the robot's scanner works.
+# Maximum time without a transform from `map`, in seconds. AMCL publishes about ten transforms a second while the robot's scanner works.
 TRANSFORM_SEC = 3.0
-# Older odometry does not show the present state, steady seconds.
+# Maximum time since the last odometry for which the odometry shows the current motion, in seconds of awake time.
 _FRESH_SEC = 1.0
-# Odometry and transforms arrive continuously. With older stamps they do not show the present state, seconds of the
-# node's clock.
+# Maximum age of odometry and transforms according to their time stamps, in seconds of the node's clock.
 _MAX_AGE_SEC = 30.0
-# `map` as the frame of a serialised transform.
+# The frame name `map` in a serialised transform.
 FROM_MAP = b"\x04\x00\x00\x00map\x00"
 
 PoseListener = Callable[[PlanarPose], None]
 
 
 class RobotEstimate:
-    """The state estimate of a node's robot; obtain it with `robot_estimate`.
+    """The state estimate of a node's robot; created by `robot_estimate`.
 
     Args:
-        node: The rclpy node.
+        node: The rclpy node that subscribes to the robot's topics.
 
     Attributes:
-        clock: The clock of waits for the robot, seconds.
-        pose: The last usable pose of `amcl_pose`, in the frame `map`; None if none has come.
-        pose_at: Its time of arrival, steady seconds.
-        pose_problem: The reason why the last message of `amcl_pose` is unusable; empty if it is usable.
-        odometry: The last usable pose of `odometry/filtered`, in the frame `odom`; None if none has come.
-        odometry_at_pose: The odometry when `pose` arrived.
-        speed: The speeds in the last odometry: m/s and rad/s.
-        settle_timeout_sec: Time to wait for the robot to stand still, in seconds.
-        arrival_tolerance_m: The tolerance for an arrival at a goal, metres; None for Nav2's tolerance and half a metre.
-        lacks: The reason why the robot cannot drive, in words, set by `ros.dependency_monitor`; empty if it can.
-        transform_at: The arrival of the last transform from `map`, steady seconds; None before the first one.
+        clock: The clock that measures waits for the robot.
+        pose: The latest usable pose of `amcl_pose`, in the frame `map`; None if no such pose has arrived.
+        pose_at: The time of arrival of `pose`, in seconds of awake time; minus infinity if no pose has arrived.
+        pose_problem: The reason why the latest message of `amcl_pose` is unusable; empty if it is usable.
+        odometry: The latest usable pose of `odometry/filtered`, in the frame `odom`; None if no such pose has arrived.
+        odometry_at_pose: The value of `odometry` when `pose` arrived.
+        speed: The speeds in the latest odometry, in m/s and rad/s.
+        settle_timeout_sec: The maximum wait until the robot stands still, in seconds.
+        arrival_tolerance_m: The maximum distance between the robot and its goal at which it has arrived, in metres; None for Nav2's tolerance
+            plus half a metre.
+        lacks: The reason why the robot cannot drive, in words, which `ros.dependency_monitor` sets; empty if the robot can drive.
+        transform_at: The time of arrival of the latest transform from `map`, in seconds of awake time; None if no such transform has arrived.
     """
 
     def __init__(self, node: "Node") -> None:
@@ -87,22 +88,22 @@ class RobotEstimate:
         self._node, self._reports = node, value_reports(node)
         self._states: dict[str, LifecycleState] = {}
         self.clock = deadline_clock(node)
-        # No limit on the speed of a simulation: this wait is not for other programs.
+        # The speed of a simulation is not limited, because a robot brakes in simulated time.
         self._own_time = NodeTime(node, steady=AWAKE.now)
         self._frames = ("", "")
         self._odometry_at = -math.inf
         self._slow_since: float | None = None
         self._transforms, self._has_own_transforms = b"", False
-        # A localisation with a simulated clock sends nothing while that stands still.
+        # A localisation with simulated time sends nothing while the simulated clock stands still.
         self._clocked, self._transform_clocked_at = ClockedTime(node), -math.inf
         self._transform_at_sec = 0.0
         self._listeners: list[PoseListener] = []
         self._awaiting: list[Callable[[], None]] = []
         self._odometry_listeners: list[Callable[[], None]] = []
         latched = qos_profile(type(self).__name__, "transient_local")
-        # A robot that stands still, and may be paused, has published its pose earlier. AMCL repeats it only after a movement.
+        # If the robot stands still, the latest pose was published before this subscription, because AMCL only publishes a pose after a movement.
         node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, latched)
-        # Serialised: a message of a busy topic takes longer to deserialise than to scan.
+        # The messages of these busy topics are not deserialised, because this takes longer than reading some of their bytes.
         node.create_subscription(
             Odometry, "odometry/filtered", self._on_odometry, qos_profile_sensor_data, raw=True
         )
@@ -110,41 +111,41 @@ class RobotEstimate:
 
     @property
     def moves(self) -> bool | None:
-        """Whether the robot moves according to the last odometry; None without recent odometry."""
+        """Whether the robot moves according to the latest odometry; None without recent odometry."""
         if AWAKE.now() - self._odometry_at > _FRESH_SEC:
             return None
         return self._slow_since is None
 
     @property
     def is_standing(self) -> bool | None:
-        """Whether the robot has been standing for half a second; None without recent odometry."""
+        """Whether the robot has stood still for half a second; None without recent odometry."""
         if self.moves is None or self._slow_since is None:
             return None if self.moves is None else False
         return self._own_time.now() - self._slow_since >= _STANDS_SEC
 
     @property
     def speed_text(self) -> str:
-        """The speeds in the last odometry, in words."""
+        """The speeds in the latest odometry, for messages."""
         return f"{self.speed[0]:.2f} m/s, {self.speed[1]:.2f} rad/s"
 
     def call_at_standstill(self, listener: Callable[[], None]) -> None:
-        """Register a callback that is called once when the robot stands still."""
+        """Call a function once when the robot stands still."""
         self._awaiting.append(listener)
 
     def cancel_call(self, listener: Callable[[], None]) -> None:
-        """Remove a callback of `call_at_standstill`; no effect after its call."""
+        """Cancel the call that `call_at_standstill` has requested, if it has not happened yet."""
         with suppress(ValueError):
             self._awaiting.remove(listener)
 
     @property
     def is_localised(self) -> bool:
-        """Whether the localisation has published the robot's pose, in a message or as a transform."""
+        """Whether the localisation has published the robot's pose as a message or a transform."""
         return self.pose is not None or self.transform_at is not None
 
     def lost_transforms(self) -> str:
-        """Report that transforms from `map` have stopped; empty if they arrive, or have never arrived.
+        """Describe that transforms from `map` have stopped; empty if they arrive, or have never arrived.
 
-        While simulated time stands still, they are neither lost nor found, and only the clock is reported.
+        The time for which simulated time stands still does not count, because only the clock is reported then.
         """
         silent_sec = self._clocked.now() - self._transform_clocked_at
         if self.transform_at is None or silent_sec <= TRANSFORM_SEC:
@@ -153,28 +154,28 @@ class RobotEstimate:
 
     @cached_property
     def driving_nodes(self) -> LifecycleNodes:
-        """The lifecycle nodes that a drive needs."""
+        """The lifecycle nodes that must be active during a drive."""
         return LifecycleNodes([self.lifecycle(name) for name in DRIVING_NODES])
 
     def lifecycle(self, name: str) -> LifecycleState:
-        """Return the state of a lifecycle node by its relative name, one object for each name."""
+        """Return the state of a lifecycle node, given its relative name; every call for a name returns the same object."""
         if name not in self._states:
             self._states[name] = LifecycleState(self._node, name)
         return self._states[name]
 
     def last_pose(self) -> PlanarPose | None:
-        """Return the robot's last localised pose, in the frame `map`; None if it is unknown."""
+        """Return the robot's latest localised pose, in the frame `map`; None if it is unknown."""
         return self._place_by_transforms() or self.pose
 
     def current_pose(self) -> PlanarPose | None:
-        """Return the current pose of the robot in the frame `map`; None if it is unknown or outdated."""
+        """Return the robot's current pose, in the frame `map`; None if it is unknown or outdated."""
         if self.lost_transforms():
             return None
-        # Between two poses of the localisation, which arrive after movements, only recent odometry extends the last pose.
+        # The localisation only publishes a pose after a movement. Between two poses, only recent odometry shows the current pose.
         return self.last_pose() if self.moves is not None else self.pose
 
     def add_listener(self, listener: PoseListener) -> None:
-        """Register a callback for each usable pose of `amcl_pose` from now on."""
+        """Add a callback that is called with each usable pose of `amcl_pose`."""
         self._listeners.append(listener)
 
     def _on_pose(self, message: Any) -> None:
@@ -190,7 +191,7 @@ class RobotEstimate:
             listener(pose)
 
     def listen_to_odometry(self, listener: Callable[[], None]) -> None:
-        """Register a callback for odometry."""
+        """Add a callback that is called after each odometry message."""
         self._odometry_listeners.append(listener)
 
     def _on_odometry(self, message: bytes) -> None:
@@ -200,14 +201,14 @@ class RobotEstimate:
             listener()
 
     def _apply_odometry(self, message: bytes) -> None:
-        """Use the valid values of odometry.
+        """Update the estimate with the valid values of an odometry message.
 
         Raises:
             UnusableValueError: If a value is invalid.
         """
         reading = read_odometry(message)
         stamp_age(reading.stamp_sec, self._node, _MAX_AGE_SEC)
-        # First the speed: the movement may be the reason why the pose is lost.
+        # The speed is used even if the pose is invalid, because the motion may be the reason why the pose is lost.
         self._on_speed(reading.usable_speed)
         self.odometry, self._frames = reading.usable_pose, (reading.frame, reading.child)
         if self.odometry_at_pose is None:
@@ -225,9 +226,9 @@ class RobotEstimate:
                 listener()
 
     def localisation_conflict(self) -> str:
-        """Describe why the localisation may belong to another robot; empty if it does not seem to.
+        """Explain why the localisation may belong to another robot; empty if there is no sign of this.
 
-        Until this is resolved, no initial pose is sent or requested, because the localisation could be the other robot's.
+        While there is a conflict, no initial pose is sent or requested, because another robot could receive it.
         """
         graph = ros_graph(self._node)
         conflict = graph.foreign_localisation_problem() or frame_sources(self._node).conflict()
@@ -237,14 +238,14 @@ class RobotEstimate:
         if not others:
             return ""
         return (
-            f"transforms from 'map' may be another robot's: {self._node.resolve_topic_name('/tf')} is also published by "
-            f"{join_names(others)}. Give each robot transforms of its own "
+            f"transforms from 'map' may belong to another robot, because {self._node.resolve_topic_name('/tf')} is also "
+            f"published by {join_names(others)}. Give each robot its own transforms "
             "(`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
         )
 
     @property
     def hears_other_robots(self) -> bool:
-        """Whether all transforms from `map` lead to other robots' frames."""
+        """Whether other robots are present, and no transform from `map` leads to a frame of this robot's odometry."""
         knows = self.odometry is not None and self.transform_at is not None
         return knows and not self._has_own_transforms and bool(ros_graph(self._node).other_robots())
 
@@ -254,13 +255,13 @@ class RobotEstimate:
             self._transform_clocked_at, self._transform_at_sec = self._clocked.now(), node_sec(self._node)
 
     def _is_of_another_robot(self, message: bytes) -> bool:
-        """Return whether transforms lead only to other robots' frames."""
-        leads_here = not {*child_frames(message)}.isdisjoint(filter(None, self._frames))
-        self._has_own_transforms = self._has_own_transforms or leads_here
-        return self._has_own_transforms and not leads_here
+        """Return whether a message with transforms belongs to another robot, because only other messages lead to a frame of this robot's odometry."""
+        is_own = not {*child_frames(message)}.isdisjoint(filter(None, self._frames))
+        self._has_own_transforms = self._has_own_transforms or is_own
+        return self._has_own_transforms and not is_own
 
     def _place_by_transforms(self) -> PlanarPose | None:
-        """Return the pose from the latest `map` transform, combined with odometry if necessary."""
+        """Return the robot's pose from the latest transforms from `map`, combined with the odometry if necessary; None if unknown."""
         from rclpy.serialization import deserialize_message
         from tf2_msgs.msg import TFMessage
 
@@ -274,10 +275,10 @@ class RobotEstimate:
         return None
 
     def _pose_from_transform(self, message: Any) -> PlanarPose | None:
-        """Return the pose from a transform; None if it does not connect `map` with a frame of the odometry.
+        """Return the robot's pose from a transform; None if the transform does not lead from `map` to a frame of the odometry.
 
         Raises:
-            UnusableValueError: If its numbers are invalid, or it is outdated.
+            UnusableValueError: If the transform's numbers are invalid, or it is outdated.
         """
         transform, odometry = read_transform(message), self.odometry
         if transform.parent != MAP_FRAME or transform.child not in self._frames or odometry is None:
@@ -295,18 +296,20 @@ class RobotEstimate:
 
 
 def robot_estimate(node: "Node") -> RobotEstimate:
-    """Return the state estimate of a node's robot, one object for each node."""
+    """Return the state estimate of a node's robot; every call for a node returns the same object."""
     return of_node(node, RobotEstimate, lambda: RobotEstimate(node))
 
 
 class Standstill:
-    """Waits while the odometry shows a movement, at most for `settle_timeout_sec`. Without odometry it does not wait.
+    """The wait of a leaf until the robot stands still according to the odometry, for at most `settle_timeout_sec`.
+
+    Without odometry, the leaf does not wait.
 
     Args:
-        leaf: The leaf after its setup; it logs the wait, and a wait in vain.
+        leaf: The leaf, after its setup. It shows the wait as its feedback message, and logs a warning after the time limit.
         wake: Requests a tick.
-        since: The event after which the robot must stand, in words.
-        with_goals: Whether all goals of the leaf's node must have ended, not only the caller's.
+        since: The event after which the robot must stand still, in words.
+        with_goals: Whether to wait until all goals of the leaf's node have ended, too.
     """
 
     def __init__(self, leaf: RosLeaf, wake: Wake, since: str, *, with_goals: bool = False) -> None:
@@ -314,10 +317,10 @@ class Standstill:
         self._goals = active_goals_of(leaf.node) if with_goals else None
         self._robot = robot_estimate(leaf.node)
         self._due: Deadline | None = None
-        self._told = False
+        self._is_reported = False
 
     def is_awaited(self) -> bool:
-        """Return whether to continue waiting."""
+        """Return whether the leaf must continue to wait."""
         moves = self._robot.is_standing is False
         if not moves and not (self._goals is not None and self._goals.may_be_active):
             if self._due is not None:
@@ -328,11 +331,11 @@ class Standstill:
             self._due = Deadline(self._robot.settle_timeout_sec, self._robot.clock)
             self._robot.call_at_standstill(self._wake)
             self._leaf.feedback_message = "waiting for the robot to stop"
-        # Read the clock once: a limit that passes between two readings would end the wait without its warning.
+        # The clock is read once, because a limit that passes between two readings would end the wait without the warning.
         has_passed = self._due.has_passed
-        if has_passed and not self._told:
-            # Log it once: each line would have another speed.
-            self._told = True
+        if has_passed and not self._is_reported:
+            # `warn` would not recognise a repetition, because the speed in the message changes.
+            self._is_reported = True
             what = f"the robot still moves ({self._robot.speed_text})" if moves else "a goal may be active"
             self._leaf.warn(
                 f"'{self._leaf.name}': {what} {self._robot.settle_timeout_sec:g} s after {self._since}."
@@ -341,5 +344,5 @@ class Standstill:
         return not has_passed
 
     def give_up(self) -> None:
-        """Stop waiting, and do not request a tick when the robot stands still."""
+        """End the wait, so that no tick is requested when the robot stands still."""
         self._robot.cancel_call(self._wake)

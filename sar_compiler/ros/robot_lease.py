@@ -1,4 +1,4 @@
-"""Allow only one mission for each robot, using claims in the ROS graph."""
+"""Ensure that only one mission uses a robot: missions publish claims in the ROS graph."""
 
 import json
 import math
@@ -19,19 +19,19 @@ from sar_compiler.ros.frame_sources import listener_name
 from sar_compiler.ros.graph_queries import ros_graph
 from sar_compiler.ros.readiness import SHADOW_SEC, Requirement
 
-# The claims of nodes that were discovered before arrive within this share of the time for discovery.
+# The share of the settling time for discovery in which the claims of nodes that are already discovered arrive.
 _SHARE = 0.5
 CLAIMS = "/_mission"
-"""Suffix of the topic for claims to an action."""
+"""The suffix that is appended to the name of an action to form the topic for claims to the action."""
 
-# Texts of other nodes are shown up to this length.
+# Maximum length of a string from another node in a message, in characters.
 _SHOWN = 80
-# The number of other missions that are stored and reported: any node in the domain can send any number of claims.
+# Maximum number of other missions that are stored and reported, because any node in the domain can send any number of claims.
 _MOST = 8
 
 
 class AnotherMissionError(SarError):
-    """Another mission already drives this robot.
+    """Another mission already uses this robot.
 
     Attributes:
         claim: The claim of the other mission.
@@ -40,8 +40,8 @@ class AnotherMissionError(SarError):
     def __init__(self, claim: "LeaseClaim") -> None:
         self.claim = claim
         super().__init__(
-            f"another mission already drives this robot: {claim.describe()} uses the action '{claim.action}'. "
-            "Stop it first"
+            f"another mission already uses this robot: {claim.describe()} uses the action '{claim.action}'. "
+            "Stop that mission first"
         )
 
 
@@ -49,13 +49,13 @@ class LeaseClaim(NamedTuple):
     """A mission's claim to an action, with the identity of its process.
 
     Attributes:
-        action: The action that it drives.
-        runs: Whether its tree is ticked.
-        since: The start of the mission, nanoseconds of its machine's clock.
-        key: Distinguishes it from any other.
-        node: The full name of its node.
-        host: The machine's name.
-        pid: The process.
+        action: The full name of the action.
+        runs: Whether the mission's tree is ticked.
+        since: The start of the mission, in nanoseconds of the clock of its machine.
+        key: A unique identifier of the mission.
+        node: The full name of the mission's node.
+        host: The name of the mission's machine.
+        pid: The process ID of the mission.
     """
 
     action: str
@@ -67,29 +67,29 @@ class LeaseClaim(NamedTuple):
     pid: int
 
     def describe(self) -> str:
-        """Describe the mission, with unprintable characters escaped."""
+        """Describe the mission by its node, process and machine; unprintable characters are escaped."""
         node, host = (ascii(text[:_SHOWN])[1:-1] for text in (self.node, self.host))
         return f"node {node} (process {self.pid} on {host})"
 
     def has_priority_over(self, other: "LeaseClaim") -> bool:
-        """Return whether this claim has priority: that of a running mission first, then the older one."""
+        """Return whether this claim has priority: a running mission precedes others, and an older mission precedes a younger one."""
         return (not self.runs, self.since, self.key) < (not other.runs, other.since, other.key)
 
 
 class RobotLease(Requirement):
-    """A mission's claims to the actions that it drives, and the claims of others.
+    """The requirement that no other mission uses the robot: the mission's claims to the robot's actions, and the claims of other missions.
 
-    A claim is a message that is kept for late subscribers, so it exists exactly as long as its process.
+    A claim is a latched message, so late subscribers receive it as long as the process of the mission exists.
 
     Args:
         node: The mission's node.
-        actions: The actions, with resolved or relative names.
-        discovery: The wait for other nodes before the first message with an effect.
-        claims: Whether to claim the actions, or only to look.
+        actions: The resolved or relative names of the actions.
+        discovery: The wait until other nodes are discovered.
+        claims: Whether to claim the actions. If not, only the claims of other missions are checked.
     """
 
     ends_by_itself = True
-    title = "a robot that no other mission drives"
+    title = "a robot that no other mission uses"
 
     def __init__(
         self, node: Node, actions: Iterable[str], discovery: DiscoveryWait, *, claims: bool = True
@@ -97,8 +97,8 @@ class RobotLease(Requirement):
         self._node, self._discovery = node, discovery
         discovery.ignore(f"{node.get_namespace().rstrip('/')}/{listener_name(node)}")
         self._others: dict[str, LeaseClaim] = {}
-        self._told: set[str] = set()
-        # When another node of this name was first seen: infinity before, None after the report.
+        self._reported: set[str] = set()
+        # The time at which another node with the name of this node was first discovered: infinity before, None after the report.
         self._named_since: float | None = math.inf
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         own = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -111,7 +111,7 @@ class RobotLease(Requirement):
             host=platform.node(),
             pid=os.getpid(),
         )
-        # The action is among the services; names of topics are resolved by other rules.
+        # An action's name is resolved like a service name, to which different remapping rules apply than to topic names.
         topics = {f"{node.resolve_service_name(action)}{CLAIMS}" for action in actions}
         self._publishers = (
             {topic: node.create_publisher(String, topic, own) for topic in topics} if claims else {}
@@ -123,7 +123,7 @@ class RobotLease(Requirement):
         discovery.extend(_SHARE)
 
     def poll(self) -> str | None:
-        """Describe the continuing search for other missions; None at its end.
+        """Describe the search for other missions while it continues; None when it has ended.
 
         Raises:
             AnotherMissionError: If another mission has priority.
@@ -135,25 +135,25 @@ class RobotLease(Requirement):
         return "looking for another mission on this robot" if looks else None
 
     def run(self) -> None:
-        """Announce that the tree is ticked from now on."""
+        """Publish that the mission's tree is ticked from now on."""
         self._mine = self._mine._replace(runs=True)
         self._publish()
 
     def conflict(self) -> str:
-        """Return why this running mission must give way; empty if it need not. Reports new missions."""
-        for key in self._others.keys() - self._told:
-            self._told.add(key)
+        """Return why this running mission must end in favour of another mission; empty if it need not. Other missions are logged once."""
+        for key in self._others.keys() - self._reported:
+            self._reported.add(key)
             self._node.get_logger().warning(
                 f"Another mission claims this robot: {self._others[key].describe()}."
             )
-            if len(self._told) == _MOST:
+            if len(self._reported) == _MOST:
                 self._node.get_logger().warning("Further missions that claim this robot are not reported.")
         self._check_namesake()
         rival = self._rival()
         return "" if rival is None else str(AnotherMissionError(rival))
 
     def _check_namesake(self) -> None:
-        """Report once that another node has the same name."""
+        """Log once that another node has the same name as this node."""
         own, now = self._mine.node, time.monotonic()
         if self._named_since is None:
             return
@@ -164,8 +164,8 @@ class RobotLease(Requirement):
         elif now - self._named_since > SHADOW_SEC:
             self._named_since = None
             self._node.get_logger().warning(
-                f"Another node is also called {own}: parameters and commands reach only one of the two. "
-                "Give this one another name: --ros-args -r __node:=NAME"
+                f"Another node is also called {own}, so parameters and commands reach only one of the two. "
+                "Give this node another name with --ros-args -r __node:=NAME"
             )
 
     def _rival(self) -> LeaseClaim | None:
@@ -181,19 +181,19 @@ class RobotLease(Requirement):
         if claim is None or claim.key == self._mine.key:
             return
         if len(self._others) >= _MOST and claim.key not in self._others:
-            # Only a claim with priority matters.
+            # If the maximum is reached, only a claim with priority over this mission is stored.
             if self._rival() is not None or not claim.has_priority_over(self._mine):
                 return
-            self._told.add(claim.key)
+            self._reported.add(claim.key)
             del self._others[next(iter(self._others))]
         self._others[claim.key] = claim
 
 
 def parse_claim(text: str) -> LeaseClaim | None:
-    """Parse the claim in a message; None if it contains none."""
+    """Parse the claim in a message; return None if the message contains no valid claim."""
     try:
-        said: Any = json.loads(text)
-        claim = LeaseClaim(**said)
+        content: Any = json.loads(text)
+        claim = LeaseClaim(**content)
     except (ValueError, TypeError, RecursionError):
         return None
     kinds = (str, bool, int, str, str, str, int)

@@ -1,4 +1,4 @@
-"""Record a robot's messages during a mission in the mission's journal: pose, plan, map, and log."""
+"""Record a robot's pose, plan, map, battery and log in the mission's journal."""
 
 import base64
 import math
@@ -36,31 +36,31 @@ from sar_compiler.ros.message_values import (
 )
 from sar_compiler.ros.robot_estimate import robot_estimate
 
-# Of a larger map only some cells are drawn.
+# Maximum number of pixels of an image. Of a larger map, only every second, third, … cell is drawn.
 _CELLS = 4_000_000
-# As map_saver draws: white for free cells, black for occupied ones, and a grey for unknown ones.
+# The grey value of unknown cells. As in map_saver's images, free cells are white and occupied cells are black.
 _UNKNOWN = 205
 _GREY = bytes(254 - 254 * cell // 100 if cell <= 100 else _UNKNOWN for cell in range(256))  # noqa: PLR2004
 
 
 def grid_image(message: Any) -> tuple[int, int, int, bytes] | None:
-    """Return a `nav_msgs/msg/OccupancyGrid` as a PNG whose upper edge is the highest y.
+    """Convert a `nav_msgs/msg/OccupancyGrid` to a PNG image whose upper edge has the maximum y.
 
     Returns:
-        Width and height in pixels, the cells for each pixel's width and height, and the file; None for an invalid map.
+        The width and height in pixels, the number of cells along each side of a pixel, and the image file; None for an invalid map.
     """
     width, height = message.info.width, message.info.height
     cells = bytes(memoryview(message.data).cast("B"))
     if not cells or len(cells) != width * height:
         return None
     step = 1
-    # A map of a single row stays a single row.
+    # A map with a single row has an image with a single row.
     while max(1, width // step) * max(1, height // step) > _CELLS:
         step += 1
     pixels = cells.translate(_GREY)
     wide, high = max(1, width // step), max(1, height // step)
     starts = (row * step * width for row in reversed(range(high)))
-    # Each row starts with its filter: none.
+    # Each row starts with the number of its filter, which is 0 for no filter.
     rows = b"".join(b"\0" + pixels[start : start + wide * step : step] for start in starts)
     return wide, high, step, _png(wide, high, zlib.compress(rows, 6))
 
@@ -74,33 +74,33 @@ def _png(width: int, height: int, data: bytes) -> bytes:
     )
 
 
-# Minimum interval, seconds of the node's clock: a map in progress is published continuously.
+# Minimum interval between two entries of a kind, in seconds of the node's clock, because topics such as the map can be published continuously.
 _PERIODS_SEC = {POSE: 1.0, PLAN: 1.0, MAP: 10.0, BATTERY: 1.0}
-# A plan has a point every few centimetres; a drawing needs fewer.
+# Maximum number of recorded points of a plan. Nav2's plans have a point every few centimetres, which a drawing does not need.
 _POINTS = 200
 # Interval between checks for postponed messages, in seconds of the node's clock.
 _LOOK_SEC = 0.5
-# The number of lines that are queued until the node reads a burst of the log.
+# Maximum number of log lines that are queued until the node reads them.
 _LINES = 200
-# Any node can write to the log: limits for the characters of a line, and for other nodes' lines between two checks.
+# Maximum length of a log line in characters, and maximum number of other nodes' lines between two checks, because any node can write to the log.
 _LONGEST, _OTHERS = 2000, 20
 
 
 class RobotObserver:
-    """Watches topics for a journal.
+    """Records messages of the robot's topics as journal entries.
 
-    - `pose`: `x`, `y` (m) and `yaw` (rad) in the frame `map`, from `amcl_pose`
-    - `plan`: `points`, x and y in metres in the plan's `frame`, from `plan`
-    - `map`: `png`, an image in base64 of `width` and `height` pixels of `resolution` metres, whose lower left corner is at `x`, `y`
-      (m), turned by `yaw` (rad), from `map`; where it is another one than before
-    - `battery`: `share`, of 1 for a full one, to the percent, from `battery_state`; where it is another one than before
-    - `lacks`: `text`, why the robot cannot drive (Nav2 is not active, transforms have stopped), empty when it can again
-    - `log`: `node`, `level` (as in `rcl_interfaces/msg/Log`), `text`, and when it was said, `stamp` (s since 1970): a line comes later than what
-      happens meanwhile; of other nodes than the mission's own only warnings and errors
+    - `pose`: `x`, `y` (m) and `yaw` (rad) in the frame `map`, from the topic `amcl_pose`
+    - `plan`: `points`, x and y (m) in the plan's `frame`, from the topic `plan`
+    - `map`: `png`, an image in base64 with `width` and `height` pixels of `resolution` metres. Its lower left corner is at `x` and `y` (m), and it
+      is rotated by `yaw` (rad). From the topic `map`, if the map has changed
+    - `battery`: `share`, the charge from 0 to 1, rounded to 0.01, from the topic `battery_state`, if it has changed
+    - `lacks`: `text`, the reason why the robot cannot drive (Nav2 is not active, or transforms have stopped); empty when it can drive again
+    - `log`: `node`, `level` (as in `rcl_interfaces/msg/Log`), `text`, and `stamp`, the time at which the line was logged (s since 1970), which is
+      earlier than the entry's time. Of other nodes than the mission's node, only warnings and errors are recorded
 
     Args:
         node: The mission's node.
-        journal: The journal to write to.
+        journal: The mission's journal.
     """
 
     def __init__(self, node: Node, journal: Journal) -> None:
@@ -108,7 +108,7 @@ class RobotObserver:
         self._name = node.get_logger().name
         self._due = dict.fromkeys(_PERIODS_SEC, -math.inf)
         self._newest: dict[str, Any] = {}
-        self._takers: dict[str, Callable[[Any], None]] = {
+        self._recorders: dict[str, Callable[[Any], None]] = {
             POSE: self._on_pose,
             PLAN: self._on_plan,
             MAP: self._on_map,
@@ -118,10 +118,10 @@ class RobotObserver:
         self._battery = math.nan
         self._others = 0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        for message, topic, take, qos in (
+        for message, topic, callback, qos in (
             (Path, "plan", partial(self._on_message, PLAN), QoSProfile(depth=1)),
             (OccupancyGrid, "map", partial(self._on_message, MAP), latched),
-            # Matches drivers that publish reliably and those that do not.
+            # Best effort is compatible with reliable and unreliable publishers.
             (
                 BatteryState,
                 "battery_state",
@@ -130,7 +130,7 @@ class RobotObserver:
             ),
             (Log, "/rosout", self._on_log, QoSProfile(depth=_LINES)),
         ):
-            node.create_subscription(message, topic, take, qos)
+            node.create_subscription(message, topic, callback, qos)
         self._robot, self._lacks = robot_estimate(node), ("", False)
         self._robot.add_listener(partial(self._on_message, POSE))
         if self._robot.pose is not None:
@@ -147,10 +147,11 @@ class RobotObserver:
         self._record(kind)
 
     def _record_postponed(self) -> None:
-        """Record the latest postponed message."""
+        """Record postponed messages that are due, changes of the reason why the robot cannot drive, and the number of omitted log lines."""
         for kind in tuple(self._newest):
             self._record(kind)
-        # A stopped localisation usually takes Nav2 down. Its loss is the cause, and more urgent: the robot may be anywhere.
+        # If the localisation stops, Nav2 usually fails, too. The lost localisation is then recorded, because it is the cause and more urgent: the
+        # robot's position is unknown.
         lost = self._robot.lost_transforms()
         if (lacks := (lost or self._robot.lacks, bool(lost))) != self._lacks:
             self._lacks = lacks
@@ -160,12 +161,12 @@ class RobotObserver:
             )
         left_out, self._others = self._others - _OTHERS, 0
         if left_out > 0:
-            text = f"{left_out} more warnings of other nodes within {_LOOK_SEC:g} s are omitted."
+            text = f"{left_out} further warnings of other nodes within {_LOOK_SEC:g} s are omitted."
             self._journal.record_observation(LOG, node=self._name, level=Log.WARN, text=text)
 
     def _record(self, kind: str) -> None:
         if self._is_due(kind):
-            self._takers[kind](self._newest.pop(kind))
+            self._recorders[kind](self._newest.pop(kind))
 
     def _on_pose(self, pose: PlanarPose) -> None:
         self._journal.record_observation(POSE, **pose._asdict())
@@ -180,11 +181,11 @@ class RobotObserver:
     def _on_map(self, message: Any) -> None:
         if (place := self._reports.read("Topic 'map'", lambda: grid_geometry(message))) is None:
             return
-        said = (*place, zlib.crc32(message.data))
-        # Drawing a map takes time in the thread that ticks, so the same map is not drawn again.
-        if said == self._map or (drawn := grid_image(message)) is None:
+        identity = (*place, zlib.crc32(message.data))
+        # An unchanged map is not drawn again, because drawing takes time in the thread that ticks the tree.
+        if identity == self._map or (drawn := grid_image(message)) is None:
             return
-        self._map = said
+        self._map = identity
         width, height, step, data = drawn
         at, png = {"x": place.x, "y": place.y, "yaw": place.yaw}, base64.b64encode(data).decode()
         resolution = place.cell_m * step
@@ -211,7 +212,7 @@ class RobotObserver:
 
     def _is_due(self, kind: str) -> bool:
         now = self._journal.clock.now()
-        # After a clock was set back, the interval starts over.
+        # If the clock was set back, the interval starts over.
         if self._due[kind] - _PERIODS_SEC[kind] <= now < self._due[kind]:
             return False
         self._due[kind] = now + _PERIODS_SEC[kind]

@@ -1,4 +1,4 @@
-"""Extensions of a run, which store, show, record, publish or guard it."""
+"""The interface of run extensions, such as the journal, displays, recordings and the guardian."""
 
 from typing import TYPE_CHECKING
 
@@ -14,28 +14,28 @@ if TYPE_CHECKING:
 
 
 class UnfitLeavesError(SarError):
-    """An extension requires leaves that the tree does not have."""
+    """A run extension requires leaves that the tree does not have."""
 
 
 class RunExtension:
-    """The callbacks of a run extension, called in the thread that ticks the tree; each is optional.
+    """Base class of run extensions, with optional callbacks that are called in the thread that ticks the tree.
 
-    It is created before the mission restores the state in its journal. Whether the journal needs to prepare data for
-    listeners, who have `on_entry`, is decided then.
+    An extension is created before the mission restores its state from the journal. An extension that defines `on_entry` then becomes a
+    listener of the journal.
     """
 
     def on_compiled(self, tree: "CompiledTree", engine: "Engine") -> None:
-        """Handle the compiled tree and its engine; ticks start once all requirements are fulfilled.
+        """Handle the compiled tree and its engine, before the run waits for the tree's requirements.
 
         Raises:
-            SarError: If the extension cannot be used. The run then ends before it starts.
+            SarError: If the extension cannot be used. The start of the run is then refused.
         """
 
     def on_awaited(self, items: "Sequence[AwaitedItem]") -> None:
-        """Handle a change of the items that the start needs; those with a problem are still awaited."""
+        """Handle a change of the requirements that the start waits for; a requirement with a problem is not fulfilled yet."""
 
     def on_begin(self) -> None:
-        """Handle the start of the run, before the first tick; the journal is called first.
+        """Handle the start of the run, before the setup of the leaves; the journal is called first.
 
         Raises:
             JournalError: If the journal cannot be written.
@@ -45,18 +45,18 @@ class RunExtension:
         """Handle the end of the leaves' setup; the first tick follows.
 
         Raises:
-            UnfitLeavesError: If the run is impossible with these leaves. It then ends before the first tick.
+            UnfitLeavesError: If the extension requires leaves that the tree does not have. The run then ends before the first tick.
         """
 
     def on_entry(self, entry: "JournalEntry") -> None:
-        """Handle an entry of the run's journal, from `run_began` to `run_ended`; return at once."""
+        """Handle an entry of the run's journal, from `run_began` to `run_ended`, without blocking."""
 
     def on_last_tick(self, *, is_over: bool) -> None:
-        """Handle the end of ticking, before the tree is stopped. *is_over*: whether the run has met its end condition."""
+        """Handle the last tick, before the tree is stopped; *is_over* tells whether the run has met its end condition."""
 
     def cause_of_failure(self) -> str:
-        """Return the likeliest cause of a failure in a line; empty if unknown."""
+        """Return the most likely cause of a failure on one line; empty if no cause is known."""
         return ""
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Close the extension. *has_begun*: whether the tree was ticked, so that there is a result to report."""
+        """Close the extension; *has_begun* tells whether the run has started, so that there is a result to report."""

@@ -1,8 +1,8 @@
-"""Tick a tree on a ROS node, in the thread of its executor.
+"""Tick a tree on a ROS node, in the thread of the node's executor.
 
-The interface is that of `py_trees_ros.trees.BehaviourTree`, so a tree and its program run with either. In addition, a
-leaf with a new result triggers a tick at once (`runtime.leaf_protocol`), and the tree is still ticked while the node's
-clock is stopped. It is always stopped from the root, so that no robot is left driving.
+`TreeRunner` has the interface of `py_trees_ros.trees.BehaviourTree`, so a program can use either class. In addition, a
+leaf with a new result triggers a tick at once (`runtime.leaf_protocol`), and the tree is also ticked while the node's
+clock stands still. The tree is always stopped from its root, so that all goals are cancelled.
 """
 
 import atexit
@@ -43,13 +43,13 @@ from sar_compiler.runtime.kernel.tree_nodes import Visit
 
 
 class TickScheduler:
-    """Schedules ticks on a node's simulated clock, or on the steady clock if that is unavailable.
+    """Schedules ticks on a node's simulated clock, or on the steady clock if simulated time is not used or stands still.
 
     Args:
         node: The node whose clock is used.
-        period_sec: Seconds between two ticks.
+        period_sec: The time between two ticks, in seconds.
         tick: Ticks the tree.
-        count: Returns the number of ticks of the tree so far, including those from elsewhere.
+        count: Returns the total number of ticks so far, including ticks that were not scheduled here.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class TickScheduler:
         self._check_clock()
 
     def destroy(self) -> None:
-        """Destroy the timers; the context may be shut down already."""
+        """Destroy the timers, even if the context is already shut down."""
         timers, self._timers = self._timers, []
         for timer in timers:
             self._destroy(timer)
@@ -78,7 +78,7 @@ class TickScheduler:
             self._node.get_logger().debug(f"a timer could not be destroyed: {error_text(error)}")
 
     def _check_clock(self) -> bool:
-        """Check the node's clock; return whether it has stopped."""
+        """Create or destroy the simulated timer if the use of simulated time has changed; return whether neither a tick nor a change of the clock has happened since the last call."""
         clock = self._node.get_clock()
         if clock.ros_time_is_active != self._is_simulated:
             self._is_simulated = not self._is_simulated
@@ -90,10 +90,10 @@ class TickScheduler:
         return seen == self._seen
 
     def _on_timer(self) -> None:
-        """Tick if the node's clock is not simulated, paused or missing.
+        """Tick the tree if simulated time is not used, or stands still.
 
-        The leaves' deadlines for servers use the steady clock and must be checked nevertheless. No ticks are added
-        to a simulation that is only slow.
+        Even then, the leaves' deadlines for servers must be checked, because they use the machine's time. A slow simulation gets no additional
+        ticks.
         """
         if self._check_clock() or not self._is_simulated:
             self._tick()
@@ -104,28 +104,30 @@ TickHandler = Callable[[py_trees.trees.BehaviourTree], None]
 
 
 class SetupTimeoutError(SarError, RuntimeError):
-    """The leaves of a tree took too long to set up (a `RuntimeError`, as in py_trees).
+    """The setup of a tree took too long (also a `RuntimeError`, as in py_trees).
 
     Attributes:
-        behaviour: The behaviour that was being set up when the time was over.
+        behaviour: The name of the behaviour whose setup exceeded the time limit.
     """
 
     def __init__(self, behaviour: str, timeout_sec: float) -> None:
         self.behaviour = behaviour
-        message = f"setting up the tree took longer than {timeout_sec:g} s; the last was '{behaviour}'"
+        message = (
+            f"the setup of the tree took longer than {timeout_sec:g} s. The last behaviour was '{behaviour}'"
+        )
         super().__init__(message)
 
 
 class _TaskGuard:
-    """Replaces a guard condition in executors without support for them."""
+    """Replaces a guard condition if the executor does not support guard conditions."""
 
     def __init__(self, node: Node, callback: Callable[[], None]) -> None:
         self._node = node
         self._callback = callback
 
     def trigger(self) -> None:
-        """Call the callback in the executor."""
-        executor: Any = self._node.executor  # the current one
+        """Schedule the callback in the node's current executor."""
+        executor: Any = self._node.executor
         if executor is not None:
             call_soon(executor, self._callback)
 
@@ -133,25 +135,25 @@ class _TaskGuard:
 class TreeRunner(py_trees.trees.BehaviourTree):
     """Ticks a tree on a node.
 
-    Everything but `wake` and `interrupt` belongs in the thread of the node's executor. Where many trees share a process,
-    rclpy's `EventsExecutor` takes a fraction of the time; it must have the node before `setup`.
+    All methods except `wake` and `interrupt` must be called in the thread of the node's executor. If many trees share a process,
+    rclpy's `EventsExecutor` takes a fraction of the time. The node must be added to this executor before `setup`.
 
     Args:
         tree: The compiled tree, or its root.
-        unicode_tree_debug: Whether the tree is printed at every tick.
+        unicode_tree_debug: Whether to print the tree after every tick.
 
     Attributes:
-        node: The node, once `setup` was called.
-        last_status: The root's status after the last tick, kept when the tree is stopped.
-        failure: The exception of a leaf or a handler that stopped the tree; None if there was none.
-        failed_behaviour: The behaviour that raised it; None if it was not one of the tree.
+        node: The node; None before `setup`.
+        last_status: The root's status after the last tick, which is kept when the tree is stopped.
+        failure: The exception of a leaf or a tick handler that has stopped the tree; None if there is none.
+        failed_behaviour: The behaviour that raised `failure`; None if other code raised it.
     """
 
     def __init__(self, tree: CompiledTree | Behaviour, unicode_tree_debug: bool = False) -> None:
         super().__init__(tree if isinstance(tree, Behaviour) else tree.root)
         self._live: LiveTree | None = None
         self._breakpoints: Breakpoints | None = None
-        self._held: Generator[None, None, None] | None = None
+        self._paused_tick: Generator[None, None, None] | None = None
         if unicode_tree_debug:
             self.add_visitor(DisplaySnapshotVisitor())
         self.node: Node | None = None
@@ -159,7 +161,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self.failure: Exception | None = None
         self.failed_behaviour: Behaviour | None = None
         self._owns_node = False
-        self._cancel_apart: CancelFunction = _cancel_nothing
+        self._cancel_separately: CancelFunction = _cancel_nothing
         self._beat: TickScheduler | None = None
         self._guard: Any = None
         self._handlers: tuple[TickHandler | None, TickHandler | None] = (None, None)
@@ -180,40 +182,40 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         visitor: py_trees.visitors.VisitorBase | None = None,
         **kwargs: Any,
     ) -> None:
-        """Set up every behaviour of the tree, with `node=`, `wake=` and the further arguments.
+        """Set up every behaviour of the tree, with the arguments `node`, `wake` and *kwargs*.
 
         Args:
-            node: The node to tick on; by default one is created, and destroyed by `shutdown`.
-            node_name: The name of the node that is created.
-            timeout: The time limit of the whole setup, in seconds. It is checked between the behaviours: a signal
-                (the method of py_trees) would only work in the main thread.
-            visitor: Visits each behaviour after its setup.
-            kwargs: Passed on to every behaviour.
+            node: The node whose executor ticks the tree; by default, a node is created, which `shutdown` destroys.
+            node_name: The name of the created node.
+            timeout: The time limit of the whole setup, in seconds. It is checked after the setup of each behaviour, because a signal
+                (as in py_trees) would only work in the main thread.
+            visitor: Visits each behaviour after the behaviour's setup.
+            kwargs: Further arguments for the setup of every behaviour.
 
         Raises:
             TypeError: If *node* is not a node.
             TreeTooDeepError: If the tree is nested too deeply to be ticked.
-            SetupTimeoutError: If it took too long.
-            SetupFailedError: If the setup of a behaviour raised an exception. Those that were set up
-                before it are shut down, as with a `SetupTimeoutError`.
+            SetupTimeoutError: If the setup exceeds the time limit.
+            SetupFailedError: If the setup of a behaviour raised an exception. As after a `SetupTimeoutError`, the behaviours that were set up
+                before it are then shut down.
         """
         if node is not None and not isinstance(node, Node):
-            raise TypeError(f"a tree is set up with an rclpy node, not with {node!r}")
+            raise TypeError(f"the node of a tree must be an rclpy node, but is {node!r}")
         require_tickable_depth(self.root)
         self._owns_node = node is None
         self.node = node if node is not None else rclpy.create_node(node_name)
         self._guard = self._make_guard(self.node)
-        self._cancel_apart = make_separate_canceller(self.node)
+        self._cancel_separately = make_separate_canceller(self.node)
         limit = float(timeout.value if isinstance(timeout, Duration) else timeout)
         try:
             self._set_up_behaviours(limit, visitor, {"node": self.node, "wake": self.wake, **kwargs})
-        except Exception as error:  # noqa: BLE001 - raised again, in words
+        except Exception as error:  # noqa: BLE001 - `give_up` raises it again, with its context
             self._stopped = self._shut_down = True
             give_up(self.root, error, self.node)
-        atexit.register(self._end_with_program)
+        atexit.register(self._shut_down_at_exit)
 
     def _make_guard(self, node: Node) -> Any:
-        """Return a trigger that calls `_on_wake` in the node's executor; thread-safe."""
+        """Create a trigger that calls `_on_wake` in the node's executor, from any thread."""
         executor: Any = node.executor
         if executor is None or isinstance(executor, Executor):
             return node.create_guard_condition(self._on_wake)
@@ -242,25 +244,25 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         post_tick_handler: TickHandler | None = None,
         until: Status | Collection[Status] = (),
     ) -> None:
-        """Start ticking, from the executor, and return at once.
+        """Start ticking in the node's executor, and return at once.
 
         Args:
-            period_ms: The longest time between two ticks, in milliseconds of the node's clock.
-            number_of_iterations: The number of ticks, including woken ones; by default without a limit.
-            pre_tick_handler: Called before every tick, before the handlers that were added.
-            post_tick_handler: Called after every tick, after the handlers that were added.
-            until: The statuses of the root at which ticking ends. By default there are none: the tree starts over at the next
-                tick, which changes `last_status`. At the end `is_running` is False, and `last_status` keeps that status.
+            period_ms: The maximum time between two ticks, in milliseconds of the node's clock.
+            number_of_iterations: The maximum number of ticks, including ticks that leaves trigger; by default, there is no limit.
+            pre_tick_handler: Called before every tick, before handlers that were added to the tree.
+            post_tick_handler: Called after every tick, after handlers that were added to the tree.
+            until: The root's statuses at which ticking ends: `is_running` is then False, and `last_status` keeps the status. By default,
+                ticking does not end: the tree starts over in the next tick, which changes `last_status`.
 
         Raises:
-            RuntimeError: If `setup` was not called, or the tree was stopped already.
+            RuntimeError: If `setup` was not called, or the tree was already stopped.
             ValueError: If the period is not above 0.
         """
         self._require_not_stopped()
         if self.node is None:
             raise RuntimeError("call setup() before tick_tock()")
         if not period_ms > 0:
-            raise ValueError(f"the period between ticks must be above 0 ms, not {period_ms}")
+            raise ValueError(f"the period between ticks must be above 0 ms, but is {period_ms}")
         self._pause()
         self._handlers = (pre_tick_handler, post_tick_handler)
         self._ticks_left = number_of_iterations
@@ -276,17 +278,18 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         pre_tick_handler: TickHandler | None = None,
         post_tick_handler: TickHandler | None = None,
     ) -> None:
-        """Tick once, or continue a paused tick. An exception of a leaf is raised here; `tick_tock` stores it in `failure`.
+        """Tick once, or continue a paused tick. This method raises exceptions of leaves, while `tick_tock` stores them in `failure`.
 
         Raises:
-            RuntimeError: If the tree was stopped already.
+            RuntimeError: If the tree was already stopped.
         """
         self._require_not_stopped()
-        tick, self._held = self._held or self._tick(pre_tick_handler, post_tick_handler), None
+        tick = self._paused_tick or self._tick(pre_tick_handler, post_tick_handler)
+        self._paused_tick = None
         self._ticking = True
         try:
             for _ in tick:
-                self._held = tick
+                self._paused_tick = tick
                 break
         finally:
             self._ticking = False
@@ -294,16 +297,17 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             self.stop()
 
     def use_breakpoints(self, breakpoints: Breakpoints) -> None:
-        """Enable breakpoints in ticks.
+        """Enable breakpoints, at which a tick is paused.
 
-        The node's executor continues with everything else meanwhile. The tick is tried again with each beat, and when the tree is woken.
+        While a tick is paused, the node's executor continues with all other callbacks. The tick is continued, if possible, at the times of scheduled
+        ticks and when the tree is woken.
         """
         self._breakpoints = breakpoints
 
     def _tick(
         self, pre_tick_handler: TickHandler | None, post_tick_handler: TickHandler | None
     ) -> Generator[None, None, None]:
-        """Tick node by node, like py_trees' class; yield if the tick is paused."""
+        """Tick the tree and call handlers and visitors like py_trees' `BehaviourTree`; yield when the tick is paused."""
         for handler in (pre_tick_handler, *self.pre_tick_handlers):
             if handler is not None:
                 handler(self)
@@ -345,54 +349,54 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     def wake(self) -> None:
         """Request one tick as soon as the executor is free.
 
-        May be called at any time from any thread; during a tick it requests another one.
+        This method may be called at any time from any thread. During a tick, it requests a further tick.
         """
         self._woken = True
         self._trigger()
 
     def interrupt(self) -> None:
-        """Request a stop of the tree in the executor's thread; for signal handlers and other threads."""
+        """Request to stop the tree in the executor's thread; may be called by signal handlers and other threads."""
         super().interrupt()
         self._trigger()
 
     def stop(self) -> None:
         """Stop ticking, and stop the tree from its root, so that active goals are cancelled.
 
-        A call during a tick (by a handler or a leaf) takes effect after the tick.
+        If a handler or a leaf calls this method during a tick, the tree is stopped after the tick.
         """
         self.interrupt_tick_tocking = True
         if self._ticking or self._stopped:
             return
         self._stopped = True
         self._pause()
-        held, self._held = self._held, None
-        if held is not None:
-            held.close()
+        paused_tick, self._paused_tick = self._paused_tick, None
+        if paused_tick is not None:
+            paused_tick.close()
         stop_behaviours(self.root, self.failed_behaviour, self.node)
 
     def settle(self, executor: Executor, timeout_sec: float = SETTLE_SEC) -> list[str]:
-        """Stop the tree, then spin until none of its leaves has work in progress.
+        """Stop the tree, then spin until no leaf has work in progress.
 
         Args:
             executor: The executor of the node.
-            timeout_sec: The longest time to spin, in seconds of the steady clock.
+            timeout_sec: The maximum time to spin, in seconds of the steady clock.
 
         Returns:
-            The names of the leaves that still had work in progress at the end.
+            The names of the leaves that still have work in progress.
         """
         self.stop()
         return settle(self.root, executor, timeout_sec, self.node)
 
     def shutdown(self) -> None:
-        """Stop the tree and release its resources; never raises, may be called again.
+        """Stop the tree and release its resources, without raising exceptions. This method may be called repeatedly.
 
-        If ROS was shut down before, as by rclpy's signal handlers, active goals are canceled from a context of its own,
+        If ROS is already shut down, for example by rclpy's signal handlers, active goals are canceled in a separate ROS context,
         and their ends are awaited for some seconds.
         """
         self.stop()
-        atexit.unregister(self._end_with_program)
+        atexit.unregister(self._shut_down_at_exit)
         if self.node is not None and not is_node_valid(self.node):
-            self._cancel_what_is_left()
+            self._cancel_active_goals()
         if not self._shut_down:
             self._shut_down = True
             shut_down(list(self.root.iterate()), self.node)
@@ -403,25 +407,25 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         if self._owns_node:
             self._try(node.destroy_node, "the node could not be destroyed")
 
-    def _end_with_program(self) -> None:
-        """Shut down at the end of a program that has not done so."""
+    def _shut_down_at_exit(self) -> None:
+        """Shut down at the end of a program that has not called `shutdown`."""
         self.shutdown()
-        self._cancel_what_is_left()
+        self._cancel_active_goals()
 
-    def _cancel_what_is_left(self) -> None:
+    def _cancel_active_goals(self) -> None:
         active: Sequence[str] = []
 
         def cancel() -> None:
             nonlocal active
-            active = self._cancel_apart(SETTLE_SEC)
-            self._cancel_apart = _cancel_nothing
+            active = self._cancel_separately(SETTLE_SEC)
+            self._cancel_separately = _cancel_nothing
 
         self._try(cancel, "active goals could not be canceled. The robot may still be moving")
         for action in active:
-            log_error(self.node, f"{action} does not end its goal: the robot may still be moving")
+            log_error(self.node, f"{action} does not end its goal. The robot may still be moving")
 
     def _try(self, action: Callable[[], object], complaint: str) -> None:
-        """Run a shutdown step, and log its errors, so that all steps run."""
+        """Execute a step of the shutdown; an exception is logged, so that the remaining steps are executed."""
         try:
             action()
         except Exception as error:  # noqa: BLE001
@@ -437,7 +441,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             if guard is not None:
                 guard.trigger()
         except (InvalidHandle, RuntimeError):
-            pass  # Destroyed in another thread meanwhile: no executor is left to wake.
+            pass  # another thread has destroyed the guard, so there is no executor to wake
 
     def _on_wake(self) -> None:
         if self.interrupt_tick_tocking:
@@ -446,16 +450,16 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             self._tick_now()
 
     def _tick_now(self) -> None:
-        """Tick from a callback of the executor, which must not raise an exception."""
+        """Tick in a callback of the executor, which must not raise an exception."""
         if not self._running:
             return
         self._woken = False
         try:
             self.tick(*self._handlers)
-        except Exception as error:  # noqa: BLE001 - kept, logged, and the tree is stopped
+        except Exception as error:  # noqa: BLE001 - stored and logged, and the tree is stopped
             self._fail(error)
             return
-        if self._held is not None:
+        if self._paused_tick is not None:
             return
         if self._ticks_left > 0:
             self._ticks_left -= 1
@@ -465,7 +469,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     def _fail(self, error: Exception) -> None:
         if isinstance(
             error.__cause__, StopIteration
-        ):  # Python does not let a generator such as `_tick` pass it on
+        ):  # Python replaces a StopIteration in a generator such as `_tick` by a RuntimeError
             error = error.__cause__
         self.failure = error
         self.failed_behaviour = log_failure(self.node, error)
@@ -479,12 +483,12 @@ class TreeRunner(py_trees.trees.BehaviourTree):
 
 
 def _cancel_nothing(limit_sec: float) -> Sequence[str]:  # noqa: ARG001
-    """Do nothing, because there are no goals to cancel."""
+    """Return an empty list, because there are no goals to cancel."""
     return []
 
 
 def _show(visits: list[Visit], visitors: list[VisitorBase]) -> None:
-    """Show each ticked node once."""
+    """Call the visitors once for each ticked node, and clear the list of visits."""
     ticked, visits[:] = visits[:], []
     for node in show_visits(ticked):
         for visitor in visitors:

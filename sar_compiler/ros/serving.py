@@ -1,4 +1,4 @@
-"""Run a server as a command, or spin a node in the background."""
+"""Run a server node as a command, or spin a node in a background thread."""
 
 import faulthandler
 import sys
@@ -16,42 +16,41 @@ if TYPE_CHECKING:
     from rclpy.context import Context
     from rclpy.node import Node
 
-# A signal is handled between two turns of the executor.
+# Maximum duration of a turn of the executor, in seconds. Signals are handled between two turns.
 _TURN_SEC = 0.1
-# On a busy machine, one destruction of a node in a hundred hangs in DDS, and blocks all other threads.
-_TAKING_DOWN_SEC = 10.0
+# Maximum time to destroy the node, in seconds. On a busy machine, about one in a hundred destructions hangs in DDS and blocks all other threads.
+_DESTRUCTION_SEC = 10.0
 
 NodeFactory = Callable[["Context", list[str]], "Node"]
-"""Creates the node in a context, with the node's own arguments."""
+"""Creates a node, given its context and its own ROS arguments."""
 
 
 def server_parser(prog: str, description: str) -> CommandParser:
-    """Return the parser of a server's command, which has only ROS arguments."""
+    """Create the argument parser of a server command, which only has ROS arguments."""
     parser = CommandParser(
         prog,
         description,
         epilog="ROS arguments follow --ros-args: -p name:=value, -r from:=to, --params-file FILE. "
-        "Ctrl-C or SIGTERM end it, with status 0.",
+        "Ctrl-C or SIGTERM stops the server, with status 0.",
     )
     add_version(parser)
     return parser
 
 
 def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[str] | None = None) -> int:
-    """Run a node as a command until SIGINT or SIGTERM.
+    """Run a node as a command until SIGINT or SIGTERM arrives.
 
     Args:
-        make_node: Creates the node; it may import ROS, which has not been imported before.
+        make_node: Creates the node. It should import ROS modules itself, so that signals are handled during the import.
         prog: The command's name.
         description: The description in `--help`.
-        argv: The command line without the command, `--ros-args` included; by default the process's.
+        argv: The command line without the command, including `--ros-args`; by default the command line of the process.
 
     Returns:
-        0 once it was stopped, which is the normal end of a server; 2 for a wrong command
-        line, or if ROS is not installed. If DDS does not release the node, the process exits after 10 s with
-        status 1 and reports on standard error where it hung.
+        The exit status: 0 after a signal, 2 if the command line is wrong or ROS is not installed. If DDS does not destroy the node, the process
+        exits after 10 s with status 1, and prints the blocking location on standard error.
     """
-    # Before any slow step, so that Ctrl-C ends the command cleanly from its first moment.
+    # The signal handlers are installed before slow steps, so that Ctrl-C always ends the command cleanly.
     signals = StopSignals()
     parser = server_parser(prog, description)
     split = split_arguments(sys.argv[1:] if argv is None else argv)
@@ -73,7 +72,7 @@ def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]
                 executor.add_node(node)
                 while context.ok() and not stopped():
                     executor.spin_once(timeout_sec=_TURN_SEC)
-            faulthandler.dump_traceback_later(_TAKING_DOWN_SEC, exit=True)
+            faulthandler.dump_traceback_later(_DESTRUCTION_SEC, exit=True)
             node.destroy_node()
     finally:
         faulthandler.cancel_dump_traceback_later()

@@ -1,4 +1,4 @@
-"""Handling of SIGINT, SIGTERM and SIGHUP with a flag instead of an interruption."""
+"""Handle SIGINT, SIGTERM and SIGHUP by setting a flag instead of interrupting the main thread."""
 
 import signal
 import socket
@@ -11,30 +11,29 @@ from typing import NoReturn
 from sar_compiler.process_end import end_at_once
 
 _NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-# Signals that arrive together are one request: closing a terminal sends two, and so does `timeout`.
+# Signals within this time, in seconds, are one request, because a closing terminal and `timeout` send two signals.
 _TOGETHER_SEC = 0.5
 UNNOTICED_SEC = 1.0
-"""The time in which a request to stop must be noticed, steady seconds."""
-# Time limit for the last steps before an immediate end, seconds.
+"""The maximum time until the program notices a request to stop, in seconds of the steady clock."""
+# Time limit for the last steps before an immediate end, in seconds.
 _LAST_WORDS_SEC = 1.0
 
 
 class StopSignals:
-    """Records requests to stop the process, from its creation on.
+    """Receives the signals that request to stop the process, from the creation of this object on.
 
-    rclpy's own handlers would shut ROS down in the middle of a callback, before an active goal could be cancelled.
-    Python's own raises `KeyboardInterrupt` at an arbitrary point. A signal that was ignored at the start of the process
-    (`nohup`) stays ignored.
+    rclpy's handlers would shut ROS down during a callback, before active goals are cancelled. Python's handler would raise a
+    `KeyboardInterrupt` at an arbitrary point. A signal that was ignored at the start of the process (`nohup`) stays ignored.
 
-    The first signal requests an orderly end. The second SIGINT or SIGTERM ends the process, whatever its main thread is
-    doing, because a separate thread listens. Only code that holds Python's interpreter lock is not interrupted.
+    The first signal requests a graceful end. A second SIGINT or SIGTERM ends the process even if the main thread is busy, because
+    a separate thread receives it. Only code that holds Python's interpreter lock prevents this.
 
     Attributes:
-        came_at: The time of the first request to stop, steady seconds; None before.
-        is_noticed: Whether the program has seen the request by `came`.
-        ends_unnoticed: Whether a request that stays unnoticed for 1 s ends the process, as during the start.
-        last_words: Called in that thread before an immediate end, which it can delay by 1 s at most; returns the exit
-            status of that end, or None for the signal's.
+        came_at: The time of the first request to stop, in seconds of the steady clock; None before.
+        is_noticed: Whether the program has noticed the request by reading `came`.
+        ends_unnoticed: Whether a request that is not noticed within 1 s ends the process, as during the start.
+        last_words: Called in the separate thread before an immediate end, which it can delay by at most 1 s. It returns the exit
+            status, or None for the signal's exit status.
     """
 
     def __init__(self) -> None:
@@ -44,11 +43,11 @@ class StopSignals:
         self._number = self._own = 0
         self._interrupts = False
         self._came = threading.Event()
-        # Python writes the number of each signal here on arrival, even if the main thread is busy.
-        self._ear, mouth = socket.socketpair()
-        mouth.settimeout(0.0)  # it never blocks
-        self._mouth = mouth
-        self._listener_before = signal.set_wakeup_fd(mouth.fileno(), warn_on_full_buffer=False)
+        # Python writes the number of each signal to this socket when the signal arrives, even if the main thread is busy.
+        self._receiver, sender = socket.socketpair()
+        sender.settimeout(0.0)  # writing never blocks
+        self._sender = sender
+        self._previous_wakeup_fd = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
         self._before = {
             number: signal.signal(number, self._on_signal)
             for number in _NUMBERS
@@ -65,26 +64,26 @@ class StopSignals:
 
     @property
     def exit_status(self) -> int:
-        """The exit status of a process ended by the received signal (129, 130, 143)."""
+        """The exit status of a process that the received signal has ended (129, 130 or 143)."""
         return 128 + self._number
 
     def wait(self, timeout_sec: float) -> bool:
-        """Wait for a request to stop, with a time limit in seconds; return whether there was one."""
+        """Wait for a request to stop, for at most *timeout_sec*; return whether it has arrived."""
         return self._came.wait(timeout_sec)
 
     def interrupt_main(self) -> None:
-        """Raise `KeyboardInterrupt` in the main thread, even if it does not wait for an executor."""
+        """Raise `KeyboardInterrupt` in the main thread, even if it does not spin an executor."""
         number = next(iter(self._before), None)
         if number is not None:
             self._interrupts, self._own = True, number
             signal.pthread_kill(threading.main_thread().ident or 0, number)
 
     def restore_handlers(self) -> None:
-        """Restore the previous handlers."""
+        """Restore the previous signal handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
-        signal.set_wakeup_fd(self._listener_before)
-        self._mouth.close()
+        signal.set_wakeup_fd(self._previous_wakeup_fd)
+        self._sender.close()
         self._listener.join(_LAST_WORDS_SEC)
 
     def _listen(self) -> None:
@@ -95,28 +94,28 @@ class StopSignals:
                 elif self.came_at is None:
                     self.came_at, self._number = time.monotonic(), number
                     self._came.set()
-                    self._ear.settimeout(UNNOTICED_SEC)
+                    self._receiver.settimeout(UNNOTICED_SEC)
                 elif number != signal.SIGHUP and time.monotonic() - self.came_at > _TOGETHER_SEC:
                     self._number = number
                     self._exit_at_once()
-        self._ear.close()
+        self._receiver.close()
 
     def _read_signals(self) -> bytes:
-        """Return the numbers of the next signals; empty after listening has ended."""
+        """Wait for the next signals and return their numbers; empty when the handlers are restored."""
         try:
-            return self._ear.recv(64)
+            return self._receiver.recv(64)
         except TimeoutError:
-            self._ear.settimeout(None)
+            self._receiver.settimeout(None)
         if self.ends_unnoticed and not self.is_noticed:
             self._exit_at_once()
         return self._read_signals()
 
     def _exit_at_once(self) -> NoReturn:
-        """End the process at once."""
+        """End the process at once, after `last_words`."""
         end_at_once(self.exit_status, self.last_words or (lambda: None), _LAST_WORDS_SEC)
 
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
-        """Interrupt the main thread if requested; otherwise the listening thread handles the signal."""
+        """Raise `KeyboardInterrupt` if `interrupt_main` has requested it; otherwise the separate thread handles the signal."""
         if self._interrupts:
             self._interrupts = False
             raise KeyboardInterrupt

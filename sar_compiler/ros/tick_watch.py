@@ -1,10 +1,10 @@
 """Detect a blocked executor, report the blocking leaf, and cancel the goals.
 
-A leaf that waits in `update()` blocks the thread that does everything: no time limit, answer, command or Ctrl-C takes
-effect meanwhile, and the robot drives on. A timer of the node sends heartbeats. A separate thread detects that they
-stop, and where: Python shows the stack of every thread. A leaf that holds the interpreter lock stops this thread as
-well. Then the guardian, a process that receives the heartbeats, does the same (`ros.guardian`). It reads the stack that
-Python's fault handler, which needs no lock, has written.
+A leaf that waits in `update()` blocks the thread that executes all callbacks. Meanwhile, time limits, responses, commands and Ctrl-C
+have no effect, and the robot continues to drive. A timer of the node sends heartbeats. A separate thread detects that the heartbeats
+stop, and finds the blocking code in the stack of the blocked thread. A leaf that holds the interpreter lock also blocks this separate
+thread. In this case, the guardian (`ros.guardian`), a process that receives the heartbeats, takes its place. It reads the stack that
+Python's fault handler has written, which does not need the lock.
 """
 
 import faulthandler
@@ -30,27 +30,27 @@ from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
 from sar_compiler.tree.display_text import escape_to_one_line
 
 _PERIOD_SEC, _LOOK_SEC = 0.5, 0.2
-# A check that is late by this much shows a standstill of the whole process, for which no leaf is to blame; seconds.
+# If a check is late by this time, in seconds, the whole process was suspended, and no leaf is the cause.
 _OWN_PAUSE_SEC = 0.5
-# How long the goals have to end after the request to cancel, steady seconds.
+# Maximum wait until the goals have ended after the request to cancel them, in seconds of the steady clock.
 _TRYING_SEC = 10.0
 
 
 class TickWatch:
-    """Checks that a node's executor is not blocked, while its context is entered.
+    """Context manager that checks whether a node's executor is blocked.
 
     Args:
-        node: The node, whose executor ticks the tree.
-        root: The tree.
-        cancel: Cancels the node's goals after the limit; None if that is not wanted, as in a simulation.
-        cancel_sec: The limit, steady seconds.
-        signals: The requests to stop.
-        end: Ends the process after a signal, from the watching thread, if the ticking one is blocked; receives the location.
-        settle_sec: How long the ticking thread may be blocked after it has noticed the signal, steady seconds.
+        node: The node whose executor ticks the tree.
+        root: The root of the tree.
+        cancel: Cancels the node's goals if the executor is blocked for *cancel_sec*; None to cancel no goals, as in a simulation.
+        cancel_sec: The time for which the executor may be blocked before the goals are cancelled, in seconds of the steady clock.
+        signals: The requests to stop; None if the program handles signals itself.
+        end: Called in the checking thread after a request to stop, if the ticking thread is blocked, with a description of the blocking code.
+        settle_sec: The time for which the ticking thread may be blocked after it has noticed the request, in seconds of the steady clock.
         on_beat: Called in the executor's thread with each heartbeat.
 
     Attributes:
-        end: As above.
+        end: The function *end*, which can be replaced.
     """
 
     def __init__(
@@ -74,20 +74,20 @@ class TickWatch:
         self._thread = threading.get_ident()
         self._is_over = threading.Event()
         self._is_reported = self._is_canceled = False
-        # In memory, and readable by the guardian under /proc.
+        # A file in memory, which the guardian can read under /proc.
         self._stack = os.memfd_create("stacks") if self._heartbeats.has_listeners else None
 
     def __enter__(self) -> None:
-        """Start watching."""
+        """Start the heartbeats and the checking thread."""
         self._timer = steady_timer(self._node, _PERIOD_SEC, self._on_timer)
         self._on_alive()
         self._watcher = threading.Thread(target=self._watch, name="tick watch", daemon=True)
         self._watcher.start()
 
     def __exit__(self, *_: object) -> None:
-        """Stop watching."""
+        """Stop the heartbeats and the checking thread."""
         self._is_over.set()
-        self._watcher.join(_OWN_PAUSE_SEC)  # it may be waiting for the ends of goals
+        self._watcher.join(_OWN_PAUSE_SEC)  # the thread may be waiting for the ends of goals
         self._heartbeats.send(Heartbeat())
         if self._stack is not None:
             faulthandler.cancel_dump_traceback_later()
@@ -100,7 +100,7 @@ class TickWatch:
         self._on_beat()
 
     def _on_alive(self) -> None:
-        """Record that the executor is not blocked; called in its thread."""
+        """Store that the executor is not blocked, and send a heartbeat; called in the executor's thread."""
         self._beat_at, self._thread = time.monotonic(), threading.get_ident()
         if self._stack is None:
             return
@@ -111,10 +111,10 @@ class TickWatch:
         self._heartbeats.send(Heartbeat(self._cancel_sec, stack=place, thread=self._thread))
 
     def _watch(self) -> None:
-        looked_at = time.monotonic()
+        checked_at = time.monotonic()
         while not self._is_over.wait(_LOOK_SEC):
             now = time.monotonic()
-            late_sec, looked_at = now - looked_at - _LOOK_SEC, now
+            late_sec, checked_at = now - checked_at - _LOOK_SEC, now
             if late_sec > _OWN_PAUSE_SEC:
                 self._beat_at += late_sec
             self._check_heartbeat(now - self._beat_at)
@@ -128,7 +128,7 @@ class TickWatch:
             self._is_reported = True
             self._heartbeats.send(Heartbeat(self._cancel_sec, is_reported=True))
             self._logger.error(
-                f"Nothing was ticked for {silent_sec:.0f} s: {escape_to_one_line(self.blocking_location())}. Time limits, responses and commands have no effect meanwhile. Send a request in initialise(), and poll its response in update()."
+                f"The tree was not ticked for {silent_sec:.0f} s: {escape_to_one_line(self.blocking_location())}. Meanwhile, time limits, responses and commands have no effect. Send a request in initialise(), and check for its response in update()."
             )
         if self._must_end(silent_sec):
             self.end(self.blocking_location())
@@ -137,7 +137,7 @@ class TickWatch:
             self._cancel_goals(self._cancel)
 
     def _must_end(self, silent_sec: float) -> bool:
-        """Return whether the ticking thread has ignored a signal."""
+        """Return whether the ticking thread was blocked for too long after a request to stop."""
         if self._signals is None or (asked_at := self._signals.came_at) is None:
             return False
         patience_sec = self._settle_sec if self._signals.is_noticed else UNNOTICED_SEC
@@ -146,22 +146,22 @@ class TickWatch:
     def _cancel_goals(self, cancel: CancelFunction) -> None:
         if not len(active_goals_of(self._node)):
             return
-        self._logger.error(f"Nothing was ticked for {self._cancel_sec:g} s: canceling the goals.")
+        self._logger.error(f"The tree was not ticked for {self._cancel_sec:g} s. Canceling the goals.")
         for action in cancel(_TRYING_SEC):
-            self._logger.error(f"{action} does not end its goal: the robot may still be moving.")
+            self._logger.error(f"{action} does not end its goal. The robot may still be moving.")
 
     def blocking_location(self) -> str:
-        """Return the blocking leaf with its lines, or the line of the program."""
+        """Describe the blocking code: the blocking leaf with its source lines, or the line that the program is executing."""
         if (leaf := self.blocking_leaf()) is not None:
             return f"{behaviour_title(leaf)} blocks{source_locations(leaf, self._frames())}"
         place = thread_location(self._thread)
         return f"the program is executing {place}" if place else "the executor does not run"
 
     def blocking_leaf(self) -> Behaviour | None:
-        """Return the innermost behaviour whose method the ticking thread runs; None if there is none."""
+        """Return the innermost behaviour whose method the ticking thread is executing; None if there is none."""
         owners = (each.f_locals.get("self") for each, _ in self._frames())
         return next((each for each in owners if isinstance(each, Behaviour)), None)
 
     def _frames(self) -> list[tuple[FrameType, int]]:
-        frame = sys._current_frames().get(self._thread)  # noqa: SLF001 - the one way to another thread's stack
+        frame = sys._current_frames().get(self._thread)  # noqa: SLF001 - the only way to another thread's stack
         return list(traceback.walk_stack(frame)) if frame is not None else []

@@ -1,4 +1,4 @@
-"""Receive the messages of Nav2's `behavior_tree_log`."""
+"""Receive the serialised messages of Nav2's `behavior_tree_log`."""
 
 from collections import deque
 from typing import TYPE_CHECKING
@@ -10,11 +10,11 @@ _DEPTH, _MOST = 1000, 100_000
 
 
 class TreeLogListener:
-    """Stores the messages of a topic, as they were sent.
+    """Collects the serialised messages of a topic.
 
     Args:
-        node: The node that subscribes.
-        topic: The topic, of `nav2_msgs/msg/BehaviorTreeLog`.
+        node: The node that subscribes to the topic.
+        topic: The topic, whose type is `nav2_msgs/msg/BehaviorTreeLog`.
     """
 
     def __init__(self, node: "Node", topic: str) -> None:

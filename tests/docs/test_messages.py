@@ -136,7 +136,7 @@ FURTHER = [
         "parameter georeference.lat: must be degrees between -90 and 90, not 91",
     ),
     ("time_limit_sec: -1", "parameter time_limit_sec: must be seconds from 0 to 1000000000, but is -1"),
-    ("use_sim_time: hello", "parameter use_sim_time must be true or false, not 'hello'"),
+    ("use_sim_time: hello", "parameter use_sim_time must be true or false, but is 'hello'"),
 ]
 SHOWN = [
     (codes(cells[0])[0], codes(cells[1])[0])

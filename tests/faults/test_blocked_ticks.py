@@ -92,7 +92,7 @@ def place(tmp_path):
 def test_a_leaf_that_blocks_is_named_and_the_goals_are_canceled_after_the_limit(block, place):
     server, run, go = block("pause", "--journal", "none", blocked_tick_timeout_sec=3.0)
     go.touch()
-    run.wait_for(f"Nothing was ticked for 2 s: {place('pause')}.")
+    run.wait_for(f"The tree was not ticked for 2 s: {place('pause')}.")
     server.wait_for("ended", how="cancel")
     run.wait_for("Canceling the goal of '/navigate_to_pose'.")
     go.unlink()
@@ -107,7 +107,7 @@ def test_a_leaf_that_blocks_is_named_and_the_goals_are_canceled_after_the_limit(
 def test_the_first_ctrl_c_ends_a_run_whose_leaf_blocks(block, place, cancel, status):
     server, run, go = block("sleep", cancel=cancel, settle_timeout_sec=2.0)
     go.touch()
-    run.wait_for("Nothing was ticked for 2 s")
+    run.wait_for("The tree was not ticked for 2 s")
     assert run.stop(within_sec=20.0) == status, run.output
     assert f"sar-run: stopped although {place('sleep')}" in run.output
     assert ("the robot may still be moving: /navigate_to_pose" in run.output) == (status == 4)
@@ -136,6 +136,6 @@ def test_a_leaf_that_blocks_a_simulated_run_is_named_and_ctrl_c_ends_it(start, w
     tree, nodes, env, go = written('<Block how="sleep"/>')
     go.touch()
     run = start("sar-run", tree, *nodes, "--sim", "--journal", "none", env=env)
-    run.wait_for(f"Nothing was ticked for 2 s: {place('sleep')}.")
+    run.wait_for(f"The tree was not ticked for 2 s: {place('sleep')}.")
     assert run.stop(within_sec=5.0) == 130, run.output
     assert "may still be moving" not in run.output

@@ -86,8 +86,8 @@ def test_a_second_mission_on_the_same_robot_is_refused_before_it_sends_anything(
     navigation.wait_for("accepted")
     second = fly(RESILIENT, set_initial_pose="true")
     assert second.end() == 2, second.output
-    assert "another mission already drives this robot: node /search_and_rescue (process " in second.output
-    assert "uses the action '/navigate_to_pose'. Stop it first" in second.output
+    assert "another mission already uses this robot: node /search_and_rescue (process " in second.output
+    assert "uses the action '/navigate_to_pose'. Stop that mission first" in second.output
     assert navigation.of("initialpose") == []
     assert len(navigation.of("goal")) == 1
     first.wait_for("Another mission claims this robot: node /search_and_rescue")

@@ -247,7 +247,7 @@ class TestCommands:
             "def make(context, arguments):\n"
             "    print('ready', flush=True)\n"
             "    return Stuck('stuck', context=context)\n"
-            "serving._TAKING_DOWN_SEC = 0.5\n"
+            "serving._DESTRUCTION_SEC = 0.5\n"
             "serving.serve(make, 'stuck', 'Hangs.', [])\n"
         )
         server = subprocess.Popen(

@@ -256,10 +256,10 @@ def test_what_the_mission_itself_has_is_not_offered_to_it(robots: Robots) -> Non
 
 
 SHARED = (
-    "transforms from 'map' may be another robot's: /tf is also published by /tb2/amcl. Give each robot transforms of its own "
+    "transforms from 'map' may belong to another robot, because /tf is also published by /tb2/amcl. Give each robot its own transforms "
     "(`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
 )
-NO_POSE = "topic amcl_pose: no initial pose is sent while another robot's localisation may be heard"
+NO_POSE = "topic amcl_pose: no initial pose is sent, because the localisation may belong to another robot"
 
 
 class TestNamespaces:

@@ -347,7 +347,7 @@ class TestArguments:
         )
 
     def test_use_sim_time_must_be_true_or_false(self, launch: Launch) -> None:
-        assert "use_sim_time must be true or false, not 3" in launch.error("-p", "use_sim_time:=3")
+        assert "use_sim_time must be true or false, but is 3" in launch.error("-p", "use_sim_time:=3")
         assert launch.values(["-p", "use_sim_time:=true"])["use_sim_time"] is True
 
     def test_a_node_name_that_is_none_is_put_in_words(self, ros: Ros) -> None:

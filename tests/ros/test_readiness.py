@@ -356,7 +356,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'inactive', must be 'active'; lifecycle_manager_navigation has stopped starting Nav2: planner_server failed to activate. Restart Nav2, and give the initial pose within its "
+            "node bt_navigator: state 'inactive', must be 'active'. lifecycle_manager_navigation has stopped starting Nav2, because planner_server failed to activate. Restart Nav2, and set the initial pose within its "
             "initial_transform_timeout",
         )
 
@@ -379,7 +379,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has stopped starting Nav2: {failed}. Restart Nav2",
+            f"node bt_navigator: state '{navigator}', must be 'active'. lifecycle_manager_navigation has stopped starting Nav2, because {failed}. Restart Nav2",
         )
 
     @pytest.mark.parametrize(
@@ -414,7 +414,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has stopped starting Nav2: {failed}. Restart Nav2",
+            f"node bt_navigator: state '{navigator}', must be 'active'. lifecycle_manager_navigation has stopped starting Nav2, because {failed}. Restart Nav2",
         )
 
     @pytest.mark.parametrize(
@@ -432,7 +432,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: missing (no service /bt_navigator/get_state): lifecycle_manager_navigation waits for "
+            "node bt_navigator: missing (no service /bt_navigator/get_state). lifecycle_manager_navigation waits for "
             "bt_navigator, whose process was not started or has crashed. Restart Nav2",
         )
 
@@ -448,7 +448,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'unconfigured', must be 'active': lifecycle_manager_navigation waits for planner_server, "
+            "node bt_navigator: state 'unconfigured', must be 'active'. lifecycle_manager_navigation waits for planner_server, "
             'whose process was not started or has crashed (planner_server: "Failed to create global planner."). Restart Nav2',
         )
 
@@ -458,7 +458,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'unconfigured', must be 'active'; lifecycle_manager_navigation has stopped starting Nav2: "
+            "node bt_navigator: state 'unconfigured', must be 'active'. lifecycle_manager_navigation has stopped starting Nav2, because "
             'controller_server failed to configure (controller_server: "Failed to create controller. No plugin."). '
             "Restart Nav2",
         )
@@ -468,7 +468,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'inactive', must be 'active'; the localisation has no pose yet: send it one (initialpose; in RViz: 2D Pose Estimate)",
+            "node bt_navigator: state 'inactive', must be 'active'. The localisation has no pose yet. Publish the pose on initialpose (in RViz: 2D Pose Estimate)",
         )
         assert nav2.poses == []
 
@@ -477,7 +477,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'inactive', must be 'active'; planner_server is 'activating', too",
+            "node bt_navigator: state 'inactive', must be 'active', and planner_server is 'activating'",
         )
 
     def test_says_how_to_start_up_a_stack_that_nobody_has_started(self, ros: Ros) -> None:
@@ -485,8 +485,8 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'unconfigured', must be 'active'; lifecycle_manager_navigation has not started Nav2 "
-            "(autostart is off): ros2 service call "
+            "node bt_navigator: state 'unconfigured', must be 'active'. lifecycle_manager_navigation has not started Nav2, "
+            "because autostart is off. Run: ros2 service call "
             '/lifecycle_manager_navigation/manage_nodes nav2_msgs/srv/ManageLifecycleNodes "{command: 0}"',
         )
 
@@ -650,7 +650,7 @@ class TestNav2:
 
         def is_known() -> bool:
             assert ready.poll_all() == ["the first"]
-            return nav2.asked == nav2.states.keys() and localised._has_been_listened_to(AWAKE.now())
+            return nav2.asked == nav2.states.keys() and localised._has_listened(AWAKE.now())
 
         ros.spin_until(is_known, "the answers of Nav2")
         assert nav2.poses == []

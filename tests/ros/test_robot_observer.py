@@ -192,6 +192,6 @@ def test_of_others_warnings_only_so_many_and_so_much_is_written(watched):
     lines = watched.told("log")
     assert len(lines) == 21
     assert {len(line["text"]) for line in lines[:-1]} == {2006}
-    assert lines[-1]["text"] == "30 more warnings of other nodes within 0.5 s are omitted."
+    assert lines[-1]["text"] == "30 further warnings of other nodes within 0.5 s are omitted."
     watched.watch._on_log(Log(name="mission", level=20, msg="mine"))
     assert watched.told("log")[-1] == {"node": "mission", "level": 20, "text": "mine", "stamp": 0.0}

@@ -190,7 +190,7 @@ def test_claims_without_end_are_told_eight_times_and_forgotten(ros: Ros, said: S
     ros.spin_until(lambda: running.conflict() == "" and said.has("Further missions"), "the end of it")
     ros.spin_for(0.3)
     assert running.conflict() == ""
-    assert len(running._others) == len(running._told) == 8
+    assert len(running._others) == len(running._reported) == 8
     assert len([line for line in said.lines() if "Another mission claims this robot" in line]) == 8
 
 
@@ -212,7 +212,7 @@ def test_a_node_of_the_same_name_is_told_once_when_it_is_no_shadow(
     assert running.conflict() == ""
     ros.node("search_and_rescue")
     ros.spin_until(
-        lambda: running.conflict() == "" and said.has("Another node is also called /search_and_rescue:"),
+        lambda: running.conflict() == "" and said.has("Another node is also called /search_and_rescue,"),
         "the word of the other node",
     )
     ros.spin_for(0.5)
