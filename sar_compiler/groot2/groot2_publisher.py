@@ -34,7 +34,7 @@ _VERSION = 2
 _HEADER = struct.Struct("<BBI")
 _STATUS = struct.Struct("<HB")
 # A node that was reset to IDLE appears in a snapshot as this value plus its previous status.
-_IDLE_AFTER = 10
+_RESET = 10
 
 _Responder = Callable[[Sequence[bytes]], bytes | None]
 """Returns the second frame of the reply, or None; called with the frames of the request after its header."""
@@ -133,9 +133,7 @@ class Groot2Publisher:
 
     def _on_change(self, change: StatusChange) -> None:
         with self._lock:
-            self._shown[change.uid - 1] = (
-                _IDLE_AFTER + change.before if change.status == IDLE else change.status
-            )
+            self._shown[change.uid - 1] = _RESET + change.before if change.status == IDLE else change.status
             if self._is_recording:
                 microseconds = (time.monotonic_ns() - self._recording_began) // 1000
                 moment = microseconds.to_bytes(6, "little")
@@ -232,11 +230,6 @@ def _copy_value(value: object) -> object:
     """
     try:
         copy: object = msgpack.unpackb(msgpack.packb(value), use_list=False, strict_map_key=False)
-    except (
-        TypeError,
-        ValueError,
-        OverflowError,
-        RuntimeError,
-    ):  # unsupported, or a dictionary has grown during the copy
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # RuntimeError: the dictionary has grown
         return None
     return copy

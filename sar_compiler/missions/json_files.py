@@ -47,10 +47,7 @@ class JsonFile:
             self.data: Any = json.loads(text, object_pairs_hook=self._mapping)
         except json.JSONDecodeError as error:
             raise MalformedJsonError(error.msg, self._location(error.pos)) from None
-        except (
-            ValueError,
-            RecursionError,
-        ) as error:  # a number with thousands of digits, or nested too deeply
+        except (ValueError, RecursionError) as error:  # a number with thousands of digits, or deep nesting
             raise MalformedJsonError(f"{error}", self._location(0)) from None
         self._read = json.JSONDecoder().raw_decode
 

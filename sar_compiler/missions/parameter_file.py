@@ -284,8 +284,7 @@ class _Walk:
                     self._report(event, f"ROS reads YAML 1.1 only: delete '{version}'")
                 if documents == 2:  # noqa: PLR2004
                     self._report(
-                        event,
-                        "ROS would merge this second document (---) into the first one: delete one of them",
+                        event, "ROS would merge this second document (---) into the first: delete one"
                     )
             elif isinstance(event, yaml.AliasEvent):
                 self._report(event, f"ROS reads no aliases: write the value of '*{event.anchor}' in full")
@@ -299,9 +298,7 @@ class _Walk:
                 brackets = max(brackets - 1, 0)
                 depth -= 1
             elif isinstance(event, yaml.ScalarEvent) and brackets and _needs_quotes(event):
-                why = (
-                    "needs quotes within [] and {}, because some versions of ROS reject the ':' or '?' in it"
-                )
+                why = "needs quotes within [] and {}, because some versions of ROS reject ':' and '?' there"
                 self._report(event, f"'{event.value}' {why}")
 
     def _events(self) -> Iterator[Any]:
@@ -392,10 +389,8 @@ class _Walk:
         for entry in sequence.value:
             if not isinstance(entry, yaml.ScalarNode):
                 what = "mappings" if isinstance(entry, yaml.MappingNode) else "lists"
-                self._report(
-                    entry,
-                    f"'{name}' is a list of {what}, but ROS only reads lists of strings, numbers or Booleans",
-                )
+                only = "but ROS only reads lists of strings, numbers or Booleans"
+                self._report(entry, f"'{name}' is a list of {what}, {only}")
                 break
             values.append(self._scalar(name, entry))
             kinds.append(self._kind(entry))
@@ -411,27 +406,20 @@ class _Walk:
         text = node.value
         if node.tag != "tag:yaml.org,2002:str":
             # ROS ignores tags: it reads `!degrees 90` as 90 and `!!int '3'` as a string.
-            self._report(
-                node, f"'{name}' has the tag {node.tag}, which ROS ignores: write the value without the tag"
-            )
+            self._report(node, f"'{name}' has the tag {node.tag}, which ROS ignores: delete the tag")
         elif self._is_text(node):
             return text
         elif text == "":
             self._report(node, f"'{name}' has no value: write a value, or delete the parameter")
         elif text in ("~", "null", "Null", "NULL"):
-            self._report(
-                node, f"'{name}' is {text}, which ROS would read as a string, because it has no empty values"
-            )
+            empty = "which ROS would read as a string, because it has no empty values"
+            self._report(node, f"'{name}' is {text}, {empty}")
         elif re.fullmatch(r"[+-]?0[0-7]+", text) and int(text, 8) != int(text):
-            octal = (
-                f"'{name}' is {text}, which ROS reads as the octal number {int(text, 8)}: omit the leading 0"
-            )
-            self._report(node, octal)
+            octal = f"which ROS reads as the octal number {int(text, 8)}: omit the leading 0"
+            self._report(node, f"'{name}' is {text}, {octal}")
         elif rcl_kind(text) == "text" and _means_number(text):
-            self._report(
-                node,
-                f"'{name}' is {text}, which ROS reads as a string instead of a number: write it in plain digits",
-            )
+            digits = "which ROS reads as a string instead of a number: write it in plain digits"
+            self._report(node, f"'{name}' is {text}, {digits}")
         return _READ[self._kind(node)](text)
 
     def _kind(self, node: yaml.ScalarNode) -> str:

@@ -142,9 +142,8 @@ class CancelClients:
         name = f"{self._action}/_action/get_result"
         types = dict(self._node.get_service_names_and_types()).get(self._node.resolve_service_name(name), [])
         for written in types:
-            with suppress(
-                SarError
-            ):  # the type's package is not installed, so two other sources must show the goal's end
+            # If the type's package is not installed, two other sources must show the goal's end.
+            with suppress(SarError):
                 action_type = written.removesuffix("_GetResult")
                 interface: Any = find_interface("", "action", self._action, action_type)
                 return self._node.create_client(interface.Impl.GetResultService, name)

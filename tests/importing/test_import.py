@@ -408,7 +408,9 @@ def test_a_damaged_bag_is_reported(form, tmp_path, capsys):
     write_bag(bag, [first, second[:40], b"", *others])
     words = ["import", bag, "-o", tmp_path / "j", "--tree", f"{known}.xml"]
     status, said = answer(journal_command, words, capsys)
-    assert (status, "message 2 of nav2_msgs/msg/BehaviorTreeLog is damaged" in said) == (0, True), said
+    assert (status, "message 2 of the type nav2_msgs/msg/BehaviorTreeLog is damaged" in said) == (0, True), (
+        said
+    )
     bag.write_bytes(bag.read_bytes()[:100])
     status, said = answer(journal_command, words, capsys)
     assert (status, "cannot be imported" in said) == (2, True), said
