@@ -138,7 +138,7 @@ class RosLeaf(Behaviour):
         return status
 
     def log(self, text: str) -> None:
-        """Log a text on one line; line breaks and unprintable characters are escaped, and a long text is shortened."""
+        """Log a message on one line; line breaks and unprintable characters are escaped, and a long message is shortened."""
         self.node.get_logger().info(shorten_to_line(text))
 
     def warn(self, text: str) -> None:
