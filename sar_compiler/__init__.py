@@ -1,14 +1,14 @@
 """Write a mission as a tree file, check it, run it on ROS 2.
 
-The names in five groups are public and stable. A typical use::
+The names in this package and in four of its modules are public and stable. A typical use::
 
     tree = sar_compiler.load("mission.xml")
     for finding in tree.check():
         print(finding.render())
 
-`sar_compiler.leaves` has the base classes of leaves, controls and decorators, `sar_compiler.missions` those of missions.
+`sar_compiler.leaves` provides base classes for leaves, controls and decorators, and `sar_compiler.missions` base classes for missions.
 `sar_compiler.execution` runs missions, and `sar_compiler.testing` helps to test trees. Every other module is internal and may change.
-Names are loaded at their first use: importing a group takes no time and needs no ROS.
+A name is imported at its first use, so that importing one of these modules is fast and does not need ROS.
 """
 
 from typing import TYPE_CHECKING

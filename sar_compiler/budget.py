@@ -1,12 +1,13 @@
-"""The limits of an analysis: its time, its memory, and a user who presses Ctrl-C.
+"""The limits of an analysis: time, memory, and Ctrl-C.
 
-A tree of a few lines can have more states than any machine can hold, because its numbers multiply. Every analysing command therefore has a
-budget, and prints its results when the budget is spent. There are two steps, because not all code can be asked to stop:
+A tree of a few lines can have more states than any machine can hold, because the numbers of values of its variables multiply. Every
+analysing command therefore has a budget, and prints its results so far when the budget is spent. An analysis ends in two steps, because
+some code never checks whether to stop:
 
-1. The budget is *spent*: a search checks this every few hundred ticks, stops, and evaluates its results.
-2. After some patience the analysis is *abandoned*. It runs in a thread of its own, so that the waiting thread handles signals at any time,
-   even while a library computes. The last published result is used (`publish`). An exception is raised in the abandoned thread, which ends
-   it at its next Python instruction.
+1. The budget is *spent*. A search checks this every few hundred ticks, stops, and evaluates its results.
+2. If the analysis continues for longer than a grace period, it is *abandoned*, and its last published result is used (`publish`). The
+   analysis runs in a separate thread, so that the waiting thread handles signals even while a library computes. An exception raised in the
+   abandoned thread ends it at its next Python instruction.
 """
 
 import math
@@ -28,20 +29,20 @@ MAX_SEC, MAX_MEMORY_MB = 60.0, 2000
 """The default limits of an analysis."""
 
 WORK = 1 << 24
-"""The default work for trying the runs of a file: some 80,000 ticks of 10 nodes, or 4,000 of 4,000."""
-_FILES_TRIED = 10
-"""For more files, less of each is tried, down to a sixteenth."""
+"""The default work for searching the runs of a file: about 80,000 ticks of 10 nodes, or 4,000 ticks of 4,000 nodes."""
+_FILES_WITH_FULL_WORK = 10
+"""If more files are checked, the work for each file is reduced, at most to a sixteenth."""
 
 _MB = 1_000_000
 _RSS_UNIT = 1 if sys.platform == "darwin" else 1024
 _POLL_SEC = 0.05
-# Evaluating results may exceed the time limit by this share, and the memory limit by this share until the analysis is abandoned.
-_MORE_TIME, _MORE_MEMORY = 0.2, 0.5
+# The fractions of the time limit and the memory limit by which an analysis may exceed them before it is abandoned.
+_EXTRA_TIME, _EXTRA_MEMORY = 0.2, 0.5
 
 
 def work_for(files: int) -> int:
-    """Return the work for trying the runs of each of some files, which depends only on their number."""
-    return min(WORK, max(WORK * _FILES_TRIED // max(files, 1), WORK // 16))
+    """Return the work for searching the runs of each file if this number of files is checked."""
+    return min(WORK, max(WORK * _FILES_WITH_FULL_WORK // max(files, 1), WORK // 16))
 
 
 class Progress(NamedTuple):
@@ -50,8 +51,8 @@ class Progress(NamedTuple):
     Attributes:
         states: Number of states found.
         expanded: Number of states explored.
-        steps: Number of steps.
-        depth: Number of ticks to the current state.
+        steps: Number of steps between states.
+        depth: Number of ticks from the start to the current state.
         broken: The names of the properties violated so far.
     """
 
@@ -66,11 +67,11 @@ class BudgetSpentError(SarError):
     """An analysis was abandoned without a result.
 
     Args:
-        budget: Its budget.
+        budget: The spent budget of the analysis.
     """
 
     def __init__(self, budget: "Budget") -> None:
-        super().__init__(f"nothing is known yet: {budget.reason}")
+        super().__init__(f"there is no result yet, because the analysis was {budget.reason}")
         self.exit_status = budget.exit_status
 
 
@@ -78,17 +79,18 @@ class Budget:
     """The limits of an analysis.
 
     Args:
-        max_sec: Its processor time, seconds, from now on.
-        max_memory_mb: The memory of the process, 10^6 bytes.
-        patience_sec: How long it may continue after its user stopped it, seconds; 0 for code that never checks whether to stop.
+        max_sec: The maximum time by *clock*, in seconds, from the creation of the budget.
+        max_memory_mb: The maximum memory of the process, 10^6 bytes.
+        patience_sec: The minimum time, in seconds, between spending the budget and abandoning the analysis; 0 for code that never checks
+                      whether to stop.
         clock: The clock of the time limit; `time.monotonic` for work in other processes.
-        on_progress: Called now and then with the progress of a search, in the thread of the analysis.
+        on_progress: Called repeatedly with the progress of a search, in the thread of the analysis.
         memory: Returns the memory of the process, 10^6 bytes: by default the peak, which only suits a process that ends with
                 the analysis.
 
     Attributes:
-        reason: Why it is spent, in words; empty before.
-        is_interrupted: Whether the reason is Ctrl-C, or another signal that ends a command like it.
+        reason: Why the budget is spent, in words; empty until then.
+        is_interrupted: Whether Ctrl-C, or another signal that ends a command, has spent the budget.
     """
 
     def __init__(
@@ -116,9 +118,9 @@ class Budget:
     def is_spent(self) -> bool:
         """Return whether the analysis must stop."""
         if not self.reason and self._clock() - self._begun > self._max_sec:
-            self.spend(f"stopped after {self._max_sec:g} s: raise the limit with --max-seconds")
+            self.spend(f"stopped after {self._max_sec:g} s. Raise the limit with --max-seconds")
         if not self.reason and self._memory() > self._max_memory_mb:
-            self.spend(f"stopped at {self._max_memory_mb:g} MB of memory: raise the limit with --max-memory")
+            self.spend(f"stopped at {self._max_memory_mb:g} MB of memory. Raise the limit with --max-memory")
         return bool(self.reason)
 
     @property
@@ -132,7 +134,7 @@ class Budget:
             self.reason, self._spent_at = reason, time.monotonic()
 
     def divide_memory(self, processes: int) -> None:
-        """Let this process, one of several that share the budget, stop at its part of the memory."""
+        """Divide the memory limit of this process by the number of processes that share the budget."""
         self._max_memory_mb /= processes
 
     def publish(self, result: Callable[[], object]) -> None:
@@ -140,30 +142,30 @@ class Budget:
         self._published = result
 
     def run(self, work: Callable[[], T]) -> T:
-        """Return the result of an analysis, or its last published one.
+        """Run an analysis, and return its result, or its last published result if it is abandoned.
 
         Args:
             work: The analysis. It can be abandoned anywhere, so it must hold no lock and write no file.
 
         Raises:
-            BudgetSpentError: If it was abandoned before it published a result.
+            BudgetSpentError: If the analysis was abandoned before it published a result.
             KeyboardInterrupt: At the second Ctrl-C.
-            Exception: Any exception of the work.
+            Exception: Any exception of the analysis.
         """
         self._published = None
-        outcome = _Work()
-        thread = threading.Thread(target=outcome.work_out, args=(work,), name="analysis", daemon=True)
+        outcome = _WorkOutcome()
+        thread = threading.Thread(target=outcome.execute, args=(work,), name="analysis", daemon=True)
         # Set before the start: Ctrl-C can interrupt `start` after the thread began but before its `ident` is set.
         is_started = False
         while True:
             try:
-                if self.is_spent() and self._is_left_behind():
-                    _end(thread)
+                if self.is_spent() and self._must_abandon():
+                    _raise_exit_in(thread)
                     return cast("T", self._last_published())
                 if not is_started:
                     is_started = True
                     thread.start()
-                if outcome.is_there.wait(_POLL_SEC):
+                if outcome.is_available.wait(_POLL_SEC):
                     break
             except KeyboardInterrupt as interrupt:
                 if self.is_interrupted:
@@ -177,11 +179,11 @@ class Budget:
             raise outcome.error
         return cast("T", outcome.result)
 
-    def _is_left_behind(self) -> bool:
+    def _must_abandon(self) -> bool:
         patience_sec = self._patience_sec
         if patience_sec and not self.is_interrupted:
-            patience_sec = max(patience_sec, _MORE_TIME * min(self._max_sec, MAX_SEC))
-        is_too_large = self._memory() > self._max_memory_mb * (1.0 + _MORE_MEMORY)
+            patience_sec = max(patience_sec, _EXTRA_TIME * min(self._max_sec, MAX_SEC))
+        is_too_large = self._memory() > self._max_memory_mb * (1.0 + _EXTRA_MEMORY)
         return is_too_large or time.monotonic() - self._spent_at >= patience_sec
 
     def _last_published(self) -> object:
@@ -190,38 +192,38 @@ class Budget:
         return self._published()
 
 
-class _Work:
-    """Some work of a thread, and its result."""
+class _WorkOutcome:
+    """The result or the exception of a function that another thread calls."""
 
     def __init__(self) -> None:
         self.result: object = None
         self.error: BaseException | None = None
-        self.is_there = threading.Event()
+        self.is_available = threading.Event()
 
-    def work_out(self, work: Callable[[], object]) -> None:
+    def execute(self, work: Callable[[], object]) -> None:
         try:
             self.result = work()
         except BaseException as error:  # noqa: BLE001 - raised again in the waiting thread
             self.error = error
         finally:
-            self.is_there.set()
+            self.is_available.set()
 
 
-class _LeftBehindExit(SystemExit):
-    """Ends an abandoned analysis; threads print nothing for a SystemExit."""
+class _AbandonedExit(SystemExit):
+    """Ends the thread of an abandoned analysis; a thread that ends with a SystemExit prints nothing."""
 
 
-def _end(thread: threading.Thread) -> None:
-    """Raise an exception in a thread at its next Python instruction."""
+def _raise_exit_in(thread: threading.Thread) -> None:
+    """Raise `_AbandonedExit` in a thread at its next Python instruction."""
     if thread.ident is not None:
         import ctypes
 
-        error = ctypes.py_object(_LeftBehindExit)
+        error = ctypes.py_object(_AbandonedExit)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident), error)
 
 
 def memory_now_mb() -> float:
-    """Return the current memory of this process, 10^6 bytes; the peak if the system does not report it."""
+    """Return the current memory of this process, 10^6 bytes, or its peak memory if the system does not report the current one."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     except OSError:
@@ -233,6 +235,6 @@ def memory_mb() -> float:
     """Return the peak memory of this process, 10^6 bytes."""
     try:
         import resource
-    except ImportError:  # in a browser
+    except ImportError:  # a browser has no such module
         return 0.0
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _RSS_UNIT / _MB

@@ -1,4 +1,4 @@
-"""`sar-compile approve`: a person approves this version of a tree for runs, or an agent proposes one."""
+"""`sar-compile approve`: approve a version of a tree file for runs, or propose it for approval."""
 
 import argparse
 import getpass
@@ -38,7 +38,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "approve the file only if it has this digest, which a proposal prints"
     add("--digest", metavar="HEX", help=text)
     text = (
-        "a properties file, approved with the tree for monitored runs, and verified by --propose (default: "
+        "a properties file to approve with the tree for monitored runs; --propose also verifies it (default: "
         "the mission's own)"
     )
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
@@ -50,11 +50,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def approve_file(arguments: argparse.Namespace) -> int:
-    """Approve a tree file, propose one, list approvals, or revoke one, and return the exit status.
+    """Approve or propose a tree file, or list or revoke approvals, and return the exit status.
 
     Raises:
         SarError: If the file or the approval does not exist, or the file differs from the proposal.
-        TreeError: If the configuration or a file of properties is wrong.
+        TreeError: If the configuration or a properties file has errors.
     """
     if arguments.list:
         return _list()

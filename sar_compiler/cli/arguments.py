@@ -1,4 +1,4 @@
-"""Arguments shared by several commands, and the loading of the trees that they name."""
+"""Arguments shared by several commands, and functions that load the trees named by arguments."""
 
 import argparse
 import math
@@ -24,29 +24,29 @@ if TYPE_CHECKING:
 
 
 class ArgumentKind:
-    """The kind of an argument: its type, and its values for shell completion.
+    """The type of a command-line argument, with its completion in shells.
 
     Args:
-        name: The function of `cli.completion.COMPLETERS` that offers values.
-        read: Converts the string to a value.
+        name: The key of the argument's completer in `cli.completion.COMPLETERS`.
+        read: Converts the argument's string to its value.
     """
 
     def __init__(self, name: str, read: Callable[[str], Any] = str) -> None:
         self.name, self.read = name, read
 
     def __call__(self, text: str) -> Any:
-        """Return the value of a string."""
+        """Convert the argument's string to its value."""
         return self.read(text)
 
 
 def _tree_input(name: str) -> str:
-    """Return the name under which a tree file is read; for `-`, that of standard input."""
+    """Return the name of a tree file, or the path of standard input for `-`."""
     from sar_compiler.opener import STANDARD_INPUT
 
     return str(STANDARD_INPUT) if name == "-" else name
 
 
-_MOST_RESTARTS = 1000
+_MAX_RESTARTS = 1000
 FILE, FOLDER = ArgumentKind("file", Path), ArgumentKind("folder", Path)
 YAML_FILE, PALETTE = ArgumentKind("YAML file", Path), ArgumentKind("palette", Path)
 TREE, TREE_INPUT = ArgumentKind("tree"), ArgumentKind("tree", _tree_input)
@@ -58,14 +58,14 @@ T = TypeVar("T")
 
 
 def reader(
-    read: Callable[[str], T], what: str, fits: Callable[[T], bool] = lambda _: True
+    read: Callable[[str], T], what: str, is_valid: Callable[[T], bool] = lambda _: True
 ) -> Callable[[str], T]:
-    """Return a function that converts a string to a value; its error names *what* is expected."""
+    """Return a function that converts a string to a valid value; *what* describes valid values in its error message."""
 
     def parse(text: str) -> T:
         with suppress(ValueError):
             value = read(text)
-            if fits(value):
+            if is_valid(value):
                 return value
         raise argparse.ArgumentTypeError(f"'{text}' is not {what}")
 
@@ -73,7 +73,7 @@ def reader(
 
 
 def report_argument_errors(read: Callable[[str], T]) -> Callable[[str], T]:
-    """Return a function that reports its errors as errors of an argument."""
+    """Wrap a function so that argparse reports each `SarError` as an error of the argument."""
 
     def parse(text: str) -> T:
         try:
@@ -85,7 +85,7 @@ def report_argument_errors(read: Callable[[str], T]) -> Callable[[str], T]:
 
 
 def report_forms() -> str:
-    """Describe the available reports, for the help of options."""
+    """Describe the available report formats, for the help of options."""
     if not is_part_installed("reports"):
         return "(needs sar_compiler.reports)"
     from sar_compiler.reports.report_forms import describe_forms
@@ -94,20 +94,20 @@ def report_forms() -> str:
 
 
 def georeference(text: str) -> "Georeference":
-    """Parse the position of the frame `map` on the earth, `LAT,LON,HEADING` in degrees.
+    """Parse the georeference of the frame `map`, `LAT,LON,HEADING` in degrees.
 
     Raises:
-        ArgumentTypeError: If it is not a position on the earth.
+        ArgumentTypeError: If the text is not a valid georeference.
     """
     from sar_compiler.journal.georeference import Georeference
 
     try:
-        place = Georeference(*(float(number) for number in text.split(",")))
+        parsed = Georeference(*(float(number) for number in text.split(",")))
     except (TypeError, ValueError):
         raise argparse.ArgumentTypeError(f"'{text}' is not LAT,LON,HEADING in degrees") from None
-    for name, mistake in place.mistakes():
+    for name, mistake in parsed.mistakes():
         raise argparse.ArgumentTypeError(f"'{text}': {name} {mistake}")
-    return place
+    return parsed
 
 
 def _parse_integer(text: str) -> int:
@@ -116,24 +116,22 @@ def _parse_integer(text: str) -> int:
 
 
 count = reader(_parse_integer, "an integer above 0", lambda value: value > 0)
-seed = reader(_parse_integer, "an integer, 0 or above")
+seed = reader(_parse_integer, "an integer of 0 or more")
 port = reader(_parse_integer, "a port, 0 to 65535", lambda value: value < 1 << 16)
-pair_of_ports = reader(
-    _parse_integer, "a port that has a next one, 1 to 65534", lambda value: 0 < value < (1 << 16) - 1
-)
-MOST_JOBS = max(64, os.cpu_count() or 1)
-"""Largest number of processes that a command starts at a time."""
+pair_of_ports = reader(_parse_integer, "a port from 1 to 65534", lambda value: 0 < value < (1 << 16) - 1)
+MAX_JOBS = max(64, os.cpu_count() or 1)
+"""The maximum number of processes that a command runs in parallel."""
 
 
-def number_within(least: float, most: float, what: str = "a number") -> Callable[[str], float]:
-    """Return a function that converts a string to a number within bounds."""
-    return reader(float, f"{what} from {least:g} to {most:g}", lambda value: least <= value <= most)
+def number_within(low: float, high: float, what: str = "a number") -> Callable[[str], float]:
+    """Return a function that converts a string to a number from *low* to *high*."""
+    return reader(float, f"{what} from {low:g} to {high:g}", lambda value: low <= value <= high)
 
 
 jobs = reader(
-    _parse_integer, f"a number of processes from 1 to {MOST_JOBS}", lambda value: 0 < value <= MOST_JOBS
+    _parse_integer, f"a number of processes from 1 to {MAX_JOBS}", lambda value: 0 < value <= MAX_JOBS
 )
-restarts = reader(_parse_integer, "an integer from 1 to 1000", lambda value: 0 < value <= _MOST_RESTARTS)
+restarts = reader(_parse_integer, "an integer from 1 to 1000", lambda value: 0 < value <= _MAX_RESTARTS)
 speed = number_within(0.001, 10_000)
 tick_period = number_within(0.0001, 86_400, "a number of seconds")
 seconds = reader(float, "a number of seconds above 0", lambda value: 0 < value < math.inf)
@@ -144,12 +142,12 @@ confidence = reader(float, "a number above 0 and below 1", lambda value: 0 < val
 def add_page_options(parser: "argparse.ArgumentParser | argparse._ArgumentGroup", when: str = "") -> None:
     """Add `--open` and `--web-port`; *when* is their condition, as a prefix of the help."""
     parser.add_argument("--open", action="store_true", help=f"{when}open the page in a browser")
-    text = f"{when}the page's port (default 8043; 0 for any)"
+    text = f"{when}the page's port (default 8043; 0 for any free port)"
     parser.add_argument("--web-port", type=port, metavar="N", help=text)
 
 
 def add_tree_id(parser: argparse.ArgumentParser, use: str) -> None:
-    """Add `--tree`; *use* is the action on that tree."""
+    """Add `--tree`; *use* is the verb in its help, such as `show`."""
     text = f"the tree to {use} (default: the main tree)"
     parser.add_argument("--tree", type=TREE_ID, metavar="ID", help=text)
 
@@ -157,7 +155,7 @@ def add_tree_id(parser: argparse.ArgumentParser, use: str) -> None:
 def add_budget(
     parser: argparse.ArgumentParser, max_sec: float = MAX_SEC, what: str = "processor time"
 ) -> None:
-    """Add the options that limit an analysis; *what* is the measured time."""
+    """Add the options that limit an analysis; *what* names the kind of time that is limited."""
     text = f"stop after SEC seconds of {what}, and print the results so far (default {max_sec:g})"
     parser.add_argument("--max-seconds", type=seconds, default=max_sec, metavar="SEC", help=text)
     text = f"stop when the process uses MB megabytes, and print the results so far (default {MAX_MEMORY_MB})"
@@ -165,15 +163,15 @@ def add_budget(
 
 
 def budget_of(arguments: argparse.Namespace, **options: Any) -> Budget:
-    """Return the budget of an analysis from the command line; *options* are further ones of `Budget`."""
+    """Return the budget of an analysis from the command line; *options* are further arguments of `Budget`."""
     return Budget(arguments.max_seconds, arguments.max_memory, **options)
 
 
 FILE_HELP = "a tree file, or the name of a shipped tree"
 INPUT_HELP = "a tree file, the name of a shipped tree, or - for standard input"
-FORMAT_HELP = "for people (default text), or for scripts"
+FORMAT_HELP = "the output format: text for people (default), or json for scripts"
 PROJECT_OPTIONS = "options that add to the project's configuration"
-"""The title of these options in `--help`; the page of the commands lists them once."""
+"""The title in `--help` of the options that add to a project's configuration; the commands page lists these options once."""
 
 
 def add_project_options(parser: argparse.ArgumentParser) -> None:
@@ -187,16 +185,16 @@ def add_vocabulary_options(parser: argparse.ArgumentParser) -> "argparse._Argume
     """Add the options that determine the known nodes, and return their group."""
     options = parser.add_argument_group(PROJECT_OPTIONS)
     add = options.add_argument
-    text = "load a module of leaves (installed, or in this folder); may be repeated"
+    text = "load a module of leaves (installed, or in the current folder); may be repeated"
     add("--nodes", action="append", default=[], type=ArgumentKind("module"), metavar="PKG.MOD", help=text)
     text = (
         "a palette of nodes that are not installed: a file with a TreeNodesModel, or Nav2's nodes (nav2:jazzy, "
         "nav2:kilted, nav2:main); may be repeated"
     )
     add("--model", action="append", default=[], type=PALETTE, metavar="NODES.xml", help=text)
-    text = "trust the modules of leaves that the project contains and its configuration lists, until one of them changes"
+    text = "trust the project's own modules of leaves that its configuration lists, until one of them changes"
     add("--trust", action="store_true", help=text)
-    text = "ignore sar.toml, and palettes and trees that no option names"
+    text = "ignore sar.toml, and every palette and tree that no option names"
     add("--isolated", action="store_true", help=text)
     return options
 
@@ -215,7 +213,7 @@ def workspace(arguments: argparse.Namespace, **added: Any) -> "Workspace":
 
 
 def further_checks() -> "Sequence[FurtherCheck]":
-    """Return the further checks of a tree that the installed parts provide."""
+    """Return the checks that installed parts add to the checks of every tree."""
     if not is_part_installed("missions"):
         return ()
     from sar_compiler.missions.tree_check import check_mission
@@ -250,7 +248,7 @@ def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[Pro
 
 
 def report_findings(findings: "Sequence[Diagnostic]") -> int:
-    """Print findings on standard error, each location as in `validate --all`; return the exit status for the errors."""
+    """Print findings on standard error, with every location as in `validate --all`; return 1 if there is an error, else 0."""
     from sar_compiler.terminal import findings_as_text
     from sar_compiler.tree.diagnostic import Severity
 
@@ -260,11 +258,11 @@ def report_findings(findings: "Sequence[Diagnostic]") -> int:
 
 
 def additions(arguments: argparse.Namespace) -> "CommandLineSettings":
-    """Return the additions of a command's options to a project's configuration."""
+    """Return the settings that a command's options add to a project's configuration."""
     from sar_compiler.project import CommandLineSettings
 
     models, folders = tuple(arguments.model), tuple(arguments.include_path)
-    mission = getattr(arguments, "mission", None)  # some commands have no such option
+    mission = getattr(arguments, "mission", None)  # some commands have no --mission
     isolated = arguments.isolated
     return CommandLineSettings(
         tuple(arguments.nodes), models, folders, arguments.trust, mission=mission, is_isolated=isolated
@@ -273,5 +271,5 @@ def additions(arguments: argparse.Namespace) -> "CommandLineSettings":
 
 def add_params(parser: argparse.ArgumentParser) -> None:
     """Add `--params`."""
-    text = "the mission's ROS 2 parameter file, as for sar-run: it determines facts and {@parameters}"
+    text = "the mission's ROS 2 parameter file, as for sar-run; determines initial facts and the values of {@parameters}"
     parser.add_argument("--params", type=YAML_FILE, metavar="FILE", help=text)

@@ -52,28 +52,28 @@ _COMMANDS = {
     "show": "Draw a tree, even if its file has errors, and report the findings.",
     "convert": "Convert a tree file to another format, and report what is lost.",
     "format": "Format tree files canonically, and keep their comments.",
-    "diff": "Show the differences between two trees, in any format.",
+    "diff": "Show the differences between two trees, whose files may have different formats.",
     "simulate": "Simulate scripted runs without ROS, and check their expectations.",
-    "sweep": "Simulate many runs with random outcomes, without ROS: success rate and causes of failure.",
+    "sweep": "Simulate many runs with random outcomes, without ROS, and print the success rate and causes of failure.",
     "verify": "Explore all possible runs of a tree, and prove its properties.",
-    "predict": "Compute a tree's probability of success, the verdicts of its properties, its duration, and the main influences.",
-    "conform": "Compare recorded runs with all possible runs of their tree: deviations, and violated properties.",
+    "predict": "Compute a tree's probability of success, its duration, and the leaf outcomes that influence them most.",
+    "conform": "Compare recorded runs with all possible runs of their tree, and print deviations and violated properties.",
     "approve": "Approve a version of a tree file for sar-run --approved.",
     "explain": "Explain a finding, with an example.",
-    "nodes": "List the nodes of tree files, or describe one with its attributes.",
+    "nodes": "List the nodes that tree files can use, or describe a node with its attributes.",
     "schema": "Print the schema of tree files, for editors and other tools.",
     "edit": "Edit a tree file in the browser: drawing and text side by side, with findings, runs and proofs.",
-    "lsp": "Serve an editor by the Language Server Protocol: findings, completion, names, and more.",
-    "mcp": "Serve an agent by the Model Context Protocol: these commands as tools.",
+    "lsp": "Serve an editor with the Language Server Protocol: findings, completion, renaming, and more.",
+    "mcp": "Serve an agent with the Model Context Protocol, with these commands as tools.",
     "completion": "Print shell code that completes these commands with the Tab key.",
 }
 _STATUSES = (
     "Exit status: 0 without findings; 1 with findings; 2 wrong usage, or a missing or unreadable file; "
-    "3 a rule of this project failed (the other findings are reported)."
+    "3 a check failed with an internal error (the other findings are reported)."
 )
-# Prefixes of paths that options take as arguments.
-_GIVEN = ("--", "command line")
-# Each is the name of a function of `views.drawing`.
+# The prefixes of the path of a finding about a command-line option.
+_OPTION_SOURCES = ("--", "command line")
+# The formats of `show` that functions of these names in `views.drawing` produce.
 _PICTURES = ("svg", "mermaid", "dot")
 
 
@@ -88,7 +88,7 @@ def _run(argv: Sequence[str]) -> int:
         from sar_compiler.agent.call_limits import limit_this_process
 
         limit_this_process(os.environ)
-    with gc_paused():  # the imports of a command leave nothing to collect
+    with gc_paused():  # imports create no garbage
         arguments = _parser(argv).parse_args(argv)
     try:
         return int(arguments.run(arguments))
@@ -99,20 +99,20 @@ def _run(argv: Sequence[str]) -> int:
 
 
 def _print_findings(error: "TreeError") -> int:
-    """Print why a file is unusable, and return the exit status."""
+    """Print the findings that make a file unusable, and return the exit status."""
     from sar_compiler.nodes.binding.nesting import UnknownTreeError
 
     if isinstance(error, UnknownTreeError):
         raise SarError(error.findings[0].message) from error
     print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
-    is_usage = all(finding.source.path.startswith(_GIVEN) for finding in error.findings)
+    is_usage = all(finding.source.path.startswith(_OPTION_SOURCES) for finding in error.findings)
     return USAGE if is_usage else FINDINGS
 
 
 def _parser(argv: Sequence[str] = ()) -> Parser:
-    """Return the parser. If the arguments begin with a command, only that command is added, because each takes time.
+    """Return the parser; if the arguments start with a subcommand, only that subcommand is added, to save time.
 
-    Other arguments (`--help`, a typo) only need the names of the commands.
+    If they do not (`--help`, a typo), the subcommands are added without their arguments.
     """
     parser = Parser(PROG, "Check, show and describe behaviour trees, before a robot moves.", epilog=_STATUSES)
     add_version(parser)
@@ -123,8 +123,8 @@ def _parser(argv: Sequence[str] = ()) -> Parser:
         command = commands.add_parser(name, help=text, description=text)
         if argv and not named:
             continue
-        if name in _ADDED_HERE:
-            _ADDED_HERE[name](command)
+        if name in _ADD_ARGUMENTS:
+            _ADD_ARGUMENTS[name](command)
         else:
             importlib.import_module(f"sar_compiler.cli.{name}").add_options(command)
     return parser
@@ -140,7 +140,7 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
     )
     forms = ("unicode", "ascii", "json", *_PICTURES)
     parser.add_argument("--format", choices=forms, default="unicode", help=text)
-    text = "in a picture, draw each subtree as one node; --tree shows its content"
+    text = "in a picture, draw each subtree as one node (show its content with --tree)"
     parser.add_argument("--fold", action="store_true", help=text)
     text = "the file to write (default: standard output)"
     parser.add_argument("-o", "--output", type=FILE, metavar="OUT", help=text)
@@ -150,8 +150,8 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
 
 def _add_diff(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `diff`."""
-    parser.add_argument("old", type=TREE_INPUT, metavar="A", help=f"{INPUT_HELP}, before the change")
-    parser.add_argument("new", type=TREE_INPUT, metavar="B", help=f"{INPUT_HELP}, after it")
+    parser.add_argument("old", type=TREE_INPUT, metavar="A", help=f"the old tree: {INPUT_HELP}")
+    parser.add_argument("new", type=TREE_INPUT, metavar="B", help=f"the new tree: {INPUT_HELP}")
     parser.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     add_budget(parser)
     parser.set_defaults(run=_diff)
@@ -168,16 +168,19 @@ def _add_nodes(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = "describe this node with its attributes (default: list all)"
     add("tag", nargs="?", type=ArgumentKind("tag"), metavar="TAG", help=text)
-    text = "for people (default text), for scripts, as a palette for Groot2, or as specs of the leaves of --nodes for its package"
+    text = (
+        "the output format: text for people (default), json for scripts, groot2 for a palette that Groot2 reads, or specs for the "
+        "leaf_specs.json of the leaves of --nodes"
+    )
     add("--format", choices=("text", "json", "groot2", "specs"), default="text", help=text)
-    text = "print a palette of the undescribed nodes that the trees in a folder use, with guessed ports"
+    text = "print a palette, with guessed ports, of the nodes that the trees in FOLDER use but no palette or module describes"
     add("--from-use", type=FOLDER, metavar="FOLDER", help=text)
     add_vocabulary_options(parser)
     parser.set_defaults(run=_nodes, include_path=[])
 
 
 def _add_schema(parser: argparse.ArgumentParser) -> None:
-    text = "for files in XML (default xsd), or a JSON schema for those in YAML"
+    text = "an XML Schema for XML files (xsd, default), or a JSON Schema for YAML files (json)"
     parser.add_argument("--format", choices=("xsd", "json"), default="xsd", help=text)
     add_vocabulary_options(parser)
     parser.set_defaults(run=_schema, include_path=[])
@@ -204,10 +207,10 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _tree_drawing(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tuple[list[Diagnostic], str]":
-    """Return the drawing of a file's tree, and the findings about the file.
+    """Return the findings about a file, and the drawing of its tree.
 
     Raises:
-        TreeError: If there is nothing to draw: the file is malformed, or has no tree, or no tree of the requested ID.
+        TreeError: If the file is malformed, or does not contain a tree or the requested tree.
     """
     from sar_compiler.compiler.sketch import Sketch
     from sar_compiler.nodes.binding.nesting import UnknownTreeError
@@ -231,7 +234,7 @@ def _tree_drawing(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tupl
 
 
 def _drawing(tree: "Drawable", form: str, *, folded: bool) -> str:
-    """Return a tree in a format of `show`."""
+    """Return the drawing of a tree in a format of `show`."""
     if form not in _PICTURES:
         from sar_compiler.compiler.outline import outline_text
 
@@ -245,7 +248,7 @@ def _drawing(tree: "Drawable", form: str, *, folded: bool) -> str:
 
 
 def _diff(arguments: argparse.Namespace) -> int:
-    """Compare two files and return the exit status: 0 for equal ones, 1 for different ones.
+    """Compare two tree files and return the exit status: 0 if they are equal, otherwise 1.
 
     Raises:
         TreeError: If a file is malformed.
@@ -255,7 +258,7 @@ def _diff(arguments: argparse.Namespace) -> int:
     from sar_compiler.views.difference import difference, difference_as_json, difference_as_text
 
     old, new = (read_tree_file(find_tree(name)) for name in (arguments.old, arguments.new))
-    with gc_paused():  # the collector would look again and again through two trees without garbage
+    with gc_paused():  # the garbage collector would scan the two trees repeatedly in vain
         differences = budget_of(arguments, patience_sec=0.0).run(lambda: difference(old, new))
     if arguments.format == "json":
         print(difference_as_json(differences))
@@ -265,10 +268,10 @@ def _diff(arguments: argparse.Namespace) -> int:
 
 
 def _explain(arguments: argparse.Namespace) -> int:
-    """Print the page about a kind of finding, and return the exit status.
+    """Print the page about the findings with a code, and return the exit status.
 
     Raises:
-        SarError: If there is no such kind.
+        SarError: If the code is unknown.
         ResourceError: If the pages are not installed.
     """
     from sar_compiler.tree.guessing import did_you_mean, nearest
@@ -304,7 +307,9 @@ def _nodes(arguments: argparse.Namespace) -> int:
         from sar_compiler.nodes.palettes import palettes_containing
         from sar_compiler.tree.guessing import did_you_mean
 
-        others = ". List known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE"
+        others = (
+            ". List the known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE"
+        )
         advice = did_you_mean(registry.nearest(arguments.tag)) or others
         if known := palettes_containing(arguments.tag):
             advice = f". Add a palette that describes it: --model {' or '.join(known)}"
@@ -321,7 +326,7 @@ def _nodes(arguments: argparse.Namespace) -> int:
 
 
 def _nodes_from_use(arguments: argparse.Namespace) -> int:
-    """Print a palette of undescribed nodes that the trees in a folder use.
+    """Print a palette of the nodes that the trees in a folder use but no palette or module describes.
 
     Raises:
         UnreadableFileError: If the folder, or a file in it, cannot be read.
@@ -337,7 +342,9 @@ def _nodes_from_use(arguments: argparse.Namespace) -> int:
     for path in files:
         tree = loader.load_file(path)
         if tree.is_malformed:
-            print_error(f"{PROG}: {path} is skipped. Run `{PROG} validate` for its errors")
+            print_error(
+                f"{PROG}: {path} is malformed and was skipped. Run `{PROG} validate` to see the errors"
+            )
         else:
             uses.add(tree.forest.main, tree.palettes, tree.project.registry)
     loader.report_use()
@@ -360,11 +367,11 @@ def _schema(arguments: argparse.Namespace) -> int:
 
 
 def _registry(arguments: argparse.Namespace) -> "Registry":
-    """Return the nodes for trees in the current folder; warnings about palettes go to standard error.
+    """Return the nodes that trees in the current folder can use; print warnings about palettes on standard error.
 
     Raises:
         TreeError: If the configuration or a palette is malformed.
-        RegistryError: If a module of leaves cannot be imported or has none.
+        RegistryError: If a module of leaves cannot be imported or contains no leaf.
         UnreadableFileError: If a palette cannot be read.
     """
     project = workspace(arguments).current_project()
@@ -374,7 +381,7 @@ def _registry(arguments: argparse.Namespace) -> "Registry":
     return registry
 
 
-_ADDED_HERE = {
+_ADD_ARGUMENTS = {
     "show": _add_show,
     "diff": _add_diff,
     "explain": _add_explain,

@@ -1,4 +1,4 @@
-"""Completion in shells: `sar-compile completion`, and the possible values of arguments.
+"""Completion in shells: the command `sar-compile completion`, and the functions that offer values for arguments.
 
 This module and argcomplete are only imported when a shell requests completion (`CommandParser.complete`).
 """
@@ -72,7 +72,7 @@ def _worlds(prefix: str, **_: Any) -> list[str]:
 
 
 def _ids(parsed_args: argparse.Namespace, **_: Any) -> Iterable[str]:
-    """Return the IDs of the trees in the file named so far."""
+    """Return the IDs of the trees in the file that the incomplete command line names."""
     trees = _workspace(parsed_args).load(parsed_args.file).forest.trees
     return [name for name in trees if escape_to_one_line(name) == name]
 
@@ -82,7 +82,7 @@ def _tags(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
 
 
 def _workspace(parsed_args: argparse.Namespace) -> "Workspace":
-    """Return a workspace with the options so far; completion never implies `--trust`."""
+    """Return a workspace with the options of the incomplete command line, without `--trust`."""
     from sar_compiler.cli.arguments import additions
     from sar_compiler.project import Workspace
 
@@ -106,7 +106,7 @@ def _palettes(prefix: str, **arguments: Any) -> list[str]:
 
 
 def _modules(prefix: str, **_: Any) -> Iterator[str]:
-    """Yield the modules and packages of the current folder, one level below the text so far."""
+    """Yield the modules and packages in the current folder, or in the package that the typed prefix names."""
     folder = Path(*prefix.split(".")[:-1])
     for path in folder.glob("*"):
         if path.stem.isidentifier() and (path.suffix == ".py" or any(path.glob("*.py"))):
@@ -127,4 +127,4 @@ COMPLETERS: Mapping[str, Callable[..., Iterable[str]]] = {
     "world": _worlds,
     "YAML file": _yaml_files,
 }
-"""The functions that offer values, by the name of an `ArgumentKind`; other arguments have no completion."""
+"""The functions that offer values for an argument, by `ArgumentKind.name`; the key "" is for arguments without completion."""

@@ -28,7 +28,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=FILE,
         nargs="+",
         metavar="JOURNAL",
-        help="journals of runs; the last run of each is compared",
+        help="the journals; the last run in each is compared",
     )
     text = "a properties file for the recorded runs (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
@@ -40,7 +40,7 @@ def conform_runs(arguments: argparse.Namespace) -> int:
     """Compare recorded runs with all possible runs of a tree, and print the deviations.
 
     Returns:
-        0 if all are possible runs of the tree without a violated property, otherwise 1; 130 after Ctrl-C.
+        0 if every recorded run is a possible run of the tree and violates no property, otherwise 1; 130 after Ctrl-C.
 
     Raises:
         TreeError: If a file has errors.
@@ -51,7 +51,7 @@ def conform_runs(arguments: argparse.Namespace) -> int:
     for journal in arguments.journals:
         arguments.model += _palettes_of(journal)
     (tree,) = load_checked(arguments, arguments.file)
-    # Its code never checks whether to stop.
+    # The comparison never checks whether to stop.
     budget = budget_of(arguments, patience_sec=0.0)
     runs = [_compared_run(place, tree, budget, arguments) for place in arguments.journals]
     show = views.runs_as_json if arguments.format == "json" else views.runs_as_text
@@ -64,7 +64,7 @@ def conform_runs(arguments: argparse.Namespace) -> int:
 def _compared_run(
     place: Path, tree: "ProjectTree", budget: "Budget", arguments: argparse.Namespace
 ) -> "ComparedRun":
-    """Return the result for the last run of a journal."""
+    """Compare the last run of a journal with the tree."""
     from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState
@@ -76,20 +76,22 @@ def _compared_run(
     state.update_process(is_gone=not file.is_written)
     compared = ComparedRun(place, state.runs[-1].number if state.runs else 0, journal_state(state), None)
     if not state.nodes:
-        return compared._replace(problem="it contains no run of a tree")
+        return compared._replace(problem="the journal contains no run of a tree")
     try:
         found = budget.run(lambda: _compare_run(tree, place, state, arguments))
         return compared._replace(found=found, changed=_describe_tree_changes(tree, state, arguments))
     except OtherTreeError as error:
-        return compared._replace(problem=f"{error}. It ran {_tree_of(state)}, not {tree.path}")
+        return compared._replace(
+            problem=f"{error}. The recorded run is of {_tree_of(state)}, not of {tree.path}"
+        )
     except BudgetSpentError as error:
         return compared._replace(problem=str(error))
     except UndecidableError as error:
-        return compared._replace(problem=f"it cannot be checked: {error}")
+        return compared._replace(problem=f"the run cannot be checked: {error}")
 
 
 def _palettes_of(place: Path) -> list[Path]:
-    """Return the installed palettes of the last run of a journal."""
+    """Return the installed palettes that the last run of a journal used."""
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.reports.explanation import palettes_of
 
@@ -129,24 +131,24 @@ def _compare_run(
     except UnknownTreeError as error:
         if arguments.tree is not None:
             raise
-        raise OtherTreeError("the tree's nodes differ from those of the run") from error
+        raise OtherTreeError("the tree's nodes differ from the nodes of the run") from error
 
 
 def _describe_tree_changes(tree: "ProjectTree", state: "MissionState", arguments: argparse.Namespace) -> str:
-    """Describe the changes of the tree since the run; empty without changes."""
+    """Describe the first difference between the tree and the tree of the recorded run; empty if there is none."""
     from sar_compiler.cli.journal_stats import node_identities, nodes_difference
     from sar_compiler.compiler.outline import outline
 
     tree_id = arguments.tree or state.runs[-1].about.get("tree_id")
     now = node_identities(outline(tree.preview(tree_id)))
-    # An entry that a parameter selected for the run is in braces here.
-    then = [
-        (name, depth, kind, {**had, **{key: each for key, each in has.items() if "{" in str(each)}})
-        for (name, depth, kind, had), (*_, has) in zip(
+    # Attributes in braces are not compared: the journal contains the entry that a parameter selected for the run.
+    recorded = [
+        (name, depth, kind, {**old, **{key: each for key, each in new.items() if "{" in str(each)}})
+        for (name, depth, kind, old), (*_, new) in zip(
             node_identities(state.about.get("tree")), now, strict=True
         )
     ]
-    return nodes_difference(then, now) if then != now else ""
+    return nodes_difference(recorded, now) if recorded != now else ""
 
 
 def _tree_of(state: "MissionState") -> str:

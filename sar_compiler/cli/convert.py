@@ -18,7 +18,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `convert`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
-    text = "the format: XML, YAML, or XML for BehaviorTree.CPP 4 and Groot2 (btcpp)"
+    text = "the output format: XML, YAML, or XML for BehaviorTree.CPP 4 and Groot2 (btcpp)"
     add("--to", choices=("xml", "yaml", "btcpp"), required=True, help=text)
     add_project_options(parser)
     add("-o", "--output", type=FILE, metavar="OUT", help="the file to write (default: standard output)")
@@ -26,10 +26,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def convert_file(arguments: argparse.Namespace) -> int:
-    """Convert a file and return the exit status.
+    """Convert a tree file and return the exit status.
 
-    Notes about content without a counterpart in the other form go to standard error. The status is that of findings if the result needs more
-    than BehaviorTree.CPP itself provides; it is written nevertheless.
+    Content without a counterpart in the other format is reported on standard error. The status is 1 if the result needs more than
+    BehaviorTree.CPP itself provides; the result is written nevertheless.
 
     Raises:
         WriteError: If the output is the input file, or cannot be written.
@@ -40,7 +40,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
     path = find_tree(arguments.file)
     output: Path | None = arguments.output
     if output is not None and same_file(path, output):
-        raise WriteError(f"{output} is the input file: write to another one with -o")
+        raise WriteError(f"{output} is the input file. Name another file with -o")
     converted = _convert(path, arguments)
     for loss in converted.losses:
         print(loss.render(), file=sys.stderr)

@@ -15,26 +15,26 @@ from sar_compiler.writing import write_bytes
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `format`."""
-    text = "a tree file, or - for standard input; its canonical form is then written to standard output"
+    text = "a tree file, or - to read standard input and write its canonical form to standard output"
     parser.add_argument("files", nargs="+", type=TREE_INPUT, metavar="FILE", help=text)
-    text = "list the files that would change, without writing them (status 1)"
+    text = "list the files that would change, without writing them; the exit status is then 1"
     parser.add_argument("--check", action="store_true", help=text)
     parser.set_defaults(run=format_files)
 
 
 def format_files(arguments: argparse.Namespace) -> int:
-    """Rewrite files, or with `--check` list those that would change; return the exit status.
+    """Rewrite files, or with `--check` list the files that would change; return the exit status.
 
     Raises:
         WriteError: If a file cannot be written.
     """
-    return max(_status(name, check=arguments.check) for name in arguments.files)
+    return max(_format_file(name, check=arguments.check) for name in arguments.files)
 
 
-def _status(name: str, *, check: bool) -> int:
+def _format_file(name: str, *, check: bool) -> int:
     """Rewrite a file, or report whether it would change; return the exit status."""
     try:
-        differs = _format(name, write=not check)
+        differs = _rewrite(name, write=not check)
     except UnreadableFileError as error:
         print_error(f"sar-compile: {error}")
         return USAGE
@@ -46,8 +46,8 @@ def _status(name: str, *, check: bool) -> int:
     return FINDINGS if differs and check else OK
 
 
-def _format(name: str, *, write: bool) -> bool:
-    """Return whether a file differs from its canonical form, and rewrite it if requested."""
+def _rewrite(name: str, *, write: bool) -> bool:
+    """Return whether a file differs from its canonical form; write the canonical form if *write* is true."""
     from sar_compiler.tree.conversion import canonical_bytes
 
     path = path_for_name(name)

@@ -1,4 +1,4 @@
-"""`sar-journal check`: check with the chain of hashes that a journal was not altered."""
+"""`sar-journal check`: check with the hash chain that a journal was not altered."""
 
 import argparse
 import re
@@ -11,10 +11,10 @@ _DIGITS = re.compile("[0-9a-f]{64}")
 
 
 def head(text: str) -> str:
-    """Parse the head of a chain.
+    """Parse the head of a hash chain.
 
     Raises:
-        argparse.ArgumentTypeError: If it is invalid.
+        argparse.ArgumentTypeError: If the text does not have 64 hexadecimal digits.
     """
     if not _DIGITS.fullmatch(text.lower()):
         raise argparse.ArgumentTypeError(f"'{text}' is not a journal hash, which has 64 hexadecimal digits")
@@ -24,7 +24,13 @@ def head(text: str) -> str:
 def add_check(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `check`."""
     add = parser.add_argument
-    add("journals", type=FILE, nargs="+", metavar="FILE", help="the journals, even of a running mission")
+    add(
+        "journals",
+        type=FILE,
+        nargs="+",
+        metavar="FILE",
+        help="the journals; running missions may be writing to them",
+    )
     text = "the journal hash from the run's summary or report; for a single journal"
     add("--head", type=head, metavar="HEX", help=text)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
@@ -32,13 +38,13 @@ def add_check(parser: argparse.ArgumentParser) -> None:
 
 
 def check_journals(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
-    """Report for each journal whether it was altered; return 1 if one was, or if this is unknown.
+    """Report for each journal whether it was altered; return 1 if any was altered or cannot be checked, otherwise 0.
 
     Raises:
-        JournalError: If one cannot be read.
+        JournalError: If a journal cannot be read.
     """
     if options.head and len(options.journals) > 1:
-        parser.error("--head applies to one journal: check it alone")
+        parser.error("--head is the hash of one journal: check each journal by itself")
     from sar_compiler.reports.checked_journal import CheckedJournal
 
     verdicts = [CheckedJournal.check(place, options.head) for place in options.journals]

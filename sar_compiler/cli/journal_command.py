@@ -44,31 +44,31 @@ def _parser() -> Parser:
     show = commands.add_parser("show", help=text, description=text)
     show.add_argument("journal", type=FILE, metavar="FILE", help=_JOURNAL_HELP)
     show.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
-    text = "also list observations: nodes, log, pose, plan, ends of goals"
+    text = "also list observations: node statuses, log, poses, plans, ends of goals"
     show.add_argument("--all", action="store_true", help=text)
     show.set_defaults(run=_show)
     text = "Write a report of a mission, for print, for maps, or for emergency services."
     report = commands.add_parser("report", help=text, description=text)
     report.add_argument("journal", type=FILE, metavar="FILE", help=_JOURNAL_HELP)
-    text = f"the files, each {report_forms()}"
+    text = f"the files to write, each {report_forms()}"
     report.add_argument("-o", "--output", nargs="+", required=True, type=FILE, metavar="OUT", help=text)
-    text = "origin of the frame map, and direction of its x axis clockwise from north, in degrees (default: as in the run)"
+    text = "latitude and longitude of the origin of the frame map, and heading of its x axis (clockwise from north), in degrees (default: recorded in the journal)"
     report.add_argument("--georeference", type=georeference, metavar="LAT,LON,HEADING", help=text)
     report.set_defaults(run=_report)
     text = "Explain why a mission failed: the outcomes that caused it, and the outcomes that would have made it succeed."
     add_why(commands.add_parser("why", help=text, description=text))
     text = "Check that journals were not altered, using the chained hashes of their entries."
     add_check(commands.add_parser("check", help=text, description=text))
-    text = "Count the outcomes of the leaves in all runs of journals: frequencies, durations and intervals."
+    text = "Count the outcomes of the leaves in all runs of journals, and print frequencies, durations and intervals."
     add_stats(commands.add_parser("stats", help=text, description=text))
-    text = "Write a run that another program recorded as a journal, so that the other commands can be used on it."
+    text = "Convert another program's recording of a run to a journal, so that the other commands can be used on it."
     add_import(commands.add_parser("import", help=text, description=text))
-    text = "Serve a page on this machine that shows missions again, at any point in time."
+    text = "Serve a page on this machine that replays missions from their journals."
     page = commands.add_parser("replay", help=text, description=text)
     page.add_argument("journals", type=FILE, nargs="+", metavar="FILE", help=JOURNALS_HELP)
     add_page_options(page)
     page.set_defaults(run=_replay)
-    text = "Serve a page on this machine that shows missions during their runs: from their journals, or any robot's tree from Nav2's log or Groot2's protocol."
+    text = "Serve a page on this machine that shows running missions from their journals, or the tree of another program from Nav2's log or Groot2's protocol."
     add_watch(commands.add_parser("watch", help=text, description=text))
     return parser
 
@@ -92,15 +92,15 @@ def _show(options: argparse.Namespace) -> None:
     from sar_compiler.reports.journals import journal_json, journal_lines
     from sar_compiler.reports.why import FailureAnalysis, likeliest_cause
 
-    # Checking the lock releases the locks of other readers of the file in this process.
+    # The journal is opened once, because opening it again would release the locks of the first reader in this process.
     with JournalFile.open_snapshot(options.journal) as file:
-        inquiry = FailureAnalysis.from_stream(file.last_run(without=OF_ROBOT, is_condensed=True))
-        state, show_all = inquiry.state, options.all
+        analysis = FailureAnalysis.from_stream(file.last_run(without=OF_ROBOT, is_condensed=True))
+        state, show_all = analysis.state, options.all
         state.update_process(is_gone=not file.is_written)
         if options.format == "json":
             lines = journal_json(file, state, with_watched=show_all)
         else:
-            lines = journal_lines(file, state, likeliest_cause(inquiry.find_cause()), with_watched=show_all)
+            lines = journal_lines(file, state, likeliest_cause(analysis.find_cause()), with_watched=show_all)
         for line in lines:
             print(line)
 

@@ -1,4 +1,4 @@
-"""`sar-journal import`: write a run that another program recorded as a journal."""
+"""`sar-journal import`: convert another program's recording of a run to a journal."""
 
 import argparse
 import shlex
@@ -11,25 +11,25 @@ from sar_compiler.commands import print_note, print_text
 def add_import(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `import`."""
     add = parser.add_argument
-    text = "the recorded run: a log of BehaviorTree.CPP's FileLogger2 (.btlog) or SqliteLogger (.db3), a bag with Nav2's behavior_tree_log (.mcap, .db3), or the name of a shipped one"
+    text = "the recorded run: a log of BehaviorTree.CPP's FileLogger2 (.btlog) or SqliteLogger (.db3), a bag with Nav2's behavior_tree_log (.mcap, .db3), or the name of a shipped recording"
     add("recording", type=ArgumentKind("file", _recording), metavar="RUN", help=text)
     text = "the journal to write, a new file"
     add("-o", "--output", type=FILE, required=True, metavar="JOURNAL", help=text)
-    text = "the file of the tree that ran (default: the tree in RUN, written to JOURNAL.xml); of several, the best fitting one is used"
+    text = "the file of the tree that ran (default: the tree in RUN, which is written to JOURNAL.xml); if repeated, the best match is used"
     add("--tree", action="append", default=[], type=ArgumentKind("tree", Path), metavar="TREE", help=text)
     add_project_options(parser)
     parser.set_defaults(run=_import)
 
 
 def _recording(name: str) -> Path:
-    """Return the path of a recorded run, which may be the name of a shipped one."""
+    """Return the path of a recorded run, given its path or the name of a shipped recording."""
     from sar_compiler.resources import find
 
     return find("examples/recorded_runs", name, ".btlog")
 
 
 def _import(options: argparse.Namespace) -> None:
-    """Import a recorded run, and print what it contains and how to explain it.
+    """Import a recorded run, and print its size and the commands that explain it and compare it with its tree.
 
     Raises:
         UnusableRecordingError: If the recording cannot be used.
@@ -44,9 +44,9 @@ def _import(options: argparse.Namespace) -> None:
         print_note(f"{found.unsure} tick boundaries are inferred from a short pause alone")
     runs = f"{found.runs} runs" if found.runs != 1 else "1 run"
     print_text(
-        f"{options.output}: {runs} of {found.nodes} nodes, {found.changes} changes of status in {found.ticks} ticks"
+        f"{options.output}: {runs} of {found.nodes} nodes, {found.changes} status changes in {found.ticks} ticks"
     )
     journal = shlex.quote(str(options.output))
-    print_text(f"To explain it: sar-journal why {journal}")
+    print_text(f"To explain the run: sar-journal why {journal}")
     tree = shlex.join([str(found.tree), str(options.output), *found.options])
-    print_text(f"To compare it with its tree: sar-compile conform {tree}")
+    print_text(f"To compare the run with its tree: sar-compile conform {tree}")

@@ -17,19 +17,19 @@ if TYPE_CHECKING:
 def add_stats(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stats`."""
     add = parser.add_argument
-    add("journals", type=FILE, nargs="+", metavar="FILE", help="the journals, of one tree")
-    text = "the confidence of the intervals, which are Wilson's (default 0.95)"
+    add("journals", type=FILE, nargs="+", metavar="FILE", help="the journals, all of the same tree")
+    text = "the confidence level of the Wilson intervals (default 0.95)"
     add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
-    text = f"{FORMAT_HELP}; yaml: `outcomes:` of a properties file, with probabilities (p) and times (sec)"
+    text = f"{FORMAT_HELP}; yaml prints `outcomes:` for a properties file, with probabilities (p) and times (sec)"
     add("--format", choices=("text", "json", "yaml"), default="text", help=text)
     parser.set_defaults(run=print_statistics)
 
 
 def print_statistics(options: argparse.Namespace) -> None:
-    """Print the outcomes of the leaves in all runs of some journals.
+    """Print the frequencies and durations of the leaf outcomes in all runs of the journals.
 
     Raises:
-        JournalError: If a journal cannot be read, or is of another tree than the first.
+        JournalError: If a journal cannot be read, or records a different tree than the first journal.
     """
     from sar_compiler.reports import leaf_statistics as view
 
@@ -53,24 +53,24 @@ def _statistics(journals: Sequence[Path]) -> "RunStatistics":
             if nodes != first:
                 raise JournalError(
                     f"{place} and {journals[0]} record different trees: {nodes_difference(first, nodes)}. "
-                    "Outcomes can be counted for one tree only"
+                    "Count the outcomes of each tree in a command of its own"
                 )
             found.add(file.every_run(without=OF_ROBOT, is_condensed=True))
     return found
 
 
 def node_identities(tree: Any) -> list[tuple[str, int, str, Any]]:
-    """Return the identity of each node, which does not depend on the file's location."""
+    """Return the name, depth, kind and attributes of each node of a tree in a journal."""
     from sar_compiler.journal.mission_state import tree_nodes
 
     return [(node.name, node.depth, node.kind, node.attributes) for node in tree_nodes(tree)]
 
 
-def nodes_difference(there: Sequence[tuple[Any, ...]], here: Sequence[tuple[Any, ...]]) -> str:
-    """Describe the first difference between two trees' nodes (`node_identities`)."""
-    for was, now in zip(there, here, strict=False):
+def nodes_difference(old: Sequence[tuple[Any, ...]], new: Sequence[tuple[Any, ...]]) -> str:
+    """Describe the first difference between the nodes of two trees (`node_identities`)."""
+    for was, now in zip(old, new, strict=False):
         if was[:3] != now[:3]:
             return f"'{now[0]}' ({now[2]}) replaces '{was[0]}' ({was[2]})"
         if was != now:
             return f"'{now[0]}' has different attributes"
-    return f"it has {len(here)} nodes instead of {len(there)}"
+    return f"the tree has {len(new)} nodes instead of {len(old)}"

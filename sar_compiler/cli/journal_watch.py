@@ -8,18 +8,20 @@ from sar_compiler.cli.arguments import FILE, ArgumentKind, add_page_options, add
 from sar_compiler.commands import interruptible, print_note
 from sar_compiler.errors import SarError
 
-JOURNALS_HELP = "a journal for each robot"
+JOURNALS_HELP = "the journals, one for each robot"
 
 
 def add_watch(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `watch`."""
     add = parser.add_argument
     add("journals", type=FILE, nargs="*", metavar="FILE", help=JOURNALS_HELP)
-    text = "show the tree whose changes Nav2 publishes on TOPIC, such as behavior_tree_log; needs --tree"
+    text = (
+        "show the tree whose status changes Nav2 publishes on TOPIC, such as behavior_tree_log; needs --tree"
+    )
     add("--topic", metavar="TOPIC", help=text)
-    text = "show the tree of a program with BehaviorTree.CPP's Groot2Publisher"
+    text = "show the tree of a program that uses BehaviorTree.CPP's Groot2Publisher"
     add("--groot2", metavar="HOST:PORT", help=text)
-    text = "the file of the tree that runs (default: the tree that --groot2 reads); of several, the best fitting one is used"
+    text = "the file of the tree that runs (default: the tree that --groot2 reads); if repeated, the best match is used"
     add("--tree", action="append", default=[], type=ArgumentKind("tree", Path), metavar="TREE", help=text)
     add_page_options(parser)
     add_project_options(parser)
@@ -33,9 +35,9 @@ def _watch(options: argparse.Namespace) -> None:
         SarError: If a journal, a tree or a source cannot be used.
     """
     if sum(map(bool, (options.journals, options.topic, options.groot2))) != 1:
-        raise SarError("name journals, or one of --topic and --groot2")
+        raise SarError("specify either journals, --topic or --groot2")
     if options.topic is not None and not options.tree:
-        raise SarError("--topic needs --tree TREE, the file that bt_navigator has loaded")
+        raise SarError("--topic needs the tree file that bt_navigator has loaded: add --tree TREE")
     interruptible()
     with suppress(KeyboardInterrupt):  # the regular end
         if options.journals:

@@ -26,9 +26,9 @@ def add_why(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `why`."""
     add = parser.add_argument
     add("journal", type=FILE, metavar="FILE", help="the journal; its last run is explained")
-    text = "the journal of another run: show the first difference"
+    text = "also show the first difference from the last run in the journal OTHER"
     add("--against", type=FILE, metavar="OTHER", help=text)
-    text = "the tree's file, to search for outcomes that make it succeed (default: the file of that run)"
+    text = "the tree file, in which to search for outcomes that would have led to success (default: the file that the journal names)"
     add("--tree-file", type=ArgumentKind("tree", Path), metavar="TREE", help=text)
     add_project_options(parser)
     add_budget(parser)
@@ -40,7 +40,7 @@ def print_explanation(options: argparse.Namespace) -> int:
     """Print why the last run of a mission failed, which outcomes would have made it succeed, and how another run differs.
 
     Returns:
-        0; 130 if Ctrl-C has ended the search for such outcomes.
+        0; 130 if Ctrl-C has ended the search for outcomes that would have led to success.
 
     Raises:
         JournalError: If a journal cannot be read.
@@ -57,7 +57,7 @@ def print_explanation(options: argparse.Namespace) -> int:
             print_text(refused.sentence)
         return OK
     with JournalFile.open_snapshot(options.journal) as file:
-        # Its code never checks whether to stop.
+        # The explanation never checks whether to stop.
         budget = budget_of(options, patience_sec=0.0)
         explained = Explanation.explain(
             file, workspace(options), options.tree_file, is_gone=not file.is_written, budget=budget

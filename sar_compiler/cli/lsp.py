@@ -24,15 +24,15 @@ def serve(arguments: argparse.Namespace) -> int:
     from sar_compiler.commands import version_of
     from sar_compiler.lsp.features import tree_server
 
-    given = [word for word in sys.argv[1:] if word not in ("lsp", "--stdio")]
+    options = [word for word in sys.argv[1:] if word not in ("lsp", "--stdio")]
     command = [sys.executable, str(Path(sys.argv[0]).resolve())]
-    # Output of an imported module of leaves must not mix with the server's messages.
+    # The output of an imported module of leaves must not mix with the server's messages.
     output, sys.stdout = sys.stdout.buffer, sys.stderr
     exit_on_interrupt()
 
     def new_budget() -> Budget:
         return budget_of(arguments, patience_sec=0.0, memory=memory_now_mb)
 
-    server = tree_server(version_of("sar_compiler"), additions(arguments), command, given, new_budget)
+    server = tree_server(version_of("sar_compiler"), additions(arguments), command, options, new_budget)
     server.start_io(stdout=output)
     return OK

@@ -9,40 +9,40 @@ from sar_compiler.commands import OK, exit_on_interrupt
 from sar_compiler.errors import SarError
 
 _LIMIT_SEC = 60.0
-_MEMORY_MIB, _LEAST_MEMORY_MIB = 2048, 256
-"""Address space of a call; its libraries alone take about 150 MiB."""
+_MEMORY_MIB, _MIN_MEMORY_MIB = 2048, 256
+"""The default and the minimum address space of a call; the imported libraries alone need about 150 MiB."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `mcp`."""
-    text = "a folder that the tools may read (default: the current one); relative paths refer to the first; may be repeated"
+    text = "a folder that the tools may read (default: the current folder); may be repeated; relative paths refer to the first folder"
     parser.add_argument("--root", action="append", default=[], type=FOLDER, metavar="FOLDER", help=text)
     text = f"abort a call after SEC seconds (default {_LIMIT_SEC:g})"
     parser.add_argument("--limit", type=seconds, default=_LIMIT_SEC, metavar="SEC", help=text)
-    text = f"limit a call to MIB mebibytes of memory, {_LEAST_MEMORY_MIB} or more (default {_MEMORY_MIB})"
+    text = f"limit a call to MIB mebibytes of memory, {_MIN_MEMORY_MIB} or more (default {_MEMORY_MIB})"
     parser.add_argument("--memory", type=_memory, default=_MEMORY_MIB, metavar="MIB", help=text)
     add_project_options(parser)
     parser.set_defaults(run=serve_agent)
 
 
 def _memory(text: str) -> int:
-    """Parse a number of mebibytes that is sufficient for a call to start."""
-    if (given := count(text)) < _LEAST_MEMORY_MIB:
+    """Parse a number of mebibytes of at least `_MIN_MEMORY_MIB`."""
+    if (parsed := count(text)) < _MIN_MEMORY_MIB:
         raise argparse.ArgumentTypeError(
-            f"'{text}' is too small: a call needs {_LEAST_MEMORY_MIB} MiB to start"
+            f"'{text}' is too small: a call needs {_MIN_MEMORY_MIB} MiB to start"
         )
-    return given
+    return parsed
 
 
 def serve_agent(arguments: argparse.Namespace) -> int:
-    """Serve an agent by standard input and output until it ends the session.
+    """Serve an agent over standard input and output until it ends the session.
 
     Raises:
-        SarError: If a folder is missing or not named, or if `--trust` is given, which would trust any later version of the modules.
+        SarError: If `--root` does not name a folder, if it is required but missing, or if `--trust` is passed.
     """
     if arguments.trust:
         raise SarError(
-            "--trust would also trust an agent's changes to the modules: pass it once to another command instead"
+            "--trust would also trust an agent's changes to the modules. Run another command with --trust once instead"
         )
     from sar_compiler.agent.mcp_server import ToolAccess, agent_server, find_roots
     from sar_compiler.commands import version_of

@@ -1,4 +1,4 @@
-"""The parser of a command line."""
+"""The argument parser of a command, with completion in shells."""
 
 from typing import NoReturn
 
@@ -6,10 +6,10 @@ from sar_compiler.commands import CommandParser
 
 
 class Parser(CommandParser):
-    """The parser of a command, including completion of its arguments."""
+    """The argument parser of a command, which also completes arguments in a shell."""
 
     def complete(self) -> NoReturn:
-        """Respond to a shell that requests completions."""
+        """Print the completions that a shell requests, and end the process."""
         from sar_compiler.cli.completion import add_completers
 
         add_completers(self)

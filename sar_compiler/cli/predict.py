@@ -28,9 +28,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     text = "a further file with probabilities and times of outcomes, such as statistics of journals; may be repeated"
     add("--outcomes", action="append", default=[], type=YAML_FILE, metavar="A.yaml", help=text)
-    text = "the time between two ticks, seconds (default: that of --params, or 0.5)"
+    text = "the tick period in seconds (default: the period in --params, or 0.5)"
     add("--period", type=tick_period, metavar="SEC", help=text)
-    text = f"explore at most N states, and leave the rest undecided (default {MAX_STATES})"
+    text = f"explore at most N states; the runs beyond them stay undecided (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
     text = "write a plot (SVG) of the probabilities that a run has ended, and has succeeded, over time"
     add("--plot", type=FILE, metavar="OUT.svg", help=text)
@@ -42,7 +42,7 @@ def predict_file(arguments: argparse.Namespace) -> int:
     """Predict the runs of a tree, and print the results.
 
     Returns:
-        0; 1 if the runs cannot be explored, or not completely, or there is nothing to plot; 130 after Ctrl-C.
+        0; 1 if the runs cannot be explored completely, or if there is nothing to plot; 130 after Ctrl-C.
 
     Raises:
         TreeError: If a file has errors.
@@ -79,7 +79,7 @@ def predict_file(arguments: argparse.Namespace) -> int:
         print_error(f"sar-compile: {budget.reason}")
     if arguments.plot is not None and not found.distribution:
         print_error(
-            f"sar-compile: {arguments.plot} was not written, because no end times were computed, or no run ends"
+            f"sar-compile: {arguments.plot} was not written, because no run ends or the end times were not computed"
         )
         return FINDINGS
     if arguments.plot is not None:

@@ -1,4 +1,4 @@
-"""`ros2 mission`: this project's commands as part of `ros2`, and commands to running missions."""
+"""`ros2 mission`: subcommands of `ros2` that check and run missions, and send commands to running missions."""
 
 import argparse
 import getpass
@@ -20,13 +20,13 @@ from sar_compiler.ros.mission_graph import (
 )
 from sar_compiler.ros.serving import spinning_node
 
-_ORDERS = {
+_COMMANDS = {
     "pause": "pause a mission: its robot stops",
     "resume": "resume a paused mission",
     "skip": "skip the current task of a mission",
     "abort": "end a mission; its robot stays where it is",
 }
-# No option starts like this, so all further arguments belong to the command itself.
+# No argument starts with this prefix, so argparse parses none as an option and passes all on to the command.
 _NO_PREFIX = "\0"
 
 
@@ -49,12 +49,16 @@ class MissionCommand(CommandExtension):
             passed = verbs.add_parser(name, help=text, prefix_chars=_NO_PREFIX, add_help=False)
             passed.add_argument("rest", nargs=argparse.REMAINDER)
         verbs.add_parser("list", help="list the missions that drive a robot, and their commands")
-        for name, text in (*_ORDERS.items(), ("order", "send any command without values")):
+        for name, text in (*_COMMANDS.items(), ("order", "send any command that has no values")):
             order = verbs.add_parser(name, help=text)
             if name == "order":
-                order.add_argument("order", metavar="ORDER", help="its name, or a prefix of it")
-            order.add_argument("--node", help="the mission's node (default: the only mission)")
-            order.add_argument("--reason", default="", help="the reason, for the journal")
+                order.add_argument(
+                    "order", metavar="ORDER", help="the name of the command, or a prefix of it"
+                )
+            order.add_argument(
+                "--node", help="the mission's node (default: the node of the only running mission)"
+            )
+            order.add_argument("--reason", default="", help="the reason to record in the journal")
 
     def main(self, *, parser: argparse.ArgumentParser, args: argparse.Namespace) -> int:
         """Execute the subcommand, and return the exit status."""
@@ -90,38 +94,38 @@ def _list() -> int:
             since = time.strftime("%H:%M:%S", time.localtime(claim.since / 1e9))
             state = "running" if claim.runs else "waiting"
             print(f"{claim.describe()}: {state} since {since}, drives {claim.action}")
-            if orders := available_commands(node, claim.node):
-                print(f"  commands: {', '.join(orders)}")
+            if commands := available_commands(node, claim.node):
+                print(f"  commands: {', '.join(commands)}")
     if not claims:
         print("No mission that drives a robot was found.")
     return OK
 
 
-def _send_command(name: str, of: str | None, reason: str) -> str:
+def _send_command(name: str, mission_node: str | None, reason: str) -> str:
     from sar_compiler.execution.command_authors import RemoteCommandAuthor
 
     with spinning_node("sar_mission_order") as node:
         claims = find_missions(node)
         known = {claim.node for claim in claims}
-        if of is None and len(known) != 1:
-            which = (
+        if mission_node is None and len(known) != 1:
+            message = (
                 f"several missions are running ({', '.join(sorted(known))}): choose one with --node"
                 if known
                 else "no mission was found"
             )
-            raise MissionCommandError(which)
-        full = f"/{of.lstrip('/')}" if of is not None else known.pop()
-        orders = available_commands(node, full)
-        meant = [each for each in orders if each == name] or [
-            each for each in orders if each.startswith(name)
+            raise MissionCommandError(message)
+        full = f"/{mission_node.lstrip('/')}" if mission_node is not None else known.pop()
+        commands = available_commands(node, full)
+        matching = [each for each in commands if each == name] or [
+            each for each in commands if each.startswith(name)
         ]
-        if len(meant) != 1:
+        if len(matching) != 1:
             raise MissionCommandError(
-                f"{full} has no command '{name}' (known: {', '.join(orders) or 'none without values'})"
+                f"{full} has no command '{name}' (known: {', '.join(commands) or 'no commands without values'})"
             )
         author = CommandAuthor(f"ros2 mission of {getpass.getuser()}@{socket.gethostname()}", reason)
         signature = RemoteCommandAuthor(node, full)
         return (
-            send_command(node, full, meant[0], partial(signature.sign, meant[0], author))
-            or f"{meant[0]}: done"
+            send_command(node, full, matching[0], partial(signature.sign, matching[0], author))
+            or f"{matching[0]}: done"
         )

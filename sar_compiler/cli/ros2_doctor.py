@@ -1,7 +1,7 @@
-"""Checks and reports of this project for `ros2 doctor`: whether everything that a mission needs is installed.
+"""The check and the report that this project adds to `ros2 doctor`: whether everything that a mission needs is installed.
 
-They examine the installed files, and the ROS graph for a second, for conflicting sources. Use `ros2 mission run TREE --check` to check that
-a robot is ready for a tree.
+The check examines the installed files, and for one second the ROS graph for conflicting sources. To check that a robot is ready for a tree,
+use `ros2 mission run TREE --check`.
 """
 
 from collections.abc import Callable
@@ -28,12 +28,12 @@ class MissionCheck(DoctorCheck):
         return _CATEGORY
 
     def check(self) -> Result:
-        """Report and count missing items."""
+        """Report and count missing packages, invalid missions and conflicting sources."""
         result = Result()
         loads: list[Callable[[], object]] = [partial(import_module, package) for package in INTERFACES]
         for load in [*loads, load_missions]:
-            if trouble := _trouble_with(load):
-                doctor_error(f"sar_compiler: {trouble}")
+            if reason := _loading_error(load):
+                doctor_error(f"sar_compiler: {reason}")
                 result.add_error()
         if not result.error:
             from sar_compiler.ros.graph_check import find_conflicts
@@ -42,7 +42,9 @@ class MissionCheck(DoctorCheck):
                 doctor_error(f"sar_compiler: {line}")
                 result.add_error()
         if not kernel.IS_COMPILED:
-            doctor_warn(f"sar_compiler: trees are ticked by {kernel.describe()}, several times slower")
+            doctor_warn(
+                f"sar_compiler: trees are ticked by {kernel.describe()}, which is several times slower than the compiled kernel"
+            )
             result.add_warning()
         return result
 
@@ -55,7 +57,7 @@ class MissionReport(DoctorReport):
         return _CATEGORY
 
     def report(self) -> Report:
-        """Return versions, the kernel, and the installed missions."""
+        """Report versions, the kernel, and the installed missions."""
         report = Report("MISSION")
         for package in ("sar_compiler", "py_trees"):
             report.add_to_report(package, version(package))
@@ -68,8 +70,8 @@ class MissionReport(DoctorReport):
         return report
 
 
-def _trouble_with(load: Callable[[], object]) -> str:
-    """Return why loading fails; empty if it succeeds."""
+def _loading_error(load: Callable[[], object]) -> str:
+    """Return the error message if *load* fails; empty if it succeeds."""
     try:
         load()
     except ImportError as error:

@@ -49,13 +49,13 @@ if TYPE_CHECKING:
 PROG = "sar-run"
 
 ENGINES = ("own", "py_trees_ros")
-_RESUMED = 3
+_DEFAULT_RESTARTS = 3
 _NO_JOURNAL = Path("none")
 _SERVE, _MANAGED = "--serve", "--managed"
 
 
 def command() -> NoReturn:
-    """Run `sar-run` and end the process with its exit status, however ROS shuts down."""
+    """Run `sar-run` and end the process with its exit status, even if ROS fails to shut down."""
     with ExitStack() as ros:
         status = run_with_ros(sys.argv[1:], ros)
         end_process(status, ros.pop_all().close, PROG)
@@ -68,12 +68,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run_with_ros(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) -> int:
-    """Run `sar-run` in this process, and let the caller shut down ROS.
+    """Run `sar-run` in this process without shutting down ROS, which the caller does.
 
     Args:
         argv: The arguments.
-        ros: Shuts down ROS.
-        stepped: Whether the simulated world takes turns with the mission, in one thread.
+        ros: The stack that receives the functions that shut down ROS.
+        stepped: Whether the simulated world and the mission run alternately in one thread.
 
     Returns:
         The exit status.
@@ -116,26 +116,26 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
             options.fault,
             options.managed,
         )
-        return serve(_passed_on(argv, options), served, signals)
-    _supervise(options, supervision)
+        return serve(_served_run_options(argv, options), served, signals)
+    _adapt_to_supervision(options, supervision)
     if options.tree is not None and options.journal is None:
-        require_tree_file(options.tree)  # beside a journal that is named, a refused start is recorded
+        require_tree_file(options.tree)  # with --journal, a refused start is recorded beside the journal
     require_middleware()
-    with gc_paused():  # the imports leave nothing to collect
+    with gc_paused():  # imports create no garbage
         from sar_compiler.execution.mission_run import run_mission
 
     options.tree = options.tree or _default_tree(options.mission)
     staying: list[Callable[[], object]] = []
     output = RunOutput()
     try:
-        makes = list(requested_extensions(options))  # missing libraries are reported before the start
-        given, report = _run_options(options, supervision), partial(_print_outcome, output, options.format)
-        status = run_mission(given, makes, signals, ros, staying, output, report).status
+        makes = list(requested_extensions(options))  # reports missing libraries before the start
+        chosen, report = _run_options(options, supervision), partial(_print_outcome, output, options.format)
+        status = run_mission(chosen, makes, signals, ros, staying, output, report).status
     except TreeError as error:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         print_error(f"{PROG}: {options.tree} cannot be run with these options. The robot has not moved")
         return USAGE
-    if staying:  # without ROS: another program may use the robot meanwhile
+    if staying:  # ROS is shut down first, because another program may use the robot in the meantime
         shut_down(status, ros.close)
     for stay in staying:
         stay()
@@ -152,7 +152,7 @@ def _run_options(options: Namespace, supervision: Supervision) -> "RunOptions":
 
 
 def _print_outcome(output: RunOutput, form: str, outcome: "RunOutcome") -> None:
-    """Print the outcome of a run."""
+    """Print the outcome of a run in the format of `--format`."""
     if outcome.hint:
         print_error(outcome.hint)
     if form == "text":
@@ -160,13 +160,13 @@ def _print_outcome(output: RunOutput, form: str, outcome: "RunOutcome") -> None:
         for text in filter(None, (*outcome.summary, head, outcome.cause and f"  {outcome.cause}")):
             output.print_important(text)
     elif outcome.summary:
-        said = {"status": outcome.status, "reason": outcome.reason, "duration": outcome.duration_sec}
-        said |= {"ticks": outcome.ticks}
-        said |= {} if outcome.deaths is None else {"deaths": outcome.deaths}
-        said |= {"figures": outcome.figures}
-        said |= {} if outcome.verdicts is None else {"properties": outcome.verdicts}
-        said |= {"head": outcome.head} if outcome.head else {}
-        output.print_important(json_text(said))
+        data = {"status": outcome.status, "reason": outcome.reason, "duration": outcome.duration_sec}
+        data |= {"ticks": outcome.ticks}
+        data |= {} if outcome.deaths is None else {"deaths": outcome.deaths}
+        data |= {"figures": outcome.figures}
+        data |= {} if outcome.verdicts is None else {"properties": outcome.verdicts}
+        data |= {"head": outcome.head} if outcome.head else {}
+        output.print_important(json_text(data))
     for message in outcome.messages:
         print_error(f"{PROG}: {message}")
 
@@ -178,26 +178,26 @@ def _reports(options: Namespace) -> Callable[[Path], object]:
     return lambda journal: report_journal(journal, options.report)
 
 
-def _supervise(options: Namespace, supervision: Supervision) -> None:
-    """Adapt the options to a supervised run, which resumes the mission after a crash and records to another file."""
+def _adapt_to_supervision(options: Namespace, supervision: Supervision) -> None:
+    """Let a run that a supervisor restarts after a crash resume the mission and record to a new file."""
     if supervision.has_begun:
         options.resume, options.new = True, False
     if options.record is not None and supervision.deaths:
         options.record = options.record.with_stem(f"{options.record.stem}.{len(supervision.deaths) + 1}")
 
 
-def _passed_on(argv: Sequence[str], options: Namespace) -> list[str]:
-    """Return the command line of served runs: the server's without its trees and ROS arguments."""
-    own, left = split_arguments(argv).own, list[str]()
+def _served_run_options(argv: Sequence[str], options: Namespace) -> list[str]:
+    """Return the options of each served run: the server's options except --serve, --managed and ROS arguments."""
+    own, kept = split_arguments(argv).own, list[str]()
     while own:
         word = own.pop(0)
         if word == _SERVE:
             del own[: len(options.serve)]
         elif not word.startswith(f"{_SERVE}=") and word != _MANAGED:
-            left.append(word)
-    shown = [] if options.view == "web" else ["--view", "text"]
+            kept.append(word)
+    view_option = [] if options.view == "web" else ["--view", "text"]
     new_option = [] if options.no_journal else ["--new"]
-    return [*left, *shown, "--format", "json", *new_option]
+    return [*kept, *view_option, "--format", "json", *new_option]
 
 
 def _options(argv: Sequence[str]) -> Namespace:
@@ -205,60 +205,65 @@ def _options(argv: Sequence[str]) -> Namespace:
 
     split = split_arguments(argv)
     parser = _parser()
-    given: Namespace = parser.parse_args(split.own)
-    if given.tree == "":
+    options: Namespace = parser.parse_args(split.own)
+    if options.tree == "":
         parser.error("the name of the tree file is empty")
-    given.no_journal = given.journal == _NO_JOURNAL
-    given.journal = None if given.no_journal else given.journal
-    for message in (*_option_errors(given), *_serving_option_errors(given), *_extension_option_errors(given)):
+    options.no_journal = options.journal == _NO_JOURNAL
+    options.journal = None if options.no_journal else options.journal
+    for message in (
+        *_option_errors(options),
+        *_serving_option_errors(options),
+        *_extension_option_errors(options),
+    ):
         parser.error(message)
-    given.seed, given.speed, given.like = given.seed or 0, given.speed or 1.0, given.like or QUICK_NAME
-    given.until = Until(given.until) if given.until else None
-    given.ros, given.additions, given.command = split.ros, additions(given), argv
-    return given
+    options.seed, options.speed = options.seed or 0, options.speed or 1.0
+    options.like = options.like or QUICK_NAME
+    options.until = Until(options.until) if options.until else None
+    options.ros, options.additions, options.command = split.ros, additions(options), argv
+    return options
 
 
-def _option_errors(given: Namespace) -> Iterator[str]:
-    """Yield errors about options that exclude each other."""
+def _option_errors(options: Namespace) -> Iterator[str]:
+    """Yield errors about options that exclude or require each other."""
     for option in ("speed", "fault", "seed", "like"):
-        if given.sim is None and getattr(given, option) not in (None, []):
-            yield f"--{option} applies to the simulator: add --sim"
-    if given.sim is not None and _looks_like_a_tree(given.sim):
-        yield f"--sim expects a world, but '{given.sim}' looks like a tree: write the tree before --sim"
-    if given.check and (given.resume or given.new or given.report):
-        yield "--check starts no run: remove --resume, --new and --report"
-    if given.no_journal and (given.resume or given.new):
-        yield "--journal none conflicts with --resume and --new: remove one of them"
-    if given.supervise is not None and (given.no_journal or given.check):
+        if options.sim is None and getattr(options, option) not in (None, []):
+            yield f"--{option} requires --sim"
+    if options.sim is not None and _looks_like_a_tree(options.sim):
+        yield f"--sim expects a world, but '{options.sim}' looks like a tree: write the tree before --sim"
+    if options.check and (options.resume or options.new or options.report):
+        yield "--check does not run the mission: remove --resume, --new and --report"
+    if options.no_journal and (options.resume or options.new):
+        yield "--resume and --new require a journal: remove them, or remove --journal none"
+    if options.supervise is not None and (options.no_journal or options.check):
         yield "--supervise resumes a mission from its journal: remove --journal none and --check"
 
 
-def _serving_option_errors(given: Namespace) -> Iterator[str]:
-    if given.managed and given.serve is None:
-        yield "--managed applies to a server of trees: add --serve TREE"
-    if given.serve is None:
+def _serving_option_errors(options: Namespace) -> Iterator[str]:
+    if options.managed and options.serve is None:
+        yield "--managed requires --serve TREE"
+    if options.serve is None:
         return
-    if given.tree is not None or given.tree_id is not None:
-        yield "--serve names its trees itself: remove TREE and --tree"
-    if given.check or given.resume or given.report or given.record is not None:
+    if options.tree is not None or options.tree_id is not None:
+        yield "--serve lists the trees to serve: remove TREE and --tree"
+    if options.check or options.resume or options.report or options.record is not None:
         yield "--serve starts a run for each goal: remove --check, --resume, --report and --record"
 
 
-def _extension_option_errors(given: Namespace) -> Iterator[str]:
-    for option, is_given in (("--web-port", given.web_port is not None), ("--open", given.open)):
-        if is_given and given.view != "web":
-            yield f"{option} applies to the page: add --view web"
-    if given.check and given.view == "web":
-        yield "--check starts no run to show: remove --view web"
-    if given.check and (given.groot2 is not None or given.publish or given.record is not None):
-        yield "--check starts no run to observe: remove --groot2, --publish and --record"
-    if given.record is not None and given.record.suffix != ".mcap":
-        named = given.record.parent / f"{given.record.stem}.mcap"
-        yield f"--record writes MCAP, so its file must end with .mcap: {named}"
+def _extension_option_errors(options: Namespace) -> Iterator[str]:
+    for option, is_given in (("--web-port", options.web_port is not None), ("--open", options.open)):
+        if is_given and options.view != "web":
+            yield f"{option} requires --view web"
+    if options.check and options.view == "web":
+        yield "--check does not run the mission: remove --view web"
+    if options.check and (options.groot2 is not None or options.publish or options.record is not None):
+        yield "--check does not run the mission: remove --groot2, --publish and --record"
+    if options.record is not None and options.record.suffix != ".mcap":
+        renamed = options.record.parent / f"{options.record.stem}.mcap"
+        yield f"--record writes an MCAP file, whose name must end with .mcap, such as {renamed}"
 
 
 def _default_tree(mission: str | None) -> str:
-    """Return the tree to run if none is given.
+    """Return the tree to run if the command line names no tree.
 
     Raises:
         MissionError: If the mission does not exist, or has no default tree.
@@ -267,15 +272,15 @@ def _default_tree(mission: str | None) -> str:
 
     mission = mission or default_mission()
     if mission is None:
-        raise MissionError("no installed package declares a default tree: name a tree")
+        raise MissionError("no installed package declares a default tree. Specify a tree file")
     tree = find_mission(mission).default_tree
     if tree is None:
-        raise MissionError(f"the mission '{mission}' has no default tree: name one")
+        raise MissionError(f"the mission '{mission}' has no default tree. Specify a tree file")
     return tree
 
 
 def _looks_like_a_tree(world: str) -> bool:
-    """Return whether an argument for a world names a tree instead."""
+    """Return whether the argument of `--sim` names a tree instead of a world."""
     if world.endswith(".xml"):
         return True
     named = (find(kind, world, suffix) for kind, suffix in (("worlds", ".yaml"), ("trees", ".xml")))
@@ -285,7 +290,7 @@ def _looks_like_a_tree(world: str) -> bool:
 
 _EPILOG = (
     "ROS arguments follow --ros-args: -p name:=value, -r from:=to, -r __ns:=/robot1. "
-    "Exit status: 0 mission complete (without a mission: as --until asks); 1 failed or incomplete; "
+    "Exit status: 0 mission complete (without a mission: ended as --until requires); 1 failed or incomplete; "
     "2 wrong usage, tree, parameter or journal: the robot has not moved; 3 a requirement was not available in time; "
     "4 stopped, but the robot may still be moving; 129, 130, 143 stopped by a signal."
 )
@@ -297,10 +302,10 @@ _RARE = (
 """The options that only `--help-all` shows."""
 _SHORT = {
     "tree": "a tree file or shipped tree (default: the mission's)",
-    "until": "when to end the run (default: see --help-all)",
+    "until": "the condition that ends the run (default: see --help-all)",
     "sim": "simulate a world, Nav2 and the mission's servers",
     "speed": "with --sim: simulated seconds per second (default 1)",
-    "fault": "with --sim: a fault: navigate_to_pose:reject=1",
+    "fault": "with --sim: inject navigate_to_pose:reject=1, ...",
     "view": "show the run on the terminal, or in a browser",
     "report": "write a report after the run, such as report.html",
     "record": "record topics and logs in a new MCAP file",
@@ -309,10 +314,10 @@ _SHORT = {
     "properties": "monitor properties (default: the mission's own)",
     "resume": "resume the mission in the journal",
     "new": "start over, and rename an unfinished journal",
-    "supervise": f"resume after a crash, at most N times (default {_RESUMED})",
+    "supervise": f"resume after a crash, at most N times (default {_DEFAULT_RESTARTS})",
     "nodes": "load a module of leaves; may be repeated",
 }
-"""The help of options in `--help`, so that it fits one screen."""
+"""The short help texts of options in `--help`, which must fit on one screen."""
 
 
 def _parser() -> Parser:
@@ -320,9 +325,9 @@ def _parser() -> Parser:
     parser = Parser(PROG, text, epilog=_EPILOG)
     _add_run_options(parser, parser.add_argument_group("what to run"))
     _add_simulation(parser.add_argument_group("simulate"))
-    _add_companions(parser.add_argument_group("see and record"))
-    _add_safety(parser.add_argument_group("safety"))
-    _add_for_experts(parser.add_argument_group("expert"))
+    _add_extension_options(parser.add_argument_group("see and record"))
+    _add_safety_options(parser.add_argument_group("safety"))
+    _add_expert_options(parser.add_argument_group("expert"))
     add_version(parser)
     add_project_options(parser)
     parser.abridge(*_RARE, **_SHORT)
@@ -330,7 +335,7 @@ def _parser() -> Parser:
 
 
 def _add_run_options(parser: Parser, group: _ArgumentGroup) -> None:
-    # py_trees, which it imports, cannot be imported if standard output is closed.
+    # Imported late, because the module imports py_trees, whose import fails if standard output is closed.
     from sar_compiler.execution.until import Until
 
     add = group.add_argument
@@ -342,32 +347,32 @@ def _add_run_options(parser: Parser, group: _ArgumentGroup) -> None:
     text = "a ROS 2 parameter file (default: the mission's own)"
     add("--params", type=YAML_FILE, metavar="FILE", help=text)
     text = (
-        "when to end: when the root succeeds or fails (end; default without an end condition); when the mission is complete, "
-        "or can no longer be (complete; default with --sim); when the root succeeds, or fails (success, failure; other "
-        "ends are logged); never (forever; default otherwise)"
+        "the condition that ends the run: end when the root succeeds or fails (default for a mission without an end condition), "
+        "complete when the mission is complete or can no longer be completed (default with --sim), success or failure when the "
+        "root returns this status (another result is logged, and the tree starts again), or forever for no condition (default otherwise)"
     )
     add("--until", choices=[until.value for until in Until], help=text)
 
 
 def _add_simulation(group: _ArgumentGroup) -> None:
     add = group.add_argument
-    text = "simulate a world (a file, or disaster_zone or empty), Nav2 and the mission's servers, instead of using running ones"
+    text = "simulate a world (a file, disaster_zone or empty), Nav2 and the mission's servers, instead of using a running Nav2 and running servers"
     add("--sim", nargs="?", const=DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text)
     text = "with --sim: at most N simulated seconds per second (default 1); no step is skipped"
     add("--speed", type=speed, metavar="N", help=text)
-    text = "with --sim: drive accurately (default quick), or like Nav2 with the shipped parameters (nav2)"
+    text = "with --sim: drive accurately (quick, default), or like Nav2 with the shipped parameters (nav2)"
     add("--like", choices=MANNER_NAMES, help=text)
     text = "with --sim: inject a fault, such as navigate_to_pose:reject=1; may be repeated"
     add("--fault", action="append", default=[], metavar="SPEC", help=text)
     add("--seed", type=seed, metavar="N", help="with --sim: the seed of all noise (default 0)")
 
 
-def _add_companions(group: _ArgumentGroup) -> None:
+def _add_extension_options(group: _ArgumentGroup) -> None:
     """Add the options for the page, reports and recordings."""
     add = group.add_argument
     text = (
-        "show the run: in place on a terminal, otherwise a line for each change (text); on a page for a browser on this "
-        "machine, until Ctrl-C in a terminal (web); or not (default none)"
+        "show the run: text for a display that is updated in place on a terminal, or one line for each change elsewhere; web for "
+        "a page on this machine, which on a terminal stays open after the run until Ctrl-C; or none (default)"
     )
     add("--view", choices=("text", "web", "none"), default="none", help=text)
     add_page_options(group, "with --view web: ")
@@ -379,54 +384,54 @@ def _add_companions(group: _ArgumentGroup) -> None:
     add("--publish", action="store_true", help=text)
     text = "show the tree live in Groot2, on this port of 127.0.0.1 and the next one (Groot2's default: 1667)"
     add("--groot2", type=pair_of_ports, metavar="PORT", help=text)
-    text = "result for people (default text), or as one line of JSON: status, reason, duration in seconds, figures"
+    text = "print the result as text (default), or as one line of JSON with status, reason, duration in seconds, and figures"
     add("--format", choices=("text", "json"), default="text", help=text)
 
 
-def _add_safety(group: _ArgumentGroup) -> None:
+def _add_safety_options(group: _ArgumentGroup) -> None:
     add = group.add_argument
     text = "wait for all requirements, plan the route on the map, then end; the robot does not move"
     add("--check", action="store_true", help=text)
     text = (
-        "the journal, or none (default for a mission that can be resumed: a file of the node's name in "
-        "~/.local/state/sar_compiler; with --sim: a new one in its folder simulated, which keeps the last ten)"
+        "the journal file, or none. Default for a mission that can be resumed: a file named after the node in "
+        "~/.local/state/sar_compiler, or with --sim a new file in the subfolder simulated, which keeps the last ten journals"
     )
     add("--journal", type=FILE, metavar="FILE", help=text)
     text = "monitor these properties (without FILE: the mission's own); a violation raises an alarm"
     add("--properties", nargs="?", const=True, type=YAML_FILE, metavar="FILE", help=text)
     text = "start the tree only if a person has approved this version with sar-compile approve"
     add("--approved", action="store_true", help=text)
-    begun = group.add_mutually_exclusive_group()
-    text = "resume the mission in the journal; active goals are cancelled first"
-    begun.add_argument("--resume", action="store_true", help=text)
+    start = group.add_mutually_exclusive_group()
+    text = "resume the mission in the journal, after cancelling the goals that are still active"
+    start.add_argument("--resume", action="store_true", help=text)
     text = "start over, and keep an unfinished journal under another name"
-    begun.add_argument("--new", action="store_true", help=text)
+    start.add_argument("--new", action="store_true", help=text)
     text = (
-        "resume after a crash, a blocked process (10 s) or a missing requirement, at most N times "
-        f"(default {_RESUMED})"
+        "resume the mission if its process crashes, is blocked for 10 s or misses a requirement, at most N times "
+        f"(default {_DEFAULT_RESTARTS})"
     )
-    add("--supervise", nargs="?", const=_RESUMED, type=restarts, metavar="N", help=text)
-    text = "cancel the goals of a run that is killed or crashes, by a separate process (default with a journal, without --sim)"
+    add("--supervise", nargs="?", const=_DEFAULT_RESTARTS, type=restarts, metavar="N", help=text)
+    text = "let a separate process cancel the goals of a run that crashes or is killed (default: with a journal and without --sim)"
     add("--guardian", action=BooleanOptionalAction, help=text)
 
 
-def _add_for_experts(group: _ArgumentGroup) -> None:
+def _add_expert_options(group: _ArgumentGroup) -> None:
     add = group.add_argument
-    text = "the engine that ticks the tree: the project's (default own), or an installed py_trees_ros"
+    text = "the engine that ticks the tree: the engine of sar_compiler (own, default), or an installed py_trees_ros"
     add("--engine", choices=ENGINES, default=ENGINES[0], help=text)
     text = (
-        "the executor of rclpy for the mission's node: EventsExecutor, if rclpy has it and it can serve the "
-        "leaves (default events), or SingleThreadedExecutor (single-threaded)"
+        "the rclpy executor of the mission's node: EventsExecutor, if rclpy provides it and it supports the "
+        "leaves (events, default), or SingleThreadedExecutor (single-threaded)"
     )
     add("--executor", choices=("events", "single-threaded"), default="events", help=text)
     text = (
-        "start runs of these trees for clients, one at a time: by BehaviorTree.ROS2's action bt_execution (ExecuteTree), whose "
-        "goals name the tree by its ID; the other options apply to each run"
+        "serve BehaviorTree.ROS2's action bt_execution (ExecuteTree), and run these trees for clients, one at a time. A goal names "
+        "the ID of a tree. The other options apply to each run"
     )
     add("--serve", nargs="+", type=TREE, metavar="TREE", help=text)
     text = "with --serve: wait for a lifecycle manager, such as Nav2's, to configure and activate the server"
     add("--managed", action="store_true", help=text)
-    text = "show the traceback of a failing leaf (its line of the tree file and of Python are always named)"
+    text = "show the traceback of a failing leaf (its line in the tree file and the line of Python code are always reported)"
     add("--traceback", action="store_true", help=text)
 
 

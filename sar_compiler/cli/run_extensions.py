@@ -1,4 +1,4 @@
-"""The extensions of a run that its command line requests; only their dependencies are imported."""
+"""The run extensions that the command line requests; only the dependencies of these extensions are imported."""
 
 from argparse import Namespace
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def requested_extensions(options: Namespace) -> "Iterator[MakeExtension]":
-    """Yield the constructors of the extensions requested on the command line; their dependencies are imported.
+    """Import the dependencies of the extensions requested on the command line, and yield the extensions' constructors.
 
     Raises:
         ImportError: If a library is not installed.
@@ -64,7 +64,7 @@ def prefix_errors(option: str) -> Iterator[None]:
     """Prefix errors raised in the block with the option's name.
 
     Raises:
-        SarError: Instead of another one.
+        SarError: With the prefix, if the block raises a `SarError`.
     """
     try:
         yield

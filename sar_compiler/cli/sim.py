@@ -1,4 +1,4 @@
-"""`sar-sim`: run the simulated world without a mission."""
+"""`sar-sim`: run simulated worlds without a mission, map them, and run missions in them many times."""
 
 import argparse
 import sys
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World as SimulatedWorld
 
-# Interval of checks that the simulation is still running, seconds.
-_LOOK_SEC = 0.5
+# The interval of checks that the simulation is still running, in seconds.
+_CHECK_SEC = 0.5
 _ROBOT = report_argument_errors(parse_placement)
 _FAULT = report_argument_errors(partial(parse_fault, targets=NAVIGATION_FAULTS))
 
@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: The arguments without the command's name; by default the process's.
 
     Returns:
-        The exit status: 0, also when stopped by SIGINT or SIGTERM; 2 for wrong usage or input.
+        The exit status: 0, also after SIGINT or SIGTERM; 2 for wrong usage or input.
     """
     return run(lambda: _command(sys.argv[1:] if argv is None else argv), "sar-sim")
 
@@ -52,21 +52,23 @@ def _command(argv: Sequence[str]) -> int:
 
 
 def _parser() -> Parser:
-    parser = Parser("sar-sim", "The simulated world without a mission.")
+    parser = Parser(
+        "sar-sim", "Run or map simulated worlds without a mission, or run a mission in them many times."
+    )
     add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    text = "Run the world and the Nav2 substitute until stopped."
-    epilog = "Write ROS arguments after --ros-args. Ctrl-C or SIGTERM end the command, with status 0."
+    text = "Run a world with a simulated Nav2 until Ctrl-C."
+    epilog = "Write ROS arguments after --ros-args. Ctrl-C or SIGTERM ends the command with status 0."
     live = commands.add_parser("run", help=text, description=text, epilog=epilog)
     _add_run(live)
     text = "Drive through a world with a lidar, and write the resulting map."
     survey = commands.add_parser("map", help=text, description=text)
-    text = "write PREFIX.pgm and PREFIX.yaml (default: WORLD's name)"
+    text = "write PREFIX.pgm and PREFIX.yaml (default: the name of WORLD)"
     survey.add_argument("-o", "--output", type=FILE, metavar="PREFIX", help=text)
-    text = "Run a mission many times: its success rate, by worlds, faults and parameters."
+    text = "Run a mission many times, and print its success rate for each combination of world, faults and parameters."
     add_sim_sweep(commands.add_parser("sweep", help=text, description=text))
     for command in (live, survey):
-        text = f"a world's file, or the name of a shipped world (default {DEFAULT_WORLD})"
+        text = f"a world file, or the name of a shipped world (default {DEFAULT_WORLD})"
         command.add_argument(
             "world", nargs="?", default=DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text
         )
@@ -81,30 +83,32 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     text = "maximum number of simulated seconds per second; no step is skipped (default 1)"
     add("--speed", type=speed, default=1.0, metavar="N", help=text)
     text = (
-        "a robot in the namespace /NAME, which includes its /tf and /tf_static, at X, Y (metres) with heading YAW "
-        "(radians), frame map, by default at the world's start; may be repeated. Without this option "
+        "add a robot with the namespace /NAME, also for its /tf and /tf_static. It starts at X, Y (metres) with heading YAW "
+        "(radians) in the frame map, by default at the world's start pose. May be repeated. Without this option "
         "there is one robot, in the namespace of the command line"
     )
     add("--robot", type=_ROBOT, action="append", default=[], metavar="NAME[:X,Y[,YAW]]", help=text)
     text = (
         "inject a fault: navigate_to_pose:abort=PLACE, :code=NUMBER[@PLACE][,after=SECONDS], "
         ":late=SECONDS[@PLACE][,drives=SECONDS], :starved[@PLACE], :succeed[@PLACE], :delay=SECONDS, :reject=COUNT, :die[@PLACE][,back=SECONDS], amcl:die[@PLACE][,back=SECONDS]; may be repeated. "
-        "With several robots, each has the fault, with separate counts"
+        "With several robots, the fault is injected in each robot and counted separately"
     )
     add("--fault", type=_FAULT, action="append", default=[], metavar="SPEC", help=text)
     text = (
-        "how the simulated Nav2 drives: accurately and without recoveries (default quick), or as Nav2 does with the "
-        "shipped parameters (nav2): 0.4 m/s, within 0.25 m of the goal, and with recoveries, which move the robot"
+        "how the simulated Nav2 drives: accurately and without recoveries (quick, default), or like Nav2 with the "
+        "shipped parameters (nav2): at 0.4 m/s, to within 0.25 m of the goal, and with recoveries, which move the robot"
     )
     add("--like", choices=MANNER_NAMES, default=QUICK_NAME, help=text)
-    text = "store the robots' poses in FILE, and start at the last stored ones, even after a kill"
+    text = (
+        "store the robots' poses in FILE during the simulation, and start at the poses in FILE if it exists"
+    )
     add("--keep", type=FILE, metavar="FILE", help=text)
-    text = "localise the robots without an initial pose: for robots that continue from stored poses"
+    text = "localise the robots at the start, without an initial pose, such as for robots that continue from stored poses"
     add("--localised", action="store_true", help=text)
 
 
-def _world(name: str) -> "SimulatedWorld":
-    """Return a world by its name or path, and print the warnings about its file."""
+def _load_world(name: str) -> "SimulatedWorld":
+    """Load a world by its name or path, and print the warnings about its file."""
     from sar_compiler.sim.world import find_world
 
     world = find_world(name)
@@ -118,10 +122,12 @@ def _map(options: argparse.Namespace) -> int:
     from sar_compiler.sim.survey import survey
     from sar_compiler.writing import WriteError, same_file, write_bytes
 
-    world = _world(options.world)
+    world = _load_world(options.world)
     prefix: Path = options.output or Path(world.name)
     if same_file(prefix.with_name(f"{prefix.name}.yaml"), Path(options.world)):
-        message = f"the map's description would overwrite the world {options.world}: write -o {prefix}_map"
+        message = (
+            f"{prefix}.yaml would overwrite the world {options.world}. Choose another prefix: -o {prefix}_map"
+        )
         raise WriteError(message)
     line = ProgressLine()
 
@@ -148,7 +154,7 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     from sar_compiler.sim.placement import PoseFile
     from sar_compiler.sim.simulation import Simulation, check_placements
 
-    world = _world(options.world)
+    world = _load_world(options.world)
     robots = options.robot or [Placement("")]
     kept = PoseFile(options.keep, world.name) if options.keep is not None else None
     if kept is not None:
@@ -168,9 +174,9 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         if kept is not None:
             simulation.store_poses(kept)
         with simulation:
-            how = f"at most {options.speed:g} times as fast as real time"
-            print(f"sar-sim: '{world.name}' runs{_robots_text(robots)}, {how}", flush=True)
-            return _wait(simulation, signals)
+            speed_text = f"at most {options.speed:g} times as fast as real time"
+            print(f"sar-sim: '{world.name}' runs{_robots_text(robots)}, {speed_text}", flush=True)
+            return _wait_for_signal(simulation, signals)
 
 
 def _robots_text(robots: Sequence[Placement]) -> str:
@@ -178,9 +184,9 @@ def _robots_text(robots: Sequence[Placement]) -> str:
     return f" with {' and '.join(names)}" if names else ""
 
 
-def _wait(simulation: "Simulation", signals: StopSignals) -> int:
-    """Wait until the process is asked to stop; raise the simulation's error if it fails first."""
-    while not signals.wait(_LOOK_SEC):
+def _wait_for_signal(simulation: "Simulation", signals: StopSignals) -> int:
+    """Wait for a signal that stops the process; raise the simulation's error if the simulation fails first."""
+    while not signals.wait(_CHECK_SEC):
         if simulation.failure is not None:
             raise simulation.failure
     return OK

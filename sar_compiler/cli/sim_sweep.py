@@ -22,7 +22,7 @@ from sar_compiler.cli.arguments import (
     speed,
 )
 from sar_compiler.cli.sweep import (
-    Written,
+    FailureFile,
     add_sweep_options,
     add_varied_parameters,
     require_rows,
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from sar_compiler.sim.simulated_runs import SimulatedRuns
 
 _NO_FAULTS = "none"
-# More than any machine reaches: a run takes processor time.
+# Faster than any machine can simulate, so that only processor time limits the speed of a run.
 _SPEED = 1000.0
-# Thirty missions of ten minutes each, a few seconds of processor time, in several worlds.
+# Enough for thirty missions in each of several worlds. A mission of ten minutes takes a few seconds of processor time.
 _MAX_SEC = 3600.0
 
 
@@ -49,13 +49,13 @@ def add_sim_sweep(parser: CommandParser) -> None:
     """Add the arguments of `sar-sim sweep`."""
     add = parser.add_argument
     add("tree", type=TREE, metavar="TREE", help=FILE_HELP)
-    text = f"a world; may be repeated (default {DEFAULT_WORLD})"
+    text = f"a world in which the mission runs; may be repeated (default {DEFAULT_WORLD})"
     add("--world", action="append", type=WORLD, metavar="W", help=text)
-    text = f"a fault of one run, as in --fault of sar-run, or {_NO_FAULTS}; may be repeated"
+    text = f"the faults of a run, each as for --fault of sar-run, or {_NO_FAULTS}; may be repeated, to compare several mixes of faults"
     add("--fault", action="append", metavar="'SPEC SPEC'", help=text)
     add_varied_parameters(parser, "ROS parameter")
     add("--params", type=YAML_FILE, metavar="FILE", help="a ROS 2 parameter file")
-    text = f"simulated seconds per second, at most (default {_SPEED:g})"
+    text = f"the maximum number of simulated seconds per second (default {_SPEED:g})"
     add("--speed", type=speed, default=_SPEED, metavar="N", help=text)
     add_project_options(parser)
     add_mission(parser)
@@ -68,7 +68,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
 
     Raises:
         TreeError: If the tree or a world is not valid.
-        SarError: If a file cannot be read, a fault is impossible, or a run ends before its mission starts.
+        SarError: If a file cannot be read, a fault is invalid, or a run ends before its mission starts.
     """
     from sar_compiler.sim.simulated_runs import minimize_faults, mission_threads
 
@@ -79,19 +79,19 @@ def sweep_missions(options: argparse.Namespace) -> int:
     require_rows(len(options.world or [""]), len(options.fault or [""]), *varied)
     rows = dict(_rows(options))
 
-    def write(row: "SweepRow", played: "RunResultSample") -> Written:
+    def write(row: "SweepRow", played: "RunResultSample") -> FailureFile:
         command = ["sar-run", *minimize_faults(rows[row], played.seed).command(played.seed)]
         reason = " ".join(played.failure.split())
         write_text(options.output, f"#!/bin/sh\n# {reason}\nexec {shlex.join(command)}\n")
         return options.output, shlex.join(["sh", str(options.output)])
 
     budget = budget_of(options, patience_sec=0.0, clock=time.monotonic)
-    kind = "a command that repeats it, with the fewest faults"
+    kind = "a command that repeats the failure, with the fewest faults"
     return run_sweep(list(rows), 1, mission_threads, write, kind, options, budget)
 
 
 def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweepRow, SimulatedRuns]]":
-    """Yield a row for each combination with its runs, after checking all combinations."""
+    """Check all worlds and faults, then yield a row for each combination, with the object that executes its runs."""
     from sar_compiler.analysis.sweep import SweepRow
     from sar_compiler.sim.simulated_runs import SimulatedRuns
 
@@ -107,7 +107,7 @@ def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweepRow, SimulatedRun
             ros += ["-p", f"{name}:={text}"]
         faults = () if mix == _NO_FAULTS else tuple(mix.split())
         runs = SimulatedRuns(
-            program, (options.tree, "--sim", world, *_passed_on(options)), faults, tuple(ros)
+            program, (options.tree, "--sim", world, *_run_options(options)), faults, tuple(ros)
         )
         yield SweepRow(labels, runs), runs
 
@@ -125,8 +125,8 @@ def _check(options: argparse.Namespace, worlds: list[str], mixes: list[str]) -> 
         find_world(world)
 
 
-def _passed_on(options: argparse.Namespace) -> Iterator[str]:
-    """Yield the options that are passed on to `sar-run`."""
+def _run_options(options: argparse.Namespace) -> Iterator[str]:
+    """Yield the options to pass on to `sar-run`."""
     yield from ("--speed", f"{options.speed:g}")
     if options.params is not None:
         yield from ("--params", str(options.params))

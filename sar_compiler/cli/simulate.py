@@ -34,17 +34,17 @@ if TYPE_CHECKING:
 
 
 class ScenarioFolderError(SarError):
-    """A folder of scenarios contains none."""
+    """A folder passed to `--scenario` contains no scenario file."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `simulate`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
-    text = "a scenario, or a folder of them; may be repeated (default: every leaf has its usual outcome)"
+    text = "a scenario file, or a folder of scenario files; may be repeated (default: every leaf has its usual outcome)"
     add("--scenario", action="append", default=[], type=YAML_FILE, metavar="S.yaml", help=text)
     add_tree_id(parser, "tick")
-    add("--ticks", type=count, metavar="N", help="stop after N ticks; this is not a failure")
+    add("--ticks", type=count, metavar="N", help="stop after N ticks, which does not count as a failure")
     text = "end when this condition on facts, keys, 'root', 'tick' and 'time' is true (default: when the root has succeeded or failed)"
     add("--until", type=script, metavar="SCRIPT", help=text)
     text = "the seed of a scenario's random choices (default 0)"
@@ -55,13 +55,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_project_options(parser)
     add_mission(parser)
     add_budget(parser)
-    text = "for people (default text), for scripts, or for continuous integration"
+    text = (
+        "the output format: text for people (default), json for scripts, or junit for continuous integration"
+    )
     add("--format", choices=("text", "json", "junit"), default="text", help=text)
     parser.set_defaults(run=simulate_file)
 
 
 def simulate_file(arguments: argparse.Namespace) -> int:
-    """Run the scenarios, and return the exit status: 0 if all expectations are met, 130 after Ctrl-C, otherwise 1.
+    """Run the scenarios, and return the exit status: 0 if all expectations are met, otherwise 1; 130 after Ctrl-C.
 
     Raises:
         TreeError: If the tree has errors.
@@ -88,17 +90,17 @@ def simulate_file(arguments: argparse.Namespace) -> int:
 
 
 def scenario_files(paths: "list[Path]") -> "list[Path | None]":
-    """Return the files of scenarios; None for a run without a scenario.
+    """Return the scenario files in the paths, or `[None]`, for one run without a scenario, if there are no paths.
 
     Raises:
-        ScenarioFolderError: If a folder has none.
+        ScenarioFolderError: If a folder contains no scenario file.
     """
     files: list[Path | None] = []
     for path in paths:
         if is_folder(path):
             found = sorted([*path.glob("*.yaml"), *path.glob("*.yml")])
             if not found:
-                raise ScenarioFolderError(f"{path} has no scenario: no file in it ends with .yaml")
+                raise ScenarioFolderError(f"{path} contains no scenario file, such as scenario.yaml")
             files += found
         else:
             files.append(path)
@@ -112,7 +114,7 @@ def _play(
     budget: "Budget",
     arguments: argparse.Namespace,
 ) -> "PlayedScenario":
-    """Run a scenario, and print the error if this is impossible."""
+    """Run a scenario, or print the error if the scenario cannot be run."""
     from sar_compiler.analysis.simulate.scenario_files import read_scenario
     from sar_compiler.analysis.simulate.scenario_run import ScenarioPlayer, failures
     from sar_compiler.analysis.simulated_tree import UnknownBehaviourError
@@ -128,17 +130,17 @@ def _play(
         return PlayedScenario(str(path or arguments.file), problem=str(error), is_finding=is_finding)
     for finding in play.scenario.warnings:
         print_error(finding.render())
-    unknown = _typo(arguments.until, play.simulated) if arguments.until else None
-    if unknown is not None:
-        print_error(f"sar-compile: {unknown}")
-        return PlayedScenario(str(path or arguments.file), problem=unknown)
+    error_in_until = _typo_message(arguments.until, play.simulated) if arguments.until else None
+    if error_in_until is not None:
+        print_error(f"sar-compile: {error_in_until}")
+        return PlayedScenario(str(path or arguments.file), problem=error_in_until)
     until = Program(arguments.until, play.simulated.enums) if arguments.until else play.scenario.until
-    most = arguments.ticks or play.scenario.max_ticks
-    scenario = replace(play.scenario, until=until, max_ticks=most, seed=arguments.seed)
+    max_ticks = arguments.ticks or play.scenario.max_ticks
+    scenario = replace(play.scenario, until=until, max_ticks=max_ticks, seed=arguments.seed)
     player = ScenarioPlayer(play.simulated, scenario)
 
     def run_scenario() -> "ScenarioRun":
-        # An abandoned run may continue.
+        # The ticks are copied, because an abandoned run may still append to them.
         budget.publish(lambda: replace(player.run, ticks=[*player.run.ticks]))
         return player.run_to_end(budget.is_spent)
 
@@ -150,8 +152,8 @@ def _play(
     return PlayedScenario(scenario.name, run, tuple(missed))
 
 
-def _typo(until: "Script", simulated: "SimulatedTree") -> str | None:
-    """Return the error in the argument of `--until`, if there is one."""
+def _typo_message(until: "Script", simulated: "SimulatedTree") -> str | None:
+    """Return the message about a typo in the argument of `--until`; None if there is no typo."""
     from sar_compiler.analysis.leaf_vocabulary import names_of, typos
     from sar_compiler.analysis.simulate.scenario_files import OWN
 
@@ -163,7 +165,7 @@ def _typo(until: "Script", simulated: "SimulatedTree") -> str | None:
 
 
 def _trace_failure(run: "ScenarioRun") -> "list[Failure]":
-    """Compare the trace with the file that the scenario names, if any."""
+    """Compare the trace of a run with the trace file of the scenario, if it names one, and return the failure."""
     from sar_compiler.analysis.simulate.scenario_run import Failure
     from sar_compiler.analysis.trace_view import trace
     from sar_compiler.checks.golden import compare_golden
@@ -189,14 +191,14 @@ def _print(
         if each.run is not None:
             print_text(f"{trace(each.run)}{verdict(each.run, each.failures)}\n")
     if len(played) > 1:
-        held = sum(each.run is not None and not each.failures for each in played)
-        print(f"{held} of {len(played)} scenarios hold.")
+        passed = sum(each.run is not None and not each.failures for each in played)
+        print(f"{passed} of {len(played)} scenarios passed.")
     if shown is not None:
         print_text(coverage_text(shown))
 
 
 def script(text: str) -> "Script":
-    """Read the argument of `--until`."""
+    """Parse the condition of `--until`."""
     from sar_compiler.runtime.script import parse
     from sar_compiler.runtime.tokens import ScriptError
 

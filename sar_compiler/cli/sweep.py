@@ -43,13 +43,13 @@ if TYPE_CHECKING:
     from sar_compiler.analysis.sweep.workers import ReplaceableExecutor
     from sar_compiler.analysis.sweep_runs import ScenarioRuns
 
-# The half width of the interval of a tree that always succeeds is below 0.02 after four batches.
+# The half-width of the interval of a tree that always succeeds is below 0.02 after four batches.
 _BATCH = 25
 _MAX_SEC = 600.0
 
 
-# Each row takes memory and an interval; a reader does not read more of them.
-MOST_ROWS = 10_000
+# Each row needs memory and the computation of an interval, and a longer table would not be readable.
+MAX_ROWS = 10_000
 
 
 class TooManyRowsError(SarError):
@@ -57,28 +57,31 @@ class TooManyRowsError(SarError):
 
 
 def require_rows(*counts: int) -> None:
-    """Check that numbers of values do not have too many combinations.
+    """Check that the varied values have at most `MAX_ROWS` combinations.
+
+    Args:
+        counts: The number of values of each varied parameter, fact or option.
 
     Raises:
-        TooManyRowsError: If they have.
+        TooManyRowsError: If there are more combinations.
     """
     rows = math.prod(counts)
-    if rows > MOST_ROWS:
+    if rows > MAX_ROWS:
         many = " x ".join(f"{each:,}" for each in counts if each > 1)
-        raise TooManyRowsError(f"{many} = {rows:,} combinations, more than {MOST_ROWS:,}: vary fewer values")
+        raise TooManyRowsError(f"{many} = {rows:,} combinations, more than {MAX_ROWS:,}: vary fewer values")
 
 
 class NothingRandomError(SarError):
-    """All runs of a sweep would be the same."""
+    """All runs of a sweep would be the same, because nothing in them is random."""
 
 
 def add_options(parser: CommandParser) -> None:
     """Add the arguments of `sweep`."""
     add = parser.add_argument
     add("file", type=TREE, metavar="FILE", help=FILE_HELP)
-    text = "the leaves' outcomes with their probabilities; or a folder of such files; may be repeated"
+    text = "a scenario file with the probabilities of the leaves' outcomes, or a folder of scenario files; may be repeated"
     add("--scenario", action="append", default=[], type=YAML_FILE, metavar="S.yaml", help=text)
-    text = "the probability (0 to 1) of an unusual outcome of a leaf that the scenario does not mention; several with commas (default 0)"
+    text = "the probability (0 to 1) of an unusual outcome of a leaf that the scenario does not mention, or several separated by commas (default 0)"
     add("--unusual", type=probabilities, default=(0.0,), metavar="P,P", help=text)
     add_varied_parameters(parser, "parameter")
     text = "vary the initial value of a fact over these values; may be repeated"
@@ -87,7 +90,7 @@ def add_options(parser: CommandParser) -> None:
     add("--count", action="append", default=[], metavar="EVENT", help=text)
     add_tree_id(parser, "tick")
     add("--ticks", type=count, metavar="N", help="stop a run after N ticks")
-    text = "end a run when this is true (default: when the root has succeeded or failed)"
+    text = "end a run when this condition is true (default: when the root has succeeded or failed)"
     add("--until", type=script, metavar="SCRIPT", help=text)
     add_project_options(parser)
     add_sweep_options(parser, runs=1000, half_width=0.02)
@@ -109,10 +112,13 @@ def sweep_file(arguments: argparse.Namespace) -> int:
     require_rows(len(arguments.scenario) or 1, len(arguments.unusual), *varied)
     rows = dict(_rows(arguments))
     if not any(runs.has_randomness() for runs in rows.values()):
-        message = "all runs would be the same: add probability: (or after: 4s to 9s) to steps of a scenario, or --unusual 0.1"
+        message = (
+            "all runs would be the same. Add `probability:`, or a range such as `after: 4s to 9s`, to steps of a scenario, or pass "
+            "--unusual 0.1"
+        )
         raise NothingRandomError(message)
 
-    def write(row: "SweepRow", played: "RunResultSample") -> Written | None:
+    def write(row: "SweepRow", played: "RunResultSample") -> FailureFile | None:
         text = smallest_scenario(rows[row], played.seed)
         if text is None:
             return None
@@ -126,7 +132,7 @@ def sweep_file(arguments: argparse.Namespace) -> int:
 
 
 def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweepRow, ScenarioRuns]]":
-    """Yield a row for each combination with its runs, all of them valid."""
+    """Yield a row for each combination, with the object that executes its runs, after checking the combination."""
     from sar_compiler.analysis.simulate.scenario_files import read_scenario
     from sar_compiler.analysis.sweep import SweepRow
     from sar_compiler.analysis.sweep_runs import ScenarioRuns, change_scenario, content_of
@@ -144,11 +150,11 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweepRow, ScenarioRu
         scenario: Mapping[str, object] = {}
         if path is not None:
             if not arguments.vary:
-                # Errors in it are reported at their locations.
+                # Reports errors in the scenario at their locations.
                 for finding in read_scenario(path, stage).scenario.warnings:
                     print_error(finding.render())
             document = read_yaml(path, SCENARIO, "")
-            # A varied value is checked in each combination, whose text has other lines.
+            # Values are checked only in the changed scenario of each combination, which has different line numbers.
             document.validate("scenario")
             document.raise_findings()
             scenario = document.root.data
@@ -156,10 +162,10 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweepRow, ScenarioRu
             own = {key: value for key, value in {**fixed, **changes}.items() if value}
             if arguments.tree and "tree" not in scenario:
                 own["tree"] = arguments.tree
-            whose = f"{path} (varied)" if path is not None else "command line"
+            source = f"{path} (varied)" if path is not None else "command line"
             changed, added = change_scenario(scenario, own), additions(arguments)
             counted = tuple(arguments.count)
-            runs = ScenarioRuns(tree.path.resolve(), content, added, changed, whose, unusual, counted)
+            runs = ScenarioRuns(tree.path.resolve(), content, added, changed, source, unusual, counted)
             runs.events(runs.understood().simulated)
             named = {"scenario": Path(path).stem} if path is not None and len(paths) > 1 else {}
             yield SweepRow({**named, **labels}, runs), runs
@@ -168,7 +174,7 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweepRow, ScenarioRu
 def _combinations(
     arguments: argparse.Namespace,
 ) -> Iterator[tuple[float, Mapping[str, str], Mapping[str, Mapping[str, object]]]]:
-    """Yield the probability of unusual outcomes, the labels, and the changes of a scenario, for each combination."""
+    """Yield for each combination the probability of unusual outcomes, the row's labels, and the changes to the scenario."""
     axes = [("parameters", each) for each in arguments.vary] + [("facts", each) for each in arguments.set]
     for unusual in arguments.unusual:
         for values in itertools.product(*(listed for _, (_, listed) in axes)):
@@ -180,31 +186,31 @@ def _combinations(
 
 
 Variation = tuple[str, list[tuple[str, object]]]
-"""The name of a varied value, and its values: as written, and as data."""
+"""The name of a varied parameter or fact, and its values, each as text and as data."""
 
-Written = tuple[Path, str]
-"""The file of a sweep's smallest failure, and the command that repeats it."""
+FailureFile = tuple[Path, str]
+"""The file to which a sweep's smallest failure was written, and the command that repeats this failure."""
 
 
 def add_varied_parameters(parser: CommandParser, noun: str) -> None:
-    """Add `--vary`."""
+    """Add `--vary`; *noun* names the kind of value that it varies."""
     text = f"vary a {noun} over these values; may be repeated"
     add = parser.add_argument
     add("--vary", action="append", default=[], type=parse_variation, metavar="NAME=A,B", help=text)
 
 
 def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) -> None:
-    """Add the common options of both commands; *runs* and *half_width* are defaults."""
+    """Add the options that `sar-compile sweep` and `sar-sim sweep` share; *runs* and *half_width* are defaults."""
     add = parser.add_argument
     text = f"run each combination at most N times (default {runs})"
     add("--runs", type=count, default=runs, metavar="N", help=text)
-    text = f"end a row once the half width of its interval is at most W (default {half_width:g}; 0: never)"
+    text = f"stop the runs of a row when the half-width of its interval is at most W (default {half_width:g}; 0: never)"
     add("--half-width", type=probability, default=half_width, metavar="W", help=text)
-    text = "the confidence of the intervals, which are Wilson's (default 0.95)"
+    text = "the confidence level of the Wilson intervals (default 0.95)"
     add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
-    text = "status 0 if every interval is at or above this rate (default: if no run failed)"
+    text = "exit with 0 if the lower bound of every interval is at least RATE (default: if no run failed)"
     add("--at-least", type=probability, metavar="RATE", help=text)
-    text = "the seed of the first run of each combination; further runs have the next numbers (default 0)"
+    text = "the seed of the first run of each combination; each further run uses the next integer (default 0)"
     add("--seed", type=seed, default=0, metavar="N", help=text)
     text = "number of parallel runs (default: the number of cores)"
     add("--jobs", type=jobs, default=os.cpu_count() or 1, metavar="N", help=text)
@@ -215,7 +221,7 @@ def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) ->
 
 
 def probabilities(text: str) -> tuple[float, ...]:
-    """Read probabilities with commas between them."""
+    """Parse probabilities that are separated by commas."""
     return tuple(probability(part) for part in text.split(","))
 
 
@@ -237,19 +243,19 @@ def run_sweep(
     rows: "Sequence[SweepRow]",
     batch: int,
     workers: "Callable[[int], ReplaceableExecutor]",
-    write: "Callable[[SweepRow, RunResultSample], Written | None]",
+    write: "Callable[[SweepRow, RunResultSample], FailureFile | None]",
     smallest: str,
     arguments: argparse.Namespace,
     budget: Budget,
 ) -> int:
-    """Run the rows, print their table even after Ctrl-C or an exhausted budget, and return the exit status.
+    """Execute the runs of the rows, print the table even after Ctrl-C or an exhausted budget, and return the exit status.
 
     Args:
-        rows: The rows with their runs.
-        batch: The number of runs after which a row may end.
-        workers: Returns this many workers.
-        write: Writes the smallest failure to the file of `-o`; returns None if this is impossible.
-        smallest: A description of it.
+        rows: The rows.
+        batch: The number of runs of a row between two checks whether its runs can stop.
+        workers: Creates an executor with the given number of workers.
+        write: Writes the smallest failure to the file of `-o`; returns None if it cannot write the failure.
+        smallest: What *write* writes, for the hint to use `-o`.
         arguments: The command's arguments.
         budget: The budget of all rows.
     """

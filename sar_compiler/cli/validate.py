@@ -40,38 +40,38 @@ _FAILED = "internal-error"
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `validate`."""
-    more = f"{INPUT_HELP}; or a folder, for all tree files in it and below"
+    text = f"{INPUT_HELP}; or a folder, to check all tree files in it and in its subfolders"
     add = parser.add_argument
-    add("files", nargs="+", type=TREE_INPUT, metavar="FILE", help=more)
+    add("files", nargs="+", type=TREE_INPUT, metavar="FILE", help=text)
     add_project_options(parser)
     add_mission(parser)
-    add("--strict", action="store_true", help="exit with 1 for warnings, too")
+    add("--strict", action="store_true", help="exit with 1 also for warnings")
     trial = parser.add_mutually_exclusive_group()
-    text = "search the runs of each file for SEC seconds for errors raised in ticks (default: a fixed amount of work)"
+    text = "for SEC seconds, search the runs of each file for errors raised in ticks (default: search with a fixed amount of work)"
     trial.add_argument("--deep", type=seconds, metavar="SEC", help=text)
     trial.add_argument("--no-deep", action="store_true", help="do not search for errors raised in ticks")
     add_budget(parser)
-    text = "check every file, and store no results (default: unchanged files are not checked again)"
+    text = "check every file, and do not store the results (default: unchanged files are not checked again)"
     add("--no-cache", action="store_true", help=text)
     add("--fix", action="store_true", help="first fix typos in the files")
     text = "print one file with all suggestions applied, including guesses, instead of the findings; no file is changed"
     add("--print-fixed", action="store_true", help=text)
-    text = "with text and github: report each location, instead of each cause once"
+    text = "in the formats text and github, report every location of a finding, not only the first location of each cause"
     add("--all", action="store_true", help=text)
-    text = "for people (default text), for scripts, for code scanning (SARIF), or as annotations of GitHub Actions"
+    text = "the output format: text for people (default), json for scripts, sarif for code scanning, or github for annotations in GitHub Actions"
     add("--format", choices=FORMATS, default=_TEXT, help=text)
     parser.set_defaults(run=_validate)
 
 
 def _validate(arguments: argparse.Namespace) -> int:
-    """Print the findings about files, and return the exit status: 130 after Ctrl-C, with the findings so far."""
+    """Print the findings about files, after Ctrl-C the findings so far, and return the exit status."""
     if not arguments.files[1:] and arguments.format == _TEXT:
         require_tree_file(arguments.files[0], or_folder=True)
     if arguments.print_fixed:
         return _print_fixed(arguments)
     if not (is_part_installed("validation") or arguments.fix or any(map(is_folder, arguments.files))):
         return _validate_singly(arguments)
-    # Its imports are slow, and a missing file is reported without them.
+    # Imported late, because the import is slow and a missing file is reported without it.
     from sar_compiler.validation.validation import CheckOptions, Validation
 
     with nullcontext() if arguments.fix else read_files_once():
@@ -97,7 +97,7 @@ def _validate(arguments: argparse.Namespace) -> int:
 
 
 def _validate_singly(arguments: argparse.Namespace) -> int:
-    """Check files one by one, in an installation without `sar_compiler.validation`."""
+    """Check files one by one, for an installation without `sar_compiler.validation`."""
     trees = [*map(workspace(arguments).load, arguments.files)]
     found = {tree.path: tree.check() for tree in trees}
     findings = [each for some in found.values() for each in some]
@@ -119,7 +119,7 @@ def _status(arguments: argparse.Namespace, findings: "Sequence[Diagnostic]") -> 
 
 
 def _print_fixed(arguments: argparse.Namespace) -> int:
-    """Print a file with all suggestions applied, and return the exit status: whether errors are left.
+    """Print a file with all suggestions applied, and return the exit status: 1 if errors are left, otherwise 0.
 
     Raises:
         SarError: If the argument is not a single file, or cannot be read.
@@ -148,17 +148,17 @@ def _print_findings(
     fixable: int = 0,
     fixes: "Sequence[tuple[Diagnostic, TextFix]]" = (),
 ) -> None:
-    """Print findings, files without findings, and the numbers of files and of findings that can be fixed."""
+    """Print findings, the files without findings, and the numbers of findings, checked files and fixable findings."""
     form = arguments.format
     if form == _TEXT:
-        told = findings if arguments.all else _group_by_cause(findings)
-        if told:
-            print(findings_as_text(told, sys.stdout))
+        shown = findings if arguments.all else _group_by_cause(findings)
+        if shown:
+            print(findings_as_text(shown, sys.stdout))
         for path in clean:
             print_text(f"{path}: no findings")
-        if told or checked > 1:
+        if shown or checked > 1:
             sys.stdout.flush()
-            print(_summary(findings, told, checked, fixable), file=sys.stderr)
+            print(_summary(findings, shown, checked, fixable), file=sys.stderr)
         return
     from sar_compiler.views import findings as views
 
@@ -176,7 +176,7 @@ def _print_findings(
 
 
 def _group_by_cause(findings: "Sequence[Diagnostic]") -> "Sequence[Diagnostic]":
-    """Group findings by cause, and return one of each."""
+    """Return one finding for each cause."""
     if len(findings) <= 1:
         return findings
     from sar_compiler.views.findings import group_by_cause
@@ -185,14 +185,14 @@ def _group_by_cause(findings: "Sequence[Diagnostic]") -> "Sequence[Diagnostic]":
 
 
 def _summary(
-    findings: "Sequence[Diagnostic]", told: "Sequence[Diagnostic]", checked: int, fixable: int
+    findings: "Sequence[Diagnostic]", shown: "Sequence[Diagnostic]", checked: int, fixable: int
 ) -> str:
-    """Return the number of findings in words."""
-    counts = Counter(finding.severity.value for finding in told if finding.code != "more-findings")
+    """Return the summary line: the number of findings by severity, checked files, fixable findings and locations."""
+    counts = Counter(finding.severity.value for finding in shown if finding.code != "more-findings")
     listed = [count_with_noun(counts[each], each) for each in ("error", "warning", "info") if counts[each]]
     if any(each.code == "more-findings" for each in findings):
         listed.append("others not shown")
     more = f"; {fixable:,} fixable with --fix" if fixable else ""
-    hidden = len(findings) != len(told)
+    hidden = len(findings) != len(shown)
     places = f"; --all lists {count_with_noun(len(findings), 'location')}" if hidden else ""
     return f"{', '.join(listed) or 'no findings'} in {count_with_noun(checked, 'file')}{more}{places}"

@@ -44,7 +44,7 @@ def add_options(parser: CommandParser) -> None:
     add("--against", type=TREE_INPUT, metavar="OTHER", help=text)
     text = "a properties file to prove for every run (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
-    text = f"explore at most N states, and leave the rest undecided (default {MAX_STATES})"
+    text = f"explore at most N states; the runs beyond them stay undecided (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
     add_search_options(parser, "verify")
     parser.set_defaults(run=verify_file)

@@ -436,7 +436,7 @@ class TestManyCalls:
         (["--root", "nowhere"], "sar-compile: --root nowhere is not a folder\n"),
         (
             ["--trust"],
-            "sar-compile: --trust would also trust an agent's changes to the modules: pass it once to another command instead\n",
+            "sar-compile: --trust would also trust an agent's changes to the modules. Run another command with --trust once instead\n",
         ),
     ],
 )

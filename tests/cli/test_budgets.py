@@ -62,7 +62,7 @@ def test_every_analysis_of_numbers_that_multiply_ends_with_a_documented_status(t
     status, out, err = run(SAR_COMPILE, command, trees / f"{name}.xml", *more.get(command, ()), *A_MOMENT)
     assert status in (0, 1)
     assert "Traceback" not in err
-    assert out or re.search("nothing is known yet|no prediction is possible: .* --period", err)
+    assert out or re.search("there is no result yet|no prediction is possible: .* --period", err)
     if "raise the limit" in err:
         assert status == 1
 
@@ -72,7 +72,7 @@ def test_a_prediction_that_is_stopped_has_bounds_and_its_reason(trees):
     found = json.loads(out)
     assert (status, found["success"], found["stopped"]) == (1, {"low": 0.0, "high": 1.0}, True)
     assert found["states"] > 0
-    assert err == "sar-compile: stopped after 0.3 s: raise the limit with --max-seconds\n"
+    assert err == "sar-compile: stopped after 0.3 s. Raise the limit with --max-seconds\n"
 
 
 def test_a_verification_that_has_no_memory_left_knows_nothing(trees):
@@ -80,7 +80,7 @@ def test_a_verification_that_has_no_memory_left_knows_nothing(trees):
     assert status == 1
     assert (
         err
-        == "sar-compile: nothing is known yet: stopped at 1 MB of memory: raise the limit with --max-memory\n"
+        == "sar-compile: there is no result yet, because the analysis was stopped at 1 MB of memory. Raise the limit with --max-memory\n"
     )
 
 
@@ -90,7 +90,7 @@ def test_a_simulation_that_is_stopped_shows_its_ticks(trees):
     assert status == 1
     assert out.startswith("tick 1, 0 s: root RUNNING\n")
     assert err == (
-        "sar-compile: stopped after 0.3 s: raise the limit with --max-seconds (1 of 1 scenarios were started)\n"
+        "sar-compile: stopped after 0.3 s. Raise the limit with --max-seconds (1 of 1 scenarios were started)\n"
     )
 
 
@@ -102,7 +102,7 @@ def test_a_sweep_of_runs_that_never_end_is_stopped_with_its_table(trees, tmp_pat
     status, out, err = run(SAR_COMPILE, "sweep", *given, *A_MOMENT)
     assert status == 1
     assert "0.0 to 100.0" in out
-    assert err.endswith("sweep: stopped after 0.3 s: raise the limit with --max-seconds\n")
+    assert err.endswith("sweep: stopped after 0.3 s. Raise the limit with --max-seconds\n")
 
 
 def test_a_check_that_is_stopped_says_how_many_files_are_left(trees):
@@ -110,7 +110,7 @@ def test_a_check_that_is_stopped_says_how_many_files_are_left(trees):
     status, _, err = run(SAR_COMPILE, "validate", *files, "--deep", "1000", *A_MOMENT)
     assert status == 1
     assert err.endswith(
-        "sar-compile: stopped after 0.3 s: raise the limit with --max-seconds (2 files not checked)\n"
+        "sar-compile: stopped after 0.3 s. Raise the limit with --max-seconds (2 files not checked)\n"
     )
 
 
@@ -177,7 +177,7 @@ class TestBudget:
         budget, is_over = Budget(0.0, patience_sec=0.0), threading.Event()
         with pytest.raises(
             BudgetSpentError,
-            match="nothing is known yet: stopped after 0 s: raise the limit with --max-seconds",
+            match=r"there is no result yet, because the analysis was stopped after 0 s\. Raise the limit with --max-seconds",
         ):
             budget.run(is_over.wait)
         is_over.set()
@@ -194,7 +194,7 @@ class TestBudget:
 
     def test_what_takes_far_more_memory_than_it_may_is_left_behind_at_once(self):
         budget, is_over = Budget(max_memory_mb=memory_mb() / 2, patience_sec=1000.0), threading.Event()
-        with pytest.raises(BudgetSpentError, match="MB of memory: raise the limit with --max-memory"):
+        with pytest.raises(BudgetSpentError, match=r"MB of memory\. Raise the limit with --max-memory"):
             budget.run(is_over.wait)
         is_over.set()
 

@@ -121,33 +121,39 @@ def test_a_journal_of_another_tree_is_told_so(conform, flight, place):
     (place / "tree.xml").write_text(document(BODY.replace("Drive", "Fly")), encoding="utf-8")
     status, out, _ = conform(journal, options=())
     assert status == 1
-    assert "not compared: the tree's nodes differ from those of the run. It ran 'Main' of " in out
+    assert (
+        "not compared: the tree's nodes differ from the nodes of the run. The recorded run is of 'Main' of "
+        in out
+    )
 
 
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (("--max-memory", "1"), "stopped at 1 MB of memory: raise the limit with --max-memory"),
-        (("--max-seconds", "1e-9"), "stopped after 1e-09 s: raise the limit with --max-seconds"),
+        (("--max-memory", "1"), "stopped at 1 MB of memory. Raise the limit with --max-memory"),
+        (("--max-seconds", "1e-9"), "stopped after 1e-09 s. Raise the limit with --max-seconds"),
     ],
 )
 def test_a_flight_for_which_the_budget_does_not_suffice_is_not_judged(conform, flight, options, reason):
     status, out, _ = conform(flight(), options=options)
     assert status == 1
-    assert f"not compared: nothing is known yet: {reason}" in out
+    assert f"not compared: there is no result yet, because the analysis was {reason}" in out
 
 
 def test_ctrl_c_ends_the_comparison_and_what_is_known_is_shown(conform, flight, monkeypatch):
     monkeypatch.setattr(Budget, "is_spent", press_ctrl_c)
     status, out, _ = conform(flight())
     assert status == 130
-    assert "not compared: nothing is known yet: stopped by Ctrl-C" in out
+    assert "not compared: there is no result yet, because the analysis was stopped by Ctrl-C" in out
 
 
 def test_a_journal_of_a_tree_that_the_file_does_not_have_is_told_so(conform, flight):
     status, out, _ = conform(flight(tree_id="Elsewhere"))
     assert status == 1
-    assert "not compared: the tree's nodes differ from those of the run. It ran 'Elsewhere' of " in out
+    assert (
+        "not compared: the tree's nodes differ from the nodes of the run. The recorded run is of 'Elsewhere' of "
+        in out
+    )
 
 
 def test_what_is_otherwise_in_the_tree_since_is_told(conform, flight, place):
@@ -170,7 +176,7 @@ def test_a_journal_without_a_tree_is_told_so(conform, place):
         journal.end_run(Ending.STOPPED, 0)
     status, out, _ = conform(place / "bare.journal")
     assert status == 1
-    assert out.endswith("bare.journal: not compared: it contains no run of a tree\n")
+    assert out.endswith("bare.journal: not compared: the journal contains no run of a tree\n")
 
 
 def test_a_journal_that_is_still_written_is_judged_so_far(conform, place, monkeypatch):

@@ -51,14 +51,14 @@ def test_it_tells_people_what_would_have_succeeded(why):
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (("--max-memory", "1"), "stopped at 1 MB of memory: raise the limit with --max-memory"),
-        (("--max-seconds", "1e-9"), "stopped after 1e-09 s: raise the limit with --max-seconds"),
+        (("--max-memory", "1"), "stopped at 1 MB of memory. Raise the limit with --max-memory"),
+        (("--max-seconds", "1e-9"), "stopped after 1e-09 s. Raise the limit with --max-seconds"),
     ],
 )
 def test_where_the_budget_does_not_suffice_the_reasons_are_told_without_it(why, options, reason):
     told = why(*options)
     assert told.startswith(why().partition("\nThe mission would have succeeded")[0])
-    assert f"would have led to success: nothing is known yet: {reason}" in told
+    assert f"would have led to success: there is no result yet, because the analysis was {reason}" in told
 
 
 def test_ctrl_c_ends_the_search_and_the_reasons_are_shown(why, monkeypatch):
@@ -66,7 +66,10 @@ def test_ctrl_c_ends_the_search_and_the_reasons_are_shown(why, monkeypatch):
     monkeypatch.setattr(Budget, "is_spent", press_ctrl_c)
     told = why(status=130)
     assert told.startswith(reasons)
-    assert "would have led to success: nothing is known yet: stopped by Ctrl-C" in told
+    assert (
+        "would have led to success: there is no result yet, because the analysis was stopped by Ctrl-C"
+        in told
+    )
 
 
 def test_it_tells_scripts_what_would_have_succeeded(why):

@@ -68,7 +68,7 @@ def test_without_times_there_is_no_plot_and_that_is_said(predict, tmp_path):
     status, out, err = predict("--plot", "{folder}/plot.svg", "--max-states", "3")
     assert status == 1
     assert "Not all states were explored" in out
-    assert err.endswith("plot.svg was not written, because no end times were computed, or no run ends\n")
+    assert err.endswith("plot.svg was not written, because no run ends or the end times were not computed\n")
     assert not (tmp_path / "plot.svg").exists()
 
 

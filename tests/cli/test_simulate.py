@@ -48,14 +48,14 @@ def test_a_shipped_scenario_holds(capsys, path):
 def test_a_folder_stands_for_all_scenarios_in_it(capsys):
     status, out, _ = run(capsys, TREE, "--scenario", SCENARIOS, "--coverage")
     assert status == 0
-    assert "3 of 3 scenarios hold.\ncoverage: 13 of 13 nodes ticked, " in out
+    assert "3 of 3 scenarios passed.\ncoverage: 13 of 13 nodes ticked, " in out
 
 
 def test_a_folder_without_scenarios_is_wrong_usage(capsys, tmp_path, tree):
     status, _, err = run(capsys, tree, "--scenario", tmp_path)
     assert (status, err) == (
         2,
-        f"sar-compile: {tmp_path} has no scenario: no file in it ends with .yaml\n",
+        f"sar-compile: {tmp_path} contains no scenario file, such as scenario.yaml\n",
     )
 
 
@@ -107,7 +107,7 @@ def test_a_mistake_in_a_scenario_has_status_1_and_the_others_are_played(capsys, 
     assert status == 1
     assert err.startswith(f"{wrong}:1:10: error[unknown-leaf]: ")
     assert "'right' holds." in out
-    assert out.endswith("1 of 2 scenarios hold.\n")
+    assert out.endswith("1 of 2 scenarios passed.\n")
 
 
 def test_a_scenario_that_is_not_there_has_status_2(capsys, tree):
@@ -235,7 +235,7 @@ def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, 
     wholly = scenario("controls: {RecoveryNode: Fallback, Twice: PassThrough}", "wholly.yaml")
     status, out, err = run(capsys, *described, "--scenario", partly, "--scenario", wholly)
     assert (status, err.count("error[only-described]")) == (1, 1)
-    assert "1 of 2 scenarios hold." in out
+    assert "1 of 2 scenarios passed." in out
 
 
 def test_a_decorator_of_ones_own_that_answers_with_no_status_is_told_as_in_a_real_run(capsys, tmp_path):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.cli.arguments import MOST_JOBS
+from sar_compiler.cli.arguments import MAX_JOBS
 from sar_compiler.cli.compile import main
 from tests.processes import children_of
 from tests.slowness import without_progress
@@ -182,8 +182,8 @@ def test_what_cannot_be_played_is_said(capsys, arguments, words):
         (["--vary", "tries=[1"], "is not NAME=VALUE,VALUE"),
         (["--unusual", "2"], "'2' is not a number between 0 and 1"),
         (["--confidence", "1"], "'1' is not a number above 0 and below 1"),
-        (["--seed", "-1"], "'-1' is not an integer, 0 or above"),
-        (["--jobs", "100000"], f"'100000' is not a number of processes from 1 to {MOST_JOBS}"),
+        (["--seed", "-1"], "'-1' is not an integer of 0 or more"),
+        (["--jobs", "100000"], f"'100000' is not a number of processes from 1 to {MAX_JOBS}"),
     ],
 )
 def test_wrong_usage_is_refused(capsys, arguments, words):

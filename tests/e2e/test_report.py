@@ -93,7 +93,7 @@ def test_a_mission_that_is_resumed_is_reported_from_its_beginning(start, tmp_pat
         ),
         (["--report", "r.cot"], "r.cot contains world coordinates. Add georeference"),
         (["--report", "not/there/r.html"], "not/there does not exist"),
-        (["--check", "--report", "r.html"], "--check starts no run"),
+        (["--check", "--report", "r.html"], "--check does not run the mission"),
         (
             ["--report", "r.cap", "--ros-args", "-p", "georeference.lat:=91.0"],
             "parameters:\n  georeference.lon: is missing",

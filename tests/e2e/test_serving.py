@@ -327,9 +327,9 @@ def test_a_fault_that_there_is_not_ends_the_server_before_anybody_can_start_a_ru
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["tree.xml", "--serve", "search_and_rescue"], "--serve names its trees itself"),
+        (["tree.xml", "--serve", "search_and_rescue"], "--serve lists the trees to serve"),
         (["--serve", "search_and_rescue", "--resume"], "--serve starts a run for each goal"),
-        (["search_and_rescue", "--managed"], "--managed applies to a server of trees: add --serve TREE"),
+        (["search_and_rescue", "--managed"], "--managed requires --serve TREE"),
     ],
 )
 def test_options_that_do_not_go_with_serving_are_named(start, options, said):

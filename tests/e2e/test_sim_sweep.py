@@ -151,7 +151,7 @@ def test_the_flights_are_stopped_when_their_time_is_over_and_what_is_known_is_sh
     sweep = start("sar-sim", "sweep", "search_and_rescue", "--runs", 9, "--jobs", 2, "--max-seconds", 2)
     assert sweep.end() == 1, sweep.output
     assert "runs  success" in sweep.output
-    assert "sweep: stopped after 2 s: raise the limit with --max-seconds" in sweep.output
+    assert "sweep: stopped after 2 s. Raise the limit with --max-seconds" in sweep.output
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ def test_a_run_is_recorded_from_its_beginning_to_its_end(start, tree, tmp_path):
 def test_a_recording_has_its_ending(tree):
     status, said = run_without("nothing", "sar_compiler.cli.run:main", str(tree), "--record", "out/run.bag")
     assert status == 2
-    assert "--record writes MCAP, so its file must end with .mcap: out/run.mcap" in said
+    assert "--record writes an MCAP file, whose name must end with .mcap, such as out/run.mcap" in said
 
 
 def test_a_mission_is_published_until_its_end(start, tree, ros):

@@ -150,8 +150,8 @@ def test_a_check_leaves_journals_alone(begin, start, tree, state, tmp_path):
     ("arguments", "words"),
     [
         (["--resume", "--new"], "not allowed with"),
-        (["--check", "--resume"], "--check starts no run"),
-        (["--journal", "none", "--resume"], "--journal none conflicts with"),
+        (["--check", "--resume"], "--check does not run the mission"),
+        (["--journal", "none", "--resume"], "--resume and --new require a journal"),
         (["--resume"], " to resume. Omit --resume"),
     ],
 )

@@ -127,7 +127,7 @@ def test_a_journal_in_which_no_leaf_has_answered_is_said(place, capsys):
     [
         ([leaf("Drive"), leaf("Fly")], "'Fly' (a.Leaf) replaces 'Look' (a.Leaf)"),
         ([leaf("Drive"), leaf("Look", attributes={"x": 2})], "'Look' has different attributes"),
-        ([leaf("Drive")], "it has 2 nodes instead of 3"),
+        ([leaf("Drive")], "the tree has 2 nodes instead of 3"),
     ],
 )
 def test_a_journal_of_another_tree_is_refused_in_words(place, tmp_path, capsys, children, words):

@@ -63,7 +63,7 @@ def test_a_check_that_takes_longer_than_it_may_is_reported_and_the_next_file_is_
     write(wide, *WIDE, main="Main")
     write(small, *SMALL, main="Main")
     assert not hurried.open(wide).diagnostics
-    reason = f"{wide} was not checked: stopped after 0.5 s: raise the limit with --max-seconds"
+    reason = f"{wide} was not checked: stopped after 0.5 s. Raise the limit with --max-seconds"
     hurried.wait_until(lambda: [each for each in hurried.messages if each.message == reason], "no message")
     (finding,) = hurried.open(small).diagnostics
     assert finding.code == "missing-attribute"

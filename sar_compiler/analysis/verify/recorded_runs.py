@@ -319,7 +319,7 @@ class TreeRuns:
         )
         self.names = [node.behaviour.name for node in self.stepper.flat.nodes]
         if self.names != list(names):
-            raise OtherTreeError("the tree's nodes differ from those of the run")
+            raise OtherTreeError("the tree's nodes differ from the nodes of the run")
         self.leaves = {leaf.number for leaf in simulated.leaves}
         self._known: dict[bytes, list[PossibleTick]] = {}
         self._raising: dict[bytes, list[PossibleTick]] = {}
