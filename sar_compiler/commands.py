@@ -22,7 +22,7 @@ OK = 0
 FINDINGS = 1
 USAGE = 2
 RULE_FAILED = 3
-"""The status of `sar-compile` if one of the project's own rules failed; findings of the others are reported."""
+"""The status of `sar-compile` if a check failed with an internal error; the findings of the other checks are reported."""
 ROBOT_MAY_MOVE = 4
 """The status of a stopped run with a goal that may still be active."""
 INTERRUPTED = 130
@@ -30,17 +30,17 @@ PIPE_CLOSED = 141
 """The status that a shell reports for a process that wrote to a closed pipe: the output may not have been read."""
 
 _NO_MEMORY = "failed to map segment"
-"""Part of the library loader's message if there is no memory for a library."""
+"""The part of the library loader's message that means that there is not enough memory to load a library."""
 LIMITS_VARIABLE = "SAR_CALL_LIMITS"
-"""The environment variable with the limits of a call by the server of tools for agents (`agent.call_limits`)."""
+"""The environment variable with the limits of a tool call by the MCP server (`agent.call_limits`)."""
 
 _UNWRITABLE = (errno.EBADF, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOSPC)
-"""Errors of writing to standard output, other than a closed pipe."""
+"""The error numbers of failed writes to standard output, except that of a closed pipe."""
 
-# Top-level modules of the simulator's libraries, and of ROS.
+# The top-level modules of the simulator's libraries.
 _SIMULATOR = ("numpy", "scipy", "PIL")
-# Extras for single options: their modules, the option, and a further remedy.
-_OF_OPTIONS = {
+# The modules of the extras that single options need, each with the option and an addition to the remedy.
+_OPTION_EXTRAS = {
     "groot2": (("zmq", "msgpack"), "--groot2", ", or apt's python3-zmq and python3-msgpack on a robot"),
     "lsp": (("pygls", "lsprotocol", "cattrs", "attr", "attrs"), "the language server", ""),
     "mcp": (("mcp", "mcp_types", "anyio"), "the server of tools for agents", ""),
@@ -61,15 +61,14 @@ _OF_OPTIONS = {
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
 INTERFACES = ("bond", "btcpp_ros2_interfaces", "nav2_msgs", "sar_interfaces", "tf2_msgs")
-"""Message packages that no index provides: their wheels are built in a checkout."""
+"""The message packages that no package index provides; a checkout can build their wheels."""
 
 
 def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line for each kind of error
     """Run a command and report its errors to the user as messages.
 
     Returns:
-        The exit status: the command's own, that of a `SarError` (mostly 2), or 2 for a missing library, and for
-            unwritable standard output.
+        The command's exit status, the `exit_status` of a `SarError`, or 2 if a library is missing or standard output cannot be written.
     """
     try:
         return _run_and_flush(command)
@@ -79,7 +78,7 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
         return error.exit_status
     except ImportError as error:
         message = (
-            "there is not enough memory for this"
+            "there is not enough memory for this command"
             if _NO_MEMORY in str(error)
             else missing_library_message(error)
         )
@@ -104,14 +103,14 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
     except KeyboardInterrupt as interrupt:
         return status_of_interrupt(interrupt)
     except MemoryError:
-        # Reported only below: the exception holds the frames, and these the memory.
+        # Reported below, because the exception keeps the frames, and with them the memory, in use.
         pass
-    print_error(f"{prog}: there is not enough memory for this")
+    print_error(f"{prog}: there is not enough memory for this command")
     return USAGE
 
 
 def is_tree_error(error: SarError) -> "TypeGuard[TreeError]":
-    """Return whether an error is a `TreeError`, without importing its slow module, which any such error has imported."""
+    """Return whether an error is a `TreeError`, without a slow import: if it is, its module has already been imported."""
     diagnostic = sys.modules.get("sar_compiler.tree.diagnostic")
     return diagnostic is not None and isinstance(error, diagnostic.TreeError)
 
@@ -129,25 +128,25 @@ def _run_and_flush(command: Callable[[], int]) -> int:
 
 
 def print_error(text: str) -> None:
-    """Print a text on standard error, with visible control characters; do nothing if that is closed or unwritable."""
-    with suppress(OSError, UnicodeError):  # there is nowhere to report it
+    """Print a text on standard error, with visible control characters; do nothing if standard error cannot be written."""
+    with suppress(OSError, UnicodeError):  # the failure cannot be reported anywhere
         try:
             print(f"{_visible(text)}\n", end="", file=sys.stderr, flush=True)
         except OSError:
-            # Python would try again at its end, and change the exit status.
+            # Otherwise Python would write the text again when it exits, fail, and change the exit status.
             _discard(sys.stderr)
 
 
 def print_note(text: str) -> None:
-    """Print a note about something unexpected that is not an error on standard error."""
+    """Print a note on standard error about something unexpected that is not an error."""
     print_error(f"note: {text}")
 
 
 def print_text(text: str, end: str = "\n", *, flush: bool = False) -> None:
-    """Print a text for people on standard output, with visible control characters; data for programs is printed unchanged.
+    """Print a text for people on standard output, with visible control characters; not for data that programs read.
 
-    The text is written in one piece, even if Python is unbuffered (PYTHONUNBUFFERED), so that log lines of other threads appear between lines
-    and not within them.
+    The text is written in one piece, even if Python is unbuffered (PYTHONUNBUFFERED), so that log lines of other threads do not appear
+    within its lines.
     """
     print(f"{_visible(text)}{end}", end="", flush=flush)
 
@@ -159,28 +158,31 @@ def _visible(text: str) -> str:
 
 
 def interruptible(*more: int) -> None:
-    """From here on, within `run`, turn Ctrl-C into an exception that ends the command, so that cleanup code runs.
+    """Let Ctrl-C raise a `KeyboardInterrupt` from now on, which ends a command in `run` after its cleanup code.
 
     Args:
-        more: Other signals with the same effect. The `KeyboardInterrupt` has the number of the signal as its argument.
+        more: Other signals with the same effect. The exception has the number of the signal as its argument.
     """
 
     def interrupt(number: int, _frame: object) -> None:
         raise KeyboardInterrupt(number)
 
-    _handle(interrupt, *more)
+    _set_handler(interrupt, *more)
 
 
 def exit_on_interrupt() -> None:
-    """From here on, end this process at once on Ctrl-C: a server reads standard input in a thread that no exception reaches."""
+    """Let Ctrl-C end this process immediately from now on, for a server that reads standard input in a thread.
+
+    An exception in the main thread would not end the other thread.
+    """
 
     def leave(number: int, _frame: object) -> None:
         os._exit(128 + number)
 
-    _handle(leave)
+    _set_handler(leave)
 
 
-def _handle(handler: Callable[[int, object], None], *more: int) -> None:
+def _set_handler(handler: Callable[[int, object], None], *more: int) -> None:
     import signal
 
     for number in (signal.SIGINT, *more):
@@ -200,7 +202,7 @@ def discard_output() -> None:
 
 
 def _discard(stream: TextIO) -> None:
-    with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 - os.devnull is no path of a file
+    with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 - os.devnull need not be a path
         os.dup2(nowhere.fileno(), stream.fileno())
 
 
@@ -218,20 +220,20 @@ def _write_failure(error: OSError | UnicodeEncodeError) -> str | None:
 
 
 def missing_library_message(error: ImportError) -> str | None:
-    """Return a message about a missing library and its source; None if the library cannot be installed."""
+    """Return a message that a library is missing, with the command that installs it; None for an unknown library."""
     if (part := missing_part(error)) is not None:
         return f"a part of sar_compiler is not installed: sar_compiler.{part}"
     module = (error.name or "").split(".")[0]
     if module in _SIMULATOR:
         return (
-            f"a library of the simulator is missing ({error}): the simulator and `predict` need numpy, scipy and Pillow. "
+            f"a library of the simulator is missing ({error}). The simulator and `predict` need numpy, scipy and Pillow. "
             "Install them with pip install 'sar_compiler[sim]', or with rosdep on a robot"
         )
-    for extra, (modules, option, hint) in _OF_OPTIONS.items():
+    for extra, (modules, option, hint) in _OPTION_EXTRAS.items():
         if module in modules:
             return (
-                f"{option} needs a missing library ({error}): "
-                f"install it with pip install 'sar_compiler[{extra}]'{hint}"
+                f"{option} needs a library that is missing ({error}). "
+                f"Install it with pip install 'sar_compiler[{extra}]'{hint}"
             )
     if module in INTERFACES and "rclpy" in sys.modules:
         return (
@@ -248,7 +250,7 @@ def missing_library_message(error: ImportError) -> str | None:
 
 
 def _usage_suggestion(message: str, options: Iterable[str], *, has_ros: bool) -> str:
-    """Return the suggestion that argparse's message lacks: the choice, or the option, that was probably meant."""
+    """Return a suggestion to append to argparse's message: the choice or option that the user probably meant; empty if unknown."""
     from sar_compiler.tree.guessing import did_you_mean, nearest
 
     if chosen := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
@@ -278,17 +280,17 @@ _OTHER_NAMES = {
     "fmt": "format",
     "help": "explain",
 }
-"""Commands that other programs call."""
+"""The subcommand to suggest for a name that other programs use for it."""
 
 
 def requested_columns() -> int:
-    """Return the width that the environment requests (`COLUMNS`); 0 if it requests none."""
+    """Return the terminal width in the environment variable `COLUMNS`; 0 if it is not set."""
     text = os.environ.get("COLUMNS", "")
     return int(text) if text.isdecimal() else 0
 
 
 def columns(stream: TextIO) -> int:
-    """Return the width of the terminal of a stream; 0 for a file or a pipe."""
+    """Return the number of columns of the terminal to which a stream writes; 0 for a file or a pipe."""
     try:
         width = os.get_terminal_size(stream.fileno()).columns
     except (AttributeError, ValueError, OSError):
@@ -297,32 +299,32 @@ def columns(stream: TextIO) -> int:
 
 
 class CommandParser(argparse.ArgumentParser):
-    """An argument parser that accepts no abbreviated options, and completes them for a shell.
+    """An argument parser that does not accept abbreviated options, and completes arguments in a shell.
 
-    What `abridge` leaves out of `--help` is in `--help-all`, which an abridged parser has.
+    `abridge` shortens `--help`, and adds `--help-all`, which shows the complete help.
     """
 
     def __init__(self, prog: str = "", description: str = "", **settings: Any) -> None:
         self._full_texts: dict[argparse.Action, str] = {}
         super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)
-        # As of Python 3.14: a value of several numbers, such as -33.9,18.4,90, is not an option either.
+        # As in Python 3.14: an argument of several numbers, such as -33.9,18.4,90, is a value, not an option.
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse a command line; if a shell requests its completion, respond and exit."""
+        """Parse a command line, or print its completions and exit if a shell requests them."""
         if "_ARGCOMPLETE" in os.environ:
             self.complete()
         return super().parse_args(args, namespace)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse a command line; unknown arguments are errors of this command, not of its parent."""
+        """Parse a command line; report unknown arguments as errors of this parser, not of its parent."""
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}")
         return found, unknown
 
     def abridge(self, *hidden: str, **shortened: str) -> None:
-        """Hide options and shorten the help of others in `--help`; `--help-all` has them all in full.
+        """Hide some options in `--help` and shorten the help of others; `--help-all` shows all options in full.
 
         Args:
             hidden: Names of rarely used options.
@@ -339,7 +341,7 @@ class CommandParser(argparse.ArgumentParser):
                 self._full_texts[action], action.help = str(action.help), text
 
     def show_all(self) -> None:
-        """Show every option in the help, here and in the subcommands."""
+        """Show every option in the help of this parser and of its subcommands."""
         for action, text in self._full_texts.items():
             action.help = text
         for action in self._actions:
@@ -348,33 +350,33 @@ class CommandParser(argparse.ArgumentParser):
                     command.show_all()
 
     def error(self, message: str) -> NoReturn:
-        """Report the error of a command line with a suggestion, and exit."""
+        """Report an error in the command line, with a suggestion, and exit."""
         if message.endswith("are required: COMMAND"):
             self.print_help(sys.stderr)
         else:
             self.print_usage(sys.stderr)
         options = [name for name in self._option_string_actions if name.startswith("--")]
-        meant = _usage_suggestion(message, options, has_ros="--ros-args" in (self.epilog or ""))
-        self.exit(USAGE, _visible(f"{self.prog}: error: {message}{meant}\n"))
+        suggestion = _usage_suggestion(message, options, has_ros="--ros-args" in (self.epilog or ""))
+        self.exit(USAGE, _visible(f"{self.prog}: error: {message}{suggestion}\n"))
 
     def complete(self) -> NoReturn:
-        """Respond to a shell that requests completions."""
+        """Print the completions that a shell requests, and exit."""
         import argcomplete
 
         self.show_all()
-        # ROS arguments follow, for which the shell offers files.
+        # After --ros-args the shell offers files instead.
         if "--ros-args" not in os.environ["COMP_LINE"].split():
             argcomplete.autocomplete(self, always_complete_options=False)
         sys.exit()
 
     def _get_formatter(self) -> argparse.HelpFormatter:
-        # A formatter is made for every argument, to check its name; argparse's import for the width takes long.
+        # argparse creates a formatter for every argument, to check its name. Without a width the formatter would import a slow module.
         width = columns(sys.stdout) or requested_columns() or 80
         return _Formatter(prog=self.prog, width=width - 2)
 
 
 class _Formatter(argparse.HelpFormatter):
-    """Replaces optional arguments in the usage line by `[options]`, because the help lists them below."""
+    """A help formatter that writes `[options]` in the usage line instead of the options, which the help lists below."""
 
     def _format_usage(self, usage: Any, actions: Any, groups: Any, prefix: Any) -> str:
         named = [action for action in actions if action.required or not action.option_strings]
@@ -385,7 +387,7 @@ class _Formatter(argparse.HelpFormatter):
 
 
 class _HelpAllAction(argparse.Action):
-    """Shows the help with the rarely used options."""
+    """The action of `--help-all`: print the complete help and exit."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(nargs=0, **{**settings, "dest": argparse.SUPPRESS})
@@ -397,16 +399,16 @@ class _HelpAllAction(argparse.Action):
 
 
 def add_version(parser: argparse.ArgumentParser) -> None:
-    """Add `--version`, which every command has."""
-    shown = "show the versions of what is in use, and exit"
+    """Add `--version`."""
+    shown = "show the versions of sar_compiler, Python and py_trees, and exit"
     parser.add_argument("--version", action=_VersionAction, default=argparse.SUPPRESS, help=shown)
 
 
 def version_of(distribution: str) -> str:
-    """Return the version of an installed distribution: as the folder of its metadata is called, since `importlib.metadata` takes long to import."""
+    """Return the version of an installed distribution, from the name of its metadata folder, because importing `importlib.metadata` is slow."""
     for folder in sys.path:
         with suppress(OSError):
-            for name in os.listdir(folder or os.curdir):  # noqa: PTH208 - pathlib takes a moment too
+            for name in os.listdir(folder or os.curdir):  # noqa: PTH208 - importing pathlib is slow too
                 if name.startswith(f"{distribution}-") and name.endswith(".dist-info"):
                     return name.removesuffix(".dist-info").partition("-")[2]
     from importlib.metadata import version
@@ -415,7 +417,7 @@ def version_of(distribution: str) -> str:
 
 
 class _VersionAction(argparse.Action):
-    """Shows the version; its dependencies are imported only now."""
+    """The action of `--version`: print the versions and exit."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(nargs=0, **{**settings, "dest": argparse.SUPPRESS})

@@ -1,7 +1,7 @@
-"""Start of a console command: from its first line on, Ctrl-C ends it without a traceback.
+"""The start of a console command, during which Ctrl-C ends the process without a traceback.
 
-Importing a command takes a moment, in which Python would respond to Ctrl-C with a traceback. This module therefore
-imports nothing slow, and handles Ctrl-C until the imported command handles it in its own way.
+Importing a command is slow, and Python would respond to Ctrl-C during the import with a traceback. This module therefore
+imports only fast modules, and handles Ctrl-C until the imported command sets its own handler.
 """
 
 import gc
@@ -14,12 +14,12 @@ from typing import NoReturn
 
 
 def console_command(module: str, function: str = "main", *, is_server: bool = False) -> NoReturn:
-    """Import a command, run it, and end the process with its status; Ctrl-C before and after that ends it at once.
+    """Import a command, run it, and end the process with its exit status; before and after the run, Ctrl-C ends the process at once.
 
     Args:
-        module: The import path of its module.
-        function: Its function, which returns the exit status.
-        is_server: Whether being stopped is its regular end.
+        module: The import path of the command's module.
+        function: The name of the function that runs the command and returns its exit status.
+        is_server: Whether the command is a server, for which Ctrl-C is the regular end, with exit status 0.
     """
 
     def leave(number: int, _frame: FrameType | None) -> None:
@@ -32,14 +32,14 @@ def console_command(module: str, function: str = "main", *, is_server: bool = Fa
     from sar_compiler.process_end import end_process, end_with_parent
 
     end_with_parent()
-    status = _status_of(module, function)
-    end_process(status, name=os.path.basename(sys.argv[0]))  # noqa: PTH119 - pathlib takes a moment to import
+    status = _run_command(module, function)
+    end_process(status, name=os.path.basename(sys.argv[0]))  # noqa: PTH119 - importing pathlib is slow
 
 
-def _status_of(module: str, function: str) -> int:
-    """Return the exit status of a command, however it ends."""
+def _run_command(module: str, function: str) -> int:
+    """Run a command and return its exit status, even if it raises an exception."""
     try:
-        gc.disable()  # the imports leave nothing to collect
+        gc.disable()  # imports create no garbage
         command = getattr(importlib.import_module(module), function)
         gc.enable()
         return int(command())
@@ -54,7 +54,7 @@ def _status_of(module: str, function: str) -> int:
         if (part := missing_part(error)) is None:
             sys.excepthook(*sys.exc_info())
             return 1
-        name = os.path.basename(sys.argv[0])  # noqa: PTH119 - as below
+        name = os.path.basename(sys.argv[0])  # noqa: PTH119 - as above
         sys.stderr.write(f"{name}: a part of sar_compiler is not installed: sar_compiler.{part}\n")
         return 2
     except BaseException:  # noqa: BLE001 - the interpreter would do the same, and then wait for other threads
@@ -65,16 +65,16 @@ def _status_of(module: str, function: str) -> int:
 def _leave_current_folder() -> None:
     """Prevent further imports from the current folder, which may be untrusted.
 
-    An empty or relative part of `PYTHONPATH` means this folder. Modules named by the user are still searched there.
+    An empty or relative entry of `PYTHONPATH` refers to this folder. Modules that the user names are still searched there.
     """
     try:
-        written = os.environ["PYTHONPATH"].split(os.pathsep)
-        current = {os.path.realpath(each) for each in ("", *written) if not os.path.isabs(each)}  # noqa: PTH117
+        entries = os.environ["PYTHONPATH"].split(os.pathsep)
+        current = {os.path.realpath(each) for each in ("", *entries) if not os.path.isabs(each)}  # noqa: PTH117
     except OSError:  # the folder has been deleted
         return
-    here = [entry for entry in sys.path if os.path.realpath(entry) in current]
-    sys.path[:] = [entry for entry in sys.path if entry not in here]
-    if here:
+    removed = [entry for entry in sys.path if os.path.realpath(entry) in current]
+    sys.path[:] = [entry for entry in sys.path if entry not in removed]
+    if removed:
         from sar_compiler.nodes.installed import pass_over
 
-        pass_over(here)
+        pass_over(removed)

@@ -1,7 +1,6 @@
-"""The base class of this project's errors for users.
+"""The base classes of the errors that this project reports to users.
 
-Every module defines its own errors on top of :class:`SarError`; the commands show them as a message, without a
-traceback.
+Every module derives its own errors from `SarError`. A command prints such an error as a message, without a traceback.
 """
 
 
@@ -9,7 +8,7 @@ class SarError(Exception):
     """An error caused by the user's input or environment, whose message names the problem and the remedy.
 
     Attributes:
-        exit_status: The exit status of a command for this error.
+        exit_status: The exit status of a command that ends with this error.
     """
 
     exit_status = 2
@@ -27,7 +26,7 @@ class NodeError(SarError):
     """A node cannot continue.
 
     Attributes:
-        node: Its name; empty if unknown.
+        node: The node's name; empty if unknown.
     """
 
     def __init__(self, message: str, node: str = "") -> None:

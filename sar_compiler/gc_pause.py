@@ -1,4 +1,4 @@
-"""Pausing the garbage collector while a large structure is built."""
+"""Pauses of the garbage collector while a program builds a large structure or imports large modules."""
 
 import atexit
 import gc
@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 LARGE = 100_000
-"""The number of characters (some 2,000 elements) from which garbage collection takes noticeable time."""
+"""The number of characters of source text (about 2,000 elements) from which garbage collection takes noticeable time."""
 
-# Python 3.12 freezes some 400 objects of its own, again with each collection; other code that freezes freezes everything.
+# Python 3.12 itself freezes about 400 objects at each collection. If more are frozen, other code has called `gc.freeze`.
 _FROZEN = 1_000
 
 
@@ -16,32 +16,32 @@ _FROZEN = 1_000
 def gc_paused(acyclic: int = 0) -> Iterator[None]:
     """Pause garbage collection while building a structure that creates no garbage.
 
-    For large trees, collection would take as long as all other work together.
+    For a large tree, garbage collection would take as long as the rest of the work.
 
     Args:
-        acyclic: The number of characters of source text, if the structure has no reference cycles. A large structure is
-            then moved to the oldest generation at once, because the collector would scan it twice before that.
-            A structure with cycles must not be moved: the collector would not know its size and would wait too long.
+        acyclic: The number of characters of source text, if the structure has no reference cycles. If this number is large, the
+            structure is moved to the oldest generation at once, which saves the collector two scans. A structure with
+            cycles must not be moved, because the collector would not know its size and would wait too long.
     """
     enabled = gc.isenabled()
     # Objects that other code has frozen must stay frozen.
-    ages = enabled and acyclic >= LARGE and gc.get_freeze_count() < _FROZEN
-    if ages:
+    moves = enabled and acyclic >= LARGE and gc.get_freeze_count() < _FROZEN
+    if moves:
         gc.collect(1)  # collect existing garbage before it is moved to the oldest generation
     gc.disable()
     try:
         yield
     finally:
-        if ages:
+        if moves:
             gc.freeze()
-            gc.unfreeze()  # into the oldest generation
+            gc.unfreeze()  # moves the objects to the oldest generation
         if enabled:
             gc.enable()
 
 
 @contextmanager
 def large_imports() -> Iterator[None]:
-    """Disable garbage collection during large imports; scanning the new objects, then or later, would free nothing."""
+    """Disable garbage collection during large imports, because scanning the imported objects, then or later, would free no memory."""
     with gc_paused(LARGE):
         yield
     atexit.register(gc.freeze)

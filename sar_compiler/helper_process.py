@@ -1,19 +1,19 @@
-"""The command of a helper process: Python with this process's import path, and without the current folder."""
+"""The command line of a helper process, which has this process's import path without the current folder."""
 
 import sys
 
 
 def helper_command(module: str, function: str, *arguments: str) -> list[str]:
-    """Return the command of a process that calls a function and exits with its result.
+    """Return the command line of a Python process that calls a function and exits with its result.
 
     Start it with `process_end.dependent_environment` if it must end together with this process.
 
     Args:
         module: The import path of the function's module.
-        function: The function, which takes no arguments.
-        arguments: Its arguments, available in `sys.argv[1:]`.
+        function: The name of the function, which is called without arguments.
+        arguments: The arguments of the process, in `sys.argv[1:]`.
     """
-    # The first statement removes the current folder, from which `-c` would import.
+    # The first statement replaces the import path, in which `-c` puts the current folder first.
     program = (
         f"import sys; sys.path[:] = {sys.path!r}; from {module} import {function}; sys.exit({function}())"
     )

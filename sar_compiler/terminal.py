@@ -68,14 +68,14 @@ class ProgressLine:
     _EVERY_SEC = 0.25
 
     def __init__(self) -> None:
-        self.is_there = draws_in_place(sys.stderr)
+        self.is_shown = draws_in_place(sys.stderr)
         self._due = time.monotonic() + self._PATIENCE_SEC
         self._is_shown = False
 
     def show(self, text: Callable[[], str]) -> None:
         """Show a text if an update is due; the text is created only then."""
         now = time.monotonic()
-        if now < self._due or not self.is_there:
+        if now < self._due or not self.is_shown:
             return
         self._due, self._is_shown = now + self._EVERY_SEC, True
         width = (columns(sys.stderr) or 80) - 1

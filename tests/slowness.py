@@ -3,7 +3,7 @@
 import re
 
 _PROGRESS = re.compile(
-    r"^(.* \(Ctrl-C stops and shows a run\)|sweep: .* rows done|sar-sim: mapping .* of the way driven)\n",
+    r"^(.* \(Ctrl-C stops the search and shows a run\)|sweep: .* rows done|sar-sim: mapping .* of the route driven)\n",
     re.MULTILINE,
 )
 

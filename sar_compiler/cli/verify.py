@@ -33,16 +33,16 @@ if TYPE_CHECKING:
 
 MAX_STATES = 1_000_000
 _COLOURS = {"proved": "advice", "does not hold": "error", "not decided": "warning"}
-_ANSWER = re.compile(f"(?<= )({'|'.join(_COLOURS)})(?=$|[:;])", re.MULTILINE)
+_VERDICT = re.compile(f"(?<= )({'|'.join(_COLOURS)})(?=$|[:;])", re.MULTILINE)
 
 
 def add_options(parser: CommandParser) -> None:
     """Add the arguments of `verify`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
-    text = "the tree file before a change, or a shipped tree: report the verdicts that have changed"
+    text = "the tree file before a change, or a shipped tree, to report the verdicts that have changed"
     add("--against", type=TREE_INPUT, metavar="OTHER", help=text)
-    text = "a properties file to prove for every run (default: the mission's own)"
+    text = "a file with the properties to prove (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     text = f"explore at most N states; the runs beyond them stay undecided (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
@@ -55,7 +55,7 @@ def add_search_options(parser: argparse.ArgumentParser, use: str) -> None:
 
     Args:
         parser: The command's parser.
-        use: The action on the tree, such as `verify`.
+        use: The verb in the help of `--tree`, such as `verify`.
     """
     add_tree_id(parser, use)
     text = "the initial value of a fact, such as points_left=4; may be repeated"
@@ -70,11 +70,11 @@ def add_search_options(parser: argparse.ArgumentParser, use: str) -> None:
 
 
 def verify_file(arguments: argparse.Namespace) -> int:
-    """Verify the tree of a file, or compare it with another one, and print the results, even after Ctrl-C.
+    """Verify the tree of a file, or compare its verdicts with another tree's, and print the results, even after Ctrl-C.
 
     Returns:
-        0 if all properties are proved, 1 if one does not hold or is undecided, 130 after Ctrl-C. With another tree:
-            0 if no verdict is worse than for that tree, 1 if one is, or if the budget was too small for both.
+        0 if all properties are proved, 1 if a property does not hold or is undecided, 130 after Ctrl-C. With `--against`:
+            0 if no verdict is worse than for the other tree, 1 if a verdict is worse, or if the budget was too small for both trees.
 
     Raises:
         TreeError: If a file has errors.
@@ -98,8 +98,8 @@ def verify_file(arguments: argparse.Namespace) -> int:
         print_error(str(error))
         return FINDINGS
     except UndecidableError as error:
-        whose = f"{files[len(done)]}: " if len(files) > 1 else ""
-        print_error(f"sar-compile: {whose}verification is impossible: {error}")
+        prefix = f"{files[len(done)]}: " if len(files) > 1 else ""
+        print_error(f"sar-compile: {prefix}verification is impossible: {error}")
         return FINDINGS
     status = _print(done, files, time.monotonic() - started, arguments.format)
     if budget.is_interrupted or done[-1].stopped:
@@ -142,39 +142,39 @@ def _verify_into(
 
 
 def _print(done: "list[Verification]", files: "list[str]", seconds: float, form: str) -> int:
-    """Print the result, or the comparison of two, and return the exit status."""
+    """Print the verification of one tree, or the comparison of two verifications, and return the exit status."""
     from sar_compiler.analysis import verification_view as views
     from sar_compiler.analysis.verify.verdicts import VerificationComparison
 
     if len(done) == 1:
         show = views.verification_as_json if form == "json" else views.verification_as_text
-        _print_answers(show(done[0], seconds), form)
+        _print_verdicts(show(done[0], seconds), form)
         fine = done[0].is_proved
     else:
         now, before = done
         comparison = VerificationComparison(before, now)
         compare = views.comparison_as_json if form == "json" else views.comparison_as_text
-        _print_answers(compare(comparison, (files[1], files[0]), seconds), form)
+        _print_verdicts(compare(comparison, (files[1], files[0]), seconds), form)
         fine = not comparison.is_worse
     return OK if fine else FINDINGS
 
 
-def _print_answers(text: str, form: str) -> None:
-    """Print a result; verdicts in text are coloured if standard output supports it."""
+def _print_verdicts(text: str, form: str) -> None:
+    """Print a result; colour its verdicts in the text format if standard output supports colours."""
     from sar_compiler.tree.display_text import visible
 
     paint = painter(sys.stdout)
     text = visible(text)
-    print(text if form == "json" else _ANSWER.sub(lambda said: paint(said[0], _COLOURS[said[0]]), text))
+    print(text if form == "json" else _VERDICT.sub(lambda found: paint(found[0], _COLOURS[found[0]]), text))
 
 
 def parse_facts(pairs: "list[tuple[str, str]]") -> "Document | None":
-    """Return the facts given on the command line."""
+    """Parse the facts that `--set` names; None if there are none."""
     if not pairs:
         return None
     from sar_compiler.documents.yaml_files import parse_yaml
 
-    # One line for each, so that an error is shown as in a file.
+    # One line for each fact, so that an error shows only the line of the wrong fact.
     text = "".join(f"{name}: {value}\n" for name, value in pairs)
     return parse_yaml(text, "--set", "write FACT=VALUE")
 
@@ -189,16 +189,16 @@ def _assignment(text: str) -> tuple[str, str]:
 class SearchProgress:
     """Shows a search's progress and violated properties on standard error."""
 
-    _PATIENCE_SEC = 1.0  # a violation found sooner is part of the result
+    _PATIENCE_SEC = 1.0  # a violation found earlier only appears in the result
 
     def __init__(self) -> None:
         self._line = ProgressLine()
         self._is_closed = False
         self.begin("")
 
-    def begin(self, whose: str) -> None:
-        """Start with a tree; *whose* is a prefix of all output, to distinguish several trees."""
-        self._whose, self._started, self._broken = whose, time.monotonic(), 0
+    def begin(self, prefix: str) -> None:
+        """Start the search of a tree; *prefix* starts all output about the tree, to distinguish several trees."""
+        self._prefix, self._started, self._broken = prefix, time.monotonic(), 0
 
     def close(self) -> None:
         """Remove the progress line, and show no further progress."""
@@ -206,21 +206,21 @@ class SearchProgress:
         self._line.clear()
 
     def show(self, progress: "Progress") -> None:
-        """Show the progress if it is due, and violated properties."""
+        """Update the progress line if an update is due, and report properties that were violated since the last call."""
         if self._is_closed:
             return
-        is_new = self._line.is_there and len(progress.broken) > self._broken
+        is_new = self._line.is_shown and len(progress.broken) > self._broken
         if is_new and time.monotonic() - self._started > self._PATIENCE_SEC:
             self._line.clear()
             for name in progress.broken[self._broken :]:
-                told = f"{self._whose}{name}: does not hold (Ctrl-C stops and shows a run)"
-                print_error(f"sar-compile: {told}")
+                message = f"{self._prefix}{name}: does not hold (Ctrl-C stops the search and shows a run)"
+                print_error(f"sar-compile: {message}")
             self._broken = len(progress.broken)
         self._line.show(lambda: self._numbers(progress))
 
     def _numbers(self, progress: "Progress") -> str:
         rate = progress.states / (time.monotonic() - self._started)
         return (
-            f"{self._whose}{progress.states:,} states, {progress.states - progress.expanded:,} of them unexplored, "
+            f"{self._prefix}{progress.states:,} states, {progress.states - progress.expanded:,} of them unexplored, "
             f"{progress.depth} ticks deep, {rate:,.0f} states/s"
         )

@@ -1,6 +1,6 @@
 """The journal of a mission: events, which are on disk before they take effect, and observations.
 
-Only the mission's own process writes to the file. All later displays of the mission are read from it.
+Only the mission's own process writes to the journal. Every display of the mission reads from it.
 """
 
 PUBLIC_MODULES = (

@@ -1,8 +1,8 @@
 """The hash chain of a journal, which shows if an entry was altered, removed, moved or added.
 
-Each entry has a link: the SHA-256 of the previous link (zeros before the first one) and of all columns of its row, as
-composed by `link_of_entry`. The start and the end of a run are entries of the chain, too. So the link of the last one, the
-head, represents the whole chain.
+Each entry has a link: the SHA-256 of the previous link (zeros for the first entry) and of all columns of the entry's row, as
+composed by `link_of_entry`. The start and the end of a run are entries of the chain, too. The link of the last entry, the
+head, therefore represents the whole chain.
 """
 
 import hashlib
@@ -16,10 +16,10 @@ from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED
 from sar_compiler.json_values import json_text
 
 START = bytes(hashlib.sha256().digest_size)
-"""The link before the first entry."""
+"""The previous link of the first entry."""
 
 BEGAN, FACT, WATCHED, ENDED = b"b", b"f", b"w", b"e"
-"""The categories of an entry of the chain."""
+"""The categories of an entry: start of a run, event, observation, end of a run."""
 
 # Category, number, run, wall, time, length of the kind; most significant bytes first.
 _HEAD = struct.Struct(">cqqddI")
@@ -31,32 +31,32 @@ _ENTRIES = (
 
 
 def link_of_entry(
-    before: bytes, what: bytes, number: int, run: int, wall: float, time: float, kind: str, data: str
+    before: bytes, category: bytes, number: int, run: int, wall: float, time: float, kind: str, data: str
 ) -> bytes:
     """Return the link of an entry.
 
     Args:
-        before: The previous link.
-        what: Its category.
-        number: Its number; for a run's start or end the number of the entry before it, 0 if there is none.
-        run: The number of its run.
+        before: The link of the previous entry.
+        category: The entry's category.
+        number: The entry's number; for the start or end of a run, the number of the last event or observation before it, or 0.
+        run: The number of the entry's run.
         wall: The time of writing, in seconds since 1970.
-        time: The time of the mission's clock, in seconds; 0 at a run's beginning and end.
-        kind: Its kind.
-        data: Its data, as text in the form of the file.
+        time: The time of the mission's clock, in seconds; 0 for the start and end of a run.
+        kind: The entry's kind.
+        data: The entry's data, as JSON text like in the file.
     """
-    named = kind.encode("utf-8", "surrogateescape")
-    # SQLite has one zero only.
-    head = _HEAD.pack(what, number, run, wall + 0.0, time + 0.0, len(named))
-    return hashlib.sha256(before + head + named + data.encode("utf-8", "surrogateescape")).digest()
+    kind_bytes = kind.encode("utf-8", "surrogateescape")
+    # The additions convert -0.0, which SQLite does not store, to 0.0.
+    head = _HEAD.pack(category, number, run, wall + 0.0, time + 0.0, len(kind_bytes))
+    return hashlib.sha256(before + head + kind_bytes + data.encode("utf-8", "surrogateescape")).digest()
 
 
 class ChainPosition(NamedTuple):
-    """A position in a chain.
+    """A position between two entries of a chain, or at its end.
 
     Attributes:
-        link: The link before it.
-        number: The number of the last entry before it that is not the start or end of a run.
+        link: The link of the entry before the position.
+        number: The number of the last event or observation before the position.
     """
 
     link: bytes = START
@@ -64,41 +64,43 @@ class ChainPosition(NamedTuple):
 
 
 def run_start_link(
-    place: ChainPosition, run: int, wall: float, about: str, of_mission: Iterable[tuple[str, str]]
+    position: ChainPosition, run: int, wall: float, about: str, of_mission: Iterable[tuple[str, str]]
 ) -> bytes:
     """Return the link of a run's start.
 
     Args:
-        place: Its position.
+        position: The position of the run's start.
         run: The run's number.
         wall: The start, in seconds since 1970.
-        about: The data of the run, as text in the form of the file.
-        of_mission: For the first run, the mission's keys and values, ordered by key.
+        about: The description of the run, as JSON text like in the file.
+        of_mission: For the first run, the keys and values of the mission's description, ordered by key.
     """
-    return link_of_entry(place.link, *_run_start_row(place.number, run, wall, about, of_mission))
+    return link_of_entry(position.link, *_run_start_row(position.number, run, wall, about, of_mission))
 
 
-def run_end_link(place: ChainPosition, run: int, wall: float, ending: str, status: int, reason: str) -> bytes:
-    """Return the link of a run's end, given these columns of its row."""
-    return link_of_entry(place.link, *_run_end_row(place.number, run, wall, ending, status, reason))
+def run_end_link(
+    position: ChainPosition, run: int, wall: float, ending: str, status: int, reason: str
+) -> bytes:
+    """Return the link of a run's end, given the end's position and columns of the run's row."""
+    return link_of_entry(position.link, *_run_end_row(position.number, run, wall, ending, status, reason))
 
 
 def _run_start_row(
-    behind: Any, run: Any, wall: Any, about: Any, of_mission: Iterable[Any]
+    last_number: Any, run: Any, wall: Any, about: Any, of_mission: Iterable[Any]
 ) -> tuple[Any, ...]:
-    return BEGAN, behind, run, wall, 0.0, RUN_BEGAN, _text([*of_mission, about])
+    return BEGAN, last_number, run, wall, 0.0, RUN_BEGAN, _json_text([*of_mission, about])
 
 
-def _run_end_row(behind: Any, run: Any, wall: Any, *columns: Any) -> tuple[Any, ...]:
-    return ENDED, behind, run, wall, 0.0, RUN_ENDED, _text(columns)
+def _run_end_row(last_number: Any, run: Any, wall: Any, *columns: Any) -> tuple[Any, ...]:
+    return ENDED, last_number, run, wall, 0.0, RUN_ENDED, _json_text(columns)
 
 
-def _text(values: Any) -> str:
-    return json_text(values, default=_blob)
+def _json_text(values: Any) -> str:
+    return json_text(values, default=_hex_list)
 
 
-def _blob(value: bytes) -> list[str]:
-    """Return a text for bytes, which matches no entry, because journals contain no bytes."""
+def _hex_list(value: bytes) -> list[str]:
+    """Convert bytes, which only an altered journal contains, to a JSON value that no valid entry contains."""
     return [value.hex()]
 
 
@@ -106,17 +108,17 @@ class ChainEntry(NamedTuple):
     """An entry of the chain as stored; in an altered file its values may have any type.
 
     Attributes:
-        what: Its category.
-        number: Its number.
-        run: The number of its run.
+        category: The entry's category.
+        number: The entry's number, as in `link_of_entry`.
+        run: The number of the entry's run.
         wall: The time of writing, in seconds since 1970.
         time: The time of the mission's clock, in seconds.
-        kind: Its kind.
-        data: Its data.
-        link: Its link.
+        kind: The entry's kind.
+        data: The entry's data.
+        link: The entry's link.
     """
 
-    what: bytes
+    category: bytes
     number: Any
     run: Any
     wall: Any
@@ -127,7 +129,7 @@ class ChainEntry(NamedTuple):
 
 
 def chain_entries(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
-    """Yield the entries of the chain in order, one by one, as tuples of the fields of `ChainEntry`.
+    """Yield the entries of the chain in order, as tuples of the fields of `ChainEntry`.
 
     Args:
         connection: The database.
@@ -137,9 +139,9 @@ def chain_entries(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
         "SELECT number, began, about, ended, ending, status, reason, link, closed, began_behind, ended_behind FROM main.run "
         "ORDER BY number"
     ).fetchall()
-    marks = deque(mark for place, row in enumerate(rows) for mark in _marks(row, () if place else of_mission))
+    marks = deque(mark for index, row in enumerate(rows) for mark in _marks(row, () if index else of_mission))
     for entry in connection.execute(_ENTRIES):
-        # A number of another type has no position and is an error.
+        # A number of another type, which is an error, cannot be compared.
         while marks and not (isinstance(marks[0][1], int) and marks[0][1] >= entry[1]):
             yield marks.popleft()
         yield entry
@@ -147,7 +149,7 @@ def chain_entries(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
 
 
 def _marks(row: tuple[Any, ...], of_mission: Iterable[Any]) -> Iterator[tuple[Any, ...]]:
-    """Yield the start of a run, and its end if it has one."""
+    """Yield the entries for the start of a run and, if the run has ended, for its end."""
     run, began, about, *end, link, closed, began_behind, ended_behind = row
     yield *_run_start_row(began_behind, run, began, about, of_mission), link
     if (*end, closed, ended_behind) != (None, None, None, "", None, None):
@@ -158,11 +160,11 @@ class JournalChain(NamedTuple):
     """The result of checking a chain.
 
     Attributes:
-        entries: How many entries, without starts and ends of runs, are unaltered.
-        runs: The number of runs that have started in it.
+        entries: The number of unaltered events and observations.
+        runs: The number of unaltered starts of runs.
         heads: The link of each run's end as hexadecimal digits, by the number of the run.
         is_closed: Whether the last entry is the end of a run.
-        wrong: The first entry that does not match the one before it; None if all match.
+        wrong: The first entry whose link is wrong; None if all links are right.
     """
 
     entries: int
@@ -173,31 +175,31 @@ class JournalChain(NamedTuple):
 
     @property
     def head(self) -> str:
-        """The link that closes it; empty if it is open."""
+        """The link of the last run's end, as hexadecimal digits; empty if the last entry is not the end of a run."""
         return [*self.heads.values()][-1] if self.is_closed else ""
 
 
-def follow(entries: Iterable[tuple[Any, ...]]) -> JournalChain:
-    """Check a chain up to its end or the first entry that does not match.
+def check_chain(entries: Iterable[tuple[Any, ...]]) -> JournalChain:
+    """Check a chain up to its end or the first entry whose link is wrong.
 
     Args:
         entries: The entries, as `chain_entries` yields them.
     """
-    before, what, read, runs, heads = START, b"", 0, 0, dict[int, str]()
+    before, category, read, runs, heads = START, b"", 0, 0, dict[int, str]()
     for entry in entries:
-        if not _follows(before, entry):
+        if not _has_right_link(before, entry):
             return JournalChain(read, runs, heads, is_closed=False, wrong=ChainEntry(*entry))
-        before, what = entry[7], entry[0]
-        if what == ENDED:
+        before, category = entry[7], entry[0]
+        if category == ENDED:
             heads[entry[2]] = before.hex()
-        elif what == BEGAN:
+        elif category == BEGAN:
             runs += 1
         else:
             read += 1
-    return JournalChain(read, runs, heads, is_closed=what == ENDED, wrong=None)
+    return JournalChain(read, runs, heads, is_closed=category == ENDED, wrong=None)
 
 
-def _follows(before: bytes, entry: tuple[Any, ...]) -> bool:
+def _has_right_link(before: bytes, entry: tuple[Any, ...]) -> bool:
     try:
         return bool(entry[7] == link_of_entry(before, *entry[:7]))
     except (AttributeError, TypeError, OverflowError, struct.error):
@@ -215,5 +217,5 @@ def last_position(connection: sqlite3.Connection) -> ChainPosition:
     runs = "SELECT link, closed, began_behind FROM run ORDER BY number DESC LIMIT 1"
     link, closed, behind = connection.execute(runs).fetchone() or (START, None, -1)
     found = closed or (link if behind == entry[0] else entry[1])
-    # After an altered entry no link can match, whatever follows.
+    # If the last link was altered, the links of all new entries are wrong in any case.
     return ChainPosition(found if isinstance(found, bytes) else START, entry[0])

@@ -1,4 +1,4 @@
-"""The SQLite file of a journal, whose schema has a version."""
+"""The SQLite file of a journal."""
 
 import errno
 import functools
@@ -17,7 +17,7 @@ from sar_compiler.journal.chain import (
     ChainPosition,
     JournalChain,
     chain_entries,
-    follow,
+    check_chain,
     last_position,
     link_of_entry,
     run_end_link,
@@ -52,10 +52,10 @@ from sar_compiler.resources import state_folder
 
 # Why a commit works as it does.
 #
-# A mission writes an event *before* its effect: first "photo 1 was taken", then the picture and its message. A process that is
-# killed in between repeats the effect under the same name, which the receiver knows. In the opposite order a receiver could
-# have got a name that the next run assigns to something else. So `write` returns when an event is on disk, and the tick waits
-# for it. Statuses and poses come far more often, and nothing is resumed from them: they are not worth a sync each.
+# A mission writes an event *before* its effect: first "photo 1 was taken", then the picture and its message. If the process is
+# killed in between, the next run repeats the effect under the same name, which the receiver knows. In the opposite order a receiver
+# could have got a name that the next run assigns to something else. So `write` returns when an event is on disk, and the tick waits
+# for it. Statuses and poses are far more frequent, and resuming does not need them, so they are not synced one by one.
 #
 # Both go into one file, by SQLite's write-ahead log. `synchronous` is chosen for each transaction: FULL syncs the log
 # with the commit, NORMAL leaves that to a later sync. A NORMAL commit has been handed to the kernel, so SIGKILL loses
@@ -64,31 +64,31 @@ from sar_compiler.resources import state_folder
 # one durable and one not, would lose the statuses that led to an event and keep the event.) The pragma precedes BEGIN,
 # because SQLite does not change the level within a transaction.
 #
-# BEGIN IMMEDIATE takes the write lock at once: a refusal comes before any row is written. After the start of a run that lock
-# is not waited for (`busy_timeout` is 0 since `reserve`): this thread ticks the tree and cancels goals, and a person's open
-# `sqlite3` shell must not stop a robot's mission. A lock, a full disk and a quota are one case: the transaction has not
-# happened, and none of its rows is in the file. `Journal` keeps them with their numbers, events also in the reserve, and
+# BEGIN IMMEDIATE takes the write lock at once, so that a refusal comes before any row is written. After the start of a run, this
+# process does not wait for that lock (`reserve` sets `busy_timeout` to 0): this thread ticks the tree and cancels goals, and a
+# person's open `sqlite3` shell must not stop a robot's mission. A lock, a full disk and a quota are handled alike: the transaction
+# has failed, and none of its rows is in the file. `Journal` keeps the rows with their numbers, events also in the reserve, and
 # writes them again in one transaction, in order. If a transaction could be applied in part, a second attempt would write rows
 # twice, or omit them. The ROLLBACK may fail, because SQLite has already rolled back on a full disk; that is no second error.
 #
-# A process can die after the commit and before its reserve is emptied. So `_write_spilled` skips events whose numbers the
-# file has.
+# A process can die after the commit and before its reserve is emptied. So `_write_spilled` skips events whose numbers are
+# already in the file.
 #
-# Two locks are held on the file. SQLite's are POSIX locks, of the process: closing *any* descriptor of the file releases them.
-# Ours marks a running mission for as long as the process lives, also between transactions and before the database is open. It
-# is a `flock`, which belongs to its descriptor, and the two are independent. Hence the order in `close`: first the connection,
-# then the descriptor. Hence also `is_locked`, which opens and closes a descriptor, must not be called by the writing process.
+# There are two locks on the file. SQLite's POSIX locks belong to the process: closing *any* descriptor of the file releases them.
+# Our `flock` belongs to its descriptor. It marks a running mission for as long as the process lives, also between transactions and
+# before the database is open. The two kinds of locks are independent. Hence the order in `close`: first the connection, then the
+# descriptor. Hence also `is_locked`, which opens and closes a descriptor, must not be called by the writing process.
 #
-# Each entry is linked to the previous one (`chain`), in the order of the numbers; those of a transaction follow all that the
-# file has. A transaction that has not happened has no effect: `_end` is the position after the last one that has.
+# Each entry is linked to the previous entry (`chain`), in the order of the numbers. The numbers of a transaction's entries are higher
+# than all numbers in the file. A failed transaction has no effect: `_end` is the position after the last successful transaction.
 #
 # The schema is created in one transaction, and the folder is synced after it: a new file is a journal or empty, and its
 # name is on disk before any event.
 
 VERSION = 4
-"""The version of the schema; others are refused."""
+"""The version of the schema; journals of other versions are refused."""
 
-# What `file` and SQLite know the files by: "SARJ".
+# The ID by which `file` and SQLite recognise a journal: "SARJ".
 _APPLICATION_ID = 0x5341524A
 
 _SCHEMA = f"""
@@ -110,38 +110,38 @@ CREATE TABLE watched (
 CREATE INDEX watched_by_kind ON watched (kind);
 """
 
-# In one transaction: a process that dies in it leaves an empty file.
-_MAKING = f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {VERSION}; COMMIT;"
+# One transaction, so that a process that dies in it leaves an empty file.
+_CREATE_SCHEMA = f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {VERSION}; COMMIT;"
 
 _RUNS = "SELECT number, began, about, ended, ending, status, reason, hex(closed) FROM run ORDER BY number"
 _ENTRIES = "SELECT number, run, wall, time, kind, data FROM"
 
-# Limit for SQLite's steps in one read: a constant and an amount for each byte of the file, some twenty times the real need.
-_STEPS, _STEPS_OF_A_BYTE = 2_000_000, 20
+# The limit of SQLite's steps in one read: a constant plus a number per byte of the file, about twenty times what a read needs.
+_STEPS, _STEPS_PER_BYTE = 2_000_000, 20
 
-# Number and interval of retries while another process tests the lock.
-_ATTEMPTS, _MOMENT_SEC = 10, 0.02
+# The number of attempts while another process may be testing the lock, and their interval.
+_ATTEMPTS, _RETRY_SEC = 10, 0.02
 
 _SIDECARS = ("-wal", "-shm", SUFFIX)
 
 _END_OF_RUN = "UPDATE run SET ended = ?, ending = ?, status = ?, reason = ? WHERE number = ?"
 
-# Entries of the reserve beside a journal that is read, presented as if they were in it.
+# Temporary views that show a reader the entries of the reserve as if they were in the journal.
 _OVERLAY = """
 PRAGMA temp_store = MEMORY;
-CREATE TEMP TABLE kept AS SELECT number, run, wall, time, kind, data FROM main.fact WHERE 0;
+CREATE TEMP TABLE spilled AS SELECT number, run, wall, time, kind, data FROM main.fact WHERE 0;
 CREATE TEMP VIEW fact AS
-    SELECT number, run, wall, time, kind, data FROM main.fact UNION ALL SELECT * FROM temp.kept WHERE number NOT IN (SELECT number FROM main.fact);
+    SELECT number, run, wall, time, kind, data FROM main.fact UNION ALL SELECT * FROM temp.spilled WHERE number NOT IN (SELECT number FROM main.fact);
 CREATE TEMP TABLE run AS SELECT * FROM main.run;
 """
 
 
 class ReadCursor(NamedTuple):
-    """A read position in the stream of a journal; the start, without arguments.
+    """A read position in the stream of a journal; by default its start.
 
     Attributes:
-        fact: The number of the last event.
-        watched: The number of the last observation.
+        fact: The number of the last event that was read.
+        watched: The number of the last observation that was read.
         begun: The numbers of the runs whose starts were read.
         ended: The numbers of the runs whose ends were read.
     """
@@ -153,11 +153,11 @@ class ReadCursor(NamedTuple):
 
 
 class StreamPosition(NamedTuple):
-    """A position in the stream of a journal; its start, without arguments.
+    """A position in the stream of a journal, after an entry; by default its start.
 
     Attributes:
         run: The number of the run.
-        number: The number of an entry of it: 0 for the run's start, `END` for its end.
+        number: The number of the entry in the run: 0 for the run's start, `END` for its end.
         time: The latest time of the mission's clock in the run up to this position, in seconds.
     """
 
@@ -171,7 +171,7 @@ class StreamPosition(NamedTuple):
         return StreamPosition(entry.run, entry.number, latest)
 
 
-_BESIDE = ("-wal", "-shm", "-journal")
+_SQLITE_SUFFIXES = ("-wal", "-shm", "-journal")
 """The endings of the files that SQLite creates beside a database."""
 
 END = 2**63 - 1
@@ -187,8 +187,8 @@ class JournalFile:
         lock: The descriptor that holds the lock; None if the journal is only read.
 
     Attributes:
-        path: The same.
-        is_written: Whether another process wrote to it just before it was opened for reading.
+        path: The path of the file.
+        is_written: Whether another process was writing to the journal when it was opened for reading.
     """
 
     is_written = False
@@ -201,15 +201,15 @@ class JournalFile:
         self._end: ChainPosition | None = None
         # Whether the last transaction was synced to disk; None before the first one.
         self._durable: bool | None = None
-        self._patience = _QueryBudget(_STEPS + _STEPS_OF_A_BYTE * (_size(path) + _size(f"{path}-wal")))
-        connection.set_progress_handler(self._patience.is_over, _QueryBudget.STRIDE)
+        self._query_budget = _QueryBudget(_STEPS + _STEPS_PER_BYTE * (_size(path) + _size(f"{path}-wal")))
+        connection.set_progress_handler(self._query_budget.is_over, _QueryBudget.STRIDE)
 
     @classmethod
     def create(cls, path: Path) -> "JournalFile":
-        """Create a journal, or reuse one in which no run has started, and lock it.
+        """Create a journal, or reuse a journal in which no run has started, and lock it.
 
         Raises:
-            JournalError: If the file cannot be created, belongs to another process, or has a mission.
+            JournalError: If the file cannot be created, belongs to another process, or contains a mission.
         """
         file = cls.open(path)
         if file.runs():
@@ -222,9 +222,9 @@ class JournalFile:
         """Open a journal for a run, and lock it; a missing or empty file is created.
 
         Raises:
-            JournalError: If it cannot be opened or created, belongs to another process, or is no journal of this version.
+            JournalError: If the file cannot be opened or created, belongs to another process, or is not a journal of this version.
         """
-        with _readable(path):
+        with _convert_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             lock = _open_locked(path)
             try:
@@ -235,47 +235,47 @@ class JournalFile:
             file = cls(path, connection, lock)
             try:
                 with file._limit_reading():
-                    file._make()
+                    file._prepare()
             except BaseException:
                 file.close()
                 raise
         return file
 
-    def _make(self) -> None:
+    def _prepare(self) -> None:
         (tables,) = self._connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         if not tables:
-            self._connection.executescript(_MAKING)
+            self._connection.executescript(_CREATE_SCHEMA)
             _sync_folder(self.path.parent)
-        # Only after it is known to be a journal: it changes the file.
+        # Before the journal mode is set, because setting it changes the file.
         self._require_journal()
         self._connection.execute("PRAGMA journal_mode = WAL")
         self._write_spilled(self._spilled_entries())
 
     def _spilled_entries(self) -> SpilledEntries:
         """Return the content of the journal's reserve, if it belongs to this journal."""
-        kept = read_reserve(self.path)
+        spilled = read_reserve(self.path)
         began = self._connection.execute("SELECT min(began) FROM run").fetchone()[0]
-        return kept if kept.began == began else SpilledEntries()
+        return spilled if spilled.began == began else SpilledEntries()
 
-    def _write_spilled(self, kept: SpilledEntries) -> None:
+    def _write_spilled(self, spilled: SpilledEntries) -> None:
         """Write the entries that an earlier run could not write."""
-        if kept.facts or kept.end:
+        if spilled.facts or spilled.end:
             known = {number for (number,) in self._connection.execute("SELECT number FROM fact")}
-            self.write((), [fact for fact in kept.facts if fact.number not in known], kept.end)
+            self.write((), [fact for fact in spilled.facts if fact.number not in known], spilled.end)
 
-    def _show(self, kept: SpilledEntries) -> None:
-        """Include the entries of the reserve in reads."""
-        if kept.facts or kept.end:
+    def _overlay_spilled(self, spilled: SpilledEntries) -> None:
+        """Include the entries of the reserve in all reads."""
+        if spilled.facts or spilled.end:
             self._connection.executescript(_OVERLAY)
-            self._connection.executemany("INSERT INTO kept VALUES (?, ?, ?, ?, ?, ?)", kept.facts)
-            if kept.end is not None:
-                self._connection.execute(_END_OF_RUN, _end_of_run(kept.end))
+            self._connection.executemany("INSERT INTO spilled VALUES (?, ?, ?, ?, ?, ?)", spilled.facts)
+            if spilled.end is not None:
+                self._connection.execute(_END_OF_RUN, _end_of_run(spilled.end))
 
     def reserve(self) -> SpillFile:
-        """Return the journal's reserve, and create it if missing; do not wait for other processes' locks afterwards.
+        """Open the journal's reserve, creating it if it is missing; later transactions do not wait for locks of other processes.
 
         Raises:
-            JournalError: If it cannot be created.
+            JournalError: If the reserve cannot be created.
         """
         with self._limit_reading():
             reserve = SpillFile(self.path)
@@ -288,16 +288,16 @@ class JournalFile:
         """Open a journal for reading, even while a run writes to it.
 
         Raises:
-            JournalError: If it cannot be opened, or is no journal of this version.
+            JournalError: If the file cannot be opened, or is not a journal of this version.
         """
-        with _readable(path):
-            # SQLite opens the files beside it as well, and would wait for the writer of a pipe.
-            for each in (f"{path}{suffix}" for suffix in _BESIDE):
+        with _convert_errors(path):
+            # SQLite also opens the files beside the journal. If one of them were a pipe, SQLite would wait for a writer of the pipe.
+            for each in (f"{path}{suffix}" for suffix in _SQLITE_SUFFIXES):
                 if os.path.lexists(each):
                     require_regular(each)
             is_written = is_locked(path)
-            # Without a writer SQLite need not create a file beside it to read it. The files of a writer are not
-            # touched: the journal may just be renamed, and replaced by another one.
+            # Without a writer, SQLite can read the journal without creating files beside it. The files of a writer are not
+            # changed, because the writer may be renaming the journal and creating a new one.
             passive = "mode=ro&readonly_shm=1" if Path(f"{path}-shm").exists() else "mode=ro"
             uri = f"{path.absolute().as_uri()}?{passive if _is_used(path) else 'immutable=1'}"
             with release_pipes(path, f"{path}-shm"):
@@ -308,7 +308,7 @@ class JournalFile:
                 try:
                     with file._limit_reading():
                         file._require_journal()
-                        file._show(file._spilled_entries())
+                        file._overlay_spilled(file._spilled_entries())
                         return file
                 except BaseException:
                     file.close()
@@ -334,17 +334,19 @@ class JournalFile:
             return f"{self.path} is a database, but not the journal of a mission"
         if version != VERSION:
             return (
-                f"{self.path} has version {version} of a journal, and this sar_compiler reads version {VERSION}. "
+                f"{self.path} is a journal of version {version}, and this sar_compiler reads version {VERSION}. "
                 "Use the sar_compiler that wrote it, or move the file away to start over"
             )
-        known = _parts()
-        parts = self._connection.execute("SELECT type, name, sql FROM main.sqlite_master")
-        strange = [
-            (kind, name) for kind, name, text in parts if text not in known and not _is_sqlites(name, text)
+        known = _schema_definitions()
+        objects = self._connection.execute("SELECT type, name, sql FROM main.sqlite_master")
+        unknown = [
+            (kind, name)
+            for kind, name, text in objects
+            if text not in known and not _is_created_by_sqlite(name, text)
         ]
-        if strange:
-            kind, name = strange[0]
-            return f"{self.path} contains the {kind} {name!r}, which does not belong to a journal. It is not read"
+        if unknown:
+            kind, name = unknown[0]
+            return f"{self.path} was not read, because it contains the {kind} {name!r}, which does not belong to a journal"
         return ""
 
     @contextmanager
@@ -352,17 +354,17 @@ class JournalFile:
         """Limit the work of a read, and explain its errors.
 
         Raises:
-            JournalError: If it cannot be read.
-            KeyboardInterrupt: If Ctrl-C was pressed meanwhile.
+            JournalError: If the journal cannot be read.
+            KeyboardInterrupt: If Ctrl-C was pressed during the read.
         """
-        self._patience.begin()
-        with _readable(self.path):
+        self._query_budget.begin()
+        with _convert_errors(self.path):
             try:
                 yield
             except sqlite3.OperationalError as error:
                 if str(error) != "interrupted":
                     raise
-                if self._patience.was_interrupted:
+                if self._query_budget.was_interrupted:
                     raise KeyboardInterrupt from error
                 raise ValueError("reading it takes far more steps than its size explains") from error
 
@@ -373,7 +375,7 @@ class JournalFile:
             return {key: json_value(value) for key, value in rows}
 
     def runs(self) -> list[JournalRun]:
-        """Return the runs, the latest last."""
+        """Return the runs, in the order of their starts."""
         with self._limit_reading():
             rows = self._connection.execute(_RUNS)
             runs = [
@@ -398,22 +400,22 @@ class JournalFile:
         return self._read("fact")
 
     def observations(self, *kinds: str) -> Iterator[JournalEntry]:
-        """Yield observations of some kinds, by default of all kinds, in order."""
-        return self._read(f"watched WHERE kind IN ({_places(kinds)})" if kinds else "watched", kinds)
+        """Yield the observations of the given kinds, by default of all kinds, in order."""
+        return self._read(f"watched WHERE kind IN ({_placeholders(kinds)})" if kinds else "watched", kinds)
 
     def stream(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries in order, as `Journal.add_listener` delivers them, without some kinds of observations."""
+        """Yield all entries in order, as `Journal.add_listener` delivers them, except observations of the kinds *without*."""
         for number, entry in enumerate(self.every_run(without=without), 1):
             yield JournalEntry(number, *entry[1:])
 
     def every_run(self, *, without: Sequence[str] = (), is_condensed: bool = False) -> Iterator[JournalEntry]:
-        """Yield all entries in order, with their numbers in the file; arguments as for `last_run`."""
+        """Yield the entries of all runs in order, with their numbers in the file; for the arguments see `last_run`."""
         with self.snapshot():
             for run in self.runs():
                 yield from self._run_entries(run, without, is_condensed=is_condensed)
 
     def stream_after(self, after: StreamPosition, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries after a position in order, with their stream numbers, without some kinds of observations."""
+        """Yield all entries after a position in order, with their numbers in the file, except observations of the kinds *without*."""
         with self.snapshot():
             for run in self.runs():
                 if run.number >= after.run:
@@ -425,9 +427,9 @@ class JournalFile:
         """Yield the entries of the last run in order.
 
         Args:
-            without: Watched kinds that are left out.
-            is_condensed: Whether statuses are left out that only repeat others (`row_reader`).
-            log: Receives the start of the run and all other entries but these kinds.
+            without: The kinds of observations to omit.
+            is_condensed: Whether to omit statuses that only repeat earlier statuses (`row_reader`).
+            log: Receives the start of the run, and its events and observations except the omitted kinds.
         """
         with self.snapshot():
             for run in self.runs()[-1:]:
@@ -469,7 +471,7 @@ class JournalFile:
             for entry in entries:
                 latest = max(latest, entry.time)
                 yield entry
-        # The entries left out may be even later.
+        # The time of an omitted entry may be even later.
         if (end := self._end_of(run, None if without else latest)) is not None:
             yield end
 
@@ -483,24 +485,24 @@ class JournalFile:
         is_condensed: bool = False,
         log: TickLog | None = None,
     ) -> Iterator[JournalEntry]:
-        """Yield the events of a run in order, one by one.
+        """Yield the events of a run, by default also its observations, in order.
 
         Args:
             run: The number of the run.
-            with_watched: Whether what was watched is among them.
-            without: Kinds of it that are left out.
-            after: The number behind which they begin.
+            with_watched: Whether to yield observations.
+            without: The kinds of observations to omit.
+            after: The number of the entry after which to start.
             is_condensed: As for `last_run`.
             log: As for `last_run`.
         """
         chosen = "WHERE run = ?1 AND number > ?2"
         source = f"fact {chosen}"
         if with_watched:
-            source += f" UNION ALL {_ENTRIES} watched {chosen} AND kind NOT IN ({_places(without)})"
+            source += f" UNION ALL {_ENTRIES} watched {chosen} AND kind NOT IN ({_placeholders(without)})"
         return self._read(source, (run, after, *without), is_condensed=is_condensed, log=log)
 
     def widest_kind(self, run: int, *, with_watched: bool) -> int:
-        """Return the length of the longest kind among the entries of a run; 0 if there are none."""
+        """Return the length of the longest kind of the entries of a run, for aligned output; 0 if the run has no entries."""
         query = "SELECT max(length(kind)) FROM fact WHERE run = ?1"
         if with_watched:
             query += " UNION ALL SELECT max(length(kind)) FROM watched WHERE run = ?1"
@@ -518,7 +520,7 @@ class JournalFile:
         return JournalEntry(END, run.number, run.ended, last, RUN_ENDED, data)
 
     def read_new(self, mark: "ReadCursor") -> "tuple[list[JournalEntry], ReadCursor]":
-        """Return the entries after a read position, and the next position.
+        """Return the entries after a read position, and the read position after them.
 
         Args:
             mark: The read position.
@@ -528,7 +530,7 @@ class JournalFile:
 
     @contextmanager
     def snapshot(self) -> Iterator[None]:
-        """Read a consistent snapshot while another process writes."""
+        """Let all reads in the block see the same state of the file while another process writes."""
         if self._connection.in_transaction:
             yield
             return
@@ -551,7 +553,7 @@ class JournalFile:
                 entries.append(self._begin_of(run, about))
             if run.number not in mark.ended and (end := self._end_of(run)) is not None:
                 entries.append(end)
-        # The system's clock may be changed, but runs and their starts and ends keep their order.
+        # Not sorted by time, because the system's clock may have been set back.
         rank = {RUN_BEGAN: 0, RUN_ENDED: 2}
         entries.sort(key=lambda entry: (entry.run, rank.get(entry.kind, 1), entry.number))
         following = ReadCursor(
@@ -570,7 +572,7 @@ class JournalFile:
             return int(last or 0)
 
     def _last_time(self, run: int) -> float:
-        """Return the mission's time of the last entry of a run; minus infinity if there is none."""
+        """Return the latest time of the mission's clock in the entries of a run; minus infinity if the run has no entries."""
         with self._limit_reading():
             query = "SELECT max(time) FROM (SELECT run, time FROM fact UNION ALL SELECT run, time FROM watched) WHERE run = ?"
             (last,) = self._connection.execute(query, (run,)).fetchone()
@@ -584,7 +586,7 @@ class JournalFile:
         is_condensed: bool = False,
         log: TickLog | None = None,
     ) -> Iterator[JournalEntry]:
-        """Yield the entries of a table, with a condition on them, in their order."""
+        """Yield the entries of *source*, a table with an optional condition, in the order of their numbers."""
         query = f"{_ENTRIES} {source} ORDER BY number"
         with self._limit_reading():
             rows = self._connection.execute(query, tuple(values))
@@ -593,28 +595,28 @@ class JournalFile:
 
     @property
     def head(self) -> str:
-        """The link of the last entry that was written, as hexadecimal digits."""
+        """The link of the last written entry, as hexadecimal digits."""
         return self._last_position().link.hex()
 
     def chain(self) -> JournalChain:
-        """Check its chain.
+        """Check the hash chain of the journal.
 
         Raises:
-            JournalError: If it is damaged.
+            JournalError: If the file is damaged.
         """
         with self._limit_reading():
-            # If an index and its table differ, a query by the index does not match the chain.
+            # If an index differs from its table, queries that use the index return entries that the chain does not cover.
             (flaw,) = self._connection.execute("PRAGMA integrity_check(1)").fetchone()
             if flaw != "ok":
                 raise ValueError(flaw)
             self._connection.text_factory = functools.partial(str, encoding="utf-8", errors="surrogateescape")
             try:
-                return follow(chain_entries(self._connection))
+                return check_chain(chain_entries(self._connection))
             finally:
                 self._connection.text_factory = str
 
     def spilled_count(self) -> int:
-        """Return the number of events in the reserve that are not in the chain yet."""
+        """Return the number of events that are in the reserve but not yet in the chain."""
         with self._limit_reading():
             counts = "SELECT (SELECT count(*) FROM fact) - (SELECT count(*) FROM main.fact)"
             return int(self._connection.execute(counts).fetchone()[0])
@@ -627,51 +629,52 @@ class JournalFile:
         return self._end
 
     def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
-        """Add a run, and the mission's description if it is the first one; return the run's number."""
-        # The budget of a read is for the content of others.
+        """Add a run, and the mission's description before the first run; return the run's number."""
+        # The limit of steps is only needed for reading files that other programs may have written.
         self._connection.set_progress_handler(None, 0)
-        place, text = self._last_position(), json_text(run_about)
+        position, text = self._last_position(), json_text(run_about)
         with self._transaction():
             (number,) = self._connection.execute("SELECT 1 + ifnull(max(number), 0) FROM run").fetchone()
             rows = [] if number > 1 else [(key, json_text(value)) for key, value in sorted(about.items())]
             self._connection.executemany("INSERT INTO about VALUES (?, ?)", rows)
-            link = run_start_link(place, number, wall, text, rows)
-            row = number, wall, text, link, place.number
+            link = run_start_link(position, number, wall, text, rows)
+            row = number, wall, text, link, position.number
             self._connection.execute(
                 "INSERT INTO run (number, began, about, link, began_behind) VALUES (?, ?, ?, ?, ?)", row
             )
-        self._end = ChainPosition(link, place.number)
+        self._end = ChainPosition(link, position.number)
         return int(number)
 
     def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
-        """Write observations, events and ends of runs; the latter two are on disk when this returns.
+        """Write observations, events and the end of a run; events and the end are on disk when the function returns.
 
-        It does not wait: if another process has locked the file, or it cannot be written, no row is written.
+        The function does not wait. It raises an error, and no row is written, if another process has locked the file or the file
+        cannot be written.
         """
         link, number = self._last_position()
         added: dict[bytes, list[tuple[object, ...]]] = {FACT: [], WATCHED: []}
-        for row, what in sorted([*((row, WATCHED) for row in watched), *((row, FACT) for row in facts)]):
-            link, number = link_of_entry(link, what, *row), row.number
-            added[what].append((*row, link))
-        place = ChainPosition(link, number)
+        for row, category in sorted([*((row, WATCHED) for row in watched), *((row, FACT) for row in facts)]):
+            link, number = link_of_entry(link, category, *row), row.number
+            added[category].append((*row, link))
+        position = ChainPosition(link, number)
         with self._transaction(durable=bool(facts or end)):
             self._connection.executemany("INSERT INTO watched VALUES (?, ?, ?, ?, ?, ?, ?)", added[WATCHED])
             self._connection.executemany("INSERT INTO fact VALUES (?, ?, ?, ?, ?, ?, ?)", added[FACT])
             if end is not None:
-                place = self._end_run(end, place)
-        self._end = place
+                position = self._end_run(end, position)
+        self._end = position
 
-    def _end_run(self, end: RunEnd, place: ChainPosition) -> ChainPosition:
-        """Write the end of a run; return the position after it."""
+    def _end_run(self, end: RunEnd, position: ChainPosition) -> ChainPosition:
+        """Write the end of a run; return the position after the end."""
         self._connection.execute(_END_OF_RUN, _end_of_run(end))
-        link = run_end_link(place, end.run, end.wall, end.ending.value, end.status, end.reason)
+        link = run_end_link(position, end.run, end.wall, end.ending.value, end.status, end.reason)
         closing = "UPDATE run SET closed = ?, ended_behind = ? WHERE number = ?"
-        self._connection.execute(closing, (link, place.number, end.run))
-        return ChainPosition(link, place.number)
+        self._connection.execute(closing, (link, position.number, end.run))
+        return ChainPosition(link, position.number)
 
     @contextmanager
     def _transaction(self, *, durable: bool = True) -> Iterator[None]:
-        # With NORMAL a commit survives the process but not the machine. SQLite syncs by itself when it must.
+        # With NORMAL, a commit survives a crash of the process but not a power cut; SQLite syncs at its next checkpoint.
         if durable is not self._durable:
             self._connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
             self._durable = durable
@@ -685,15 +688,15 @@ class JournalFile:
             raise
 
     def move(self, path: Path) -> None:
-        """Close and rename the file, including SQLite's auxiliary files.
+        """Close and rename the journal, including the files beside it.
 
         Raises:
-            JournalError: If the name exists, or the file cannot be moved.
+            JournalError: If the new name exists, or the file cannot be renamed.
         """
-        with _readable(path):
+        with _convert_errors(path):
             if path.exists():
                 raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
-            # SQLite's last state is in the file itself after closing, unless another process is reading it.
+            # Closing the database writes the write-ahead log into the file, unless another process is reading the file.
             self._connection.close()
             for ending in ("", *_SIDECARS):
                 with suppress(FileNotFoundError):
@@ -702,7 +705,7 @@ class JournalFile:
             self.close()
 
     def remove(self) -> None:
-        """Close it and delete it."""
+        """Close and delete the journal, including the files beside it."""
         with self._limit_reading():
             self._connection.close()
             for ending in ("", *_SIDECARS):
@@ -710,10 +713,10 @@ class JournalFile:
             self.close()
 
     def close(self) -> None:
-        """Close it, and release the lock."""
+        """Close the journal and release its lock."""
         with suppress(sqlite3.Error):
             self._connection.close()
-        # Not before: closing any descriptor of the file releases SQLite's own locks.
+        # After the connection is closed, because closing any descriptor of the file releases SQLite's locks.
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
@@ -737,28 +740,26 @@ def is_locked(path: Path) -> bool:
 
 
 def _is_used(path: Path) -> bool:
-    """Return whether a process writes to the journal."""
+    """Return whether a process may be writing to the journal: it is locked, or has a write-ahead log."""
     for _ in range(_ATTEMPTS):
         if Path(f"{path}-wal").exists():
             return True
         if not is_locked(path):
             return False
-        time.sleep(_MOMENT_SEC)
+        time.sleep(_RETRY_SEC)
     return True
 
 
 def _open_locked(path: Path) -> int:
     """Open or create a file, and lock it until the process ends."""
-    # Not blocking: a pipe without a reader would keep the command for good.
+    # Not blocking, because opening a pipe without a reader would block forever.
     descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CREAT, 0o644)
     try:
         require_regular_mode(os.fstat(descriptor).st_mode)
-        _lock(descriptor)
+        _lock_exclusively(descriptor)
     except BlockingIOError:
         os.close(descriptor)
-        message = (
-            f"{path} is the journal of a mission that runs in another process. Wait for its end, or stop it"
-        )
+        message = f"{path} is the journal of a mission that runs in another process. Stop the mission, or wait until it ends"
         raise JournalError(message) from None
     except BaseException:
         os.close(descriptor)
@@ -766,7 +767,7 @@ def _open_locked(path: Path) -> int:
     return descriptor
 
 
-def _lock(descriptor: int) -> None:
+def _lock_exclusively(descriptor: int) -> None:
     """Lock a file; retry, because another process may be testing the lock."""
     import fcntl
 
@@ -776,16 +777,16 @@ def _lock(descriptor: int) -> None:
         except BlockingIOError:  # noqa: PERF203 - ten times at most
             if not left:
                 raise
-            time.sleep(_MOMENT_SEC)
+            time.sleep(_RETRY_SEC)
         else:
             return
 
 
 @functools.cache
-def _parts() -> frozenset[str]:
-    """Return the SQL definitions of a file's parts; only the project's own are accepted."""
+def _schema_definitions() -> frozenset[str]:
+    """Return the SQL definitions of a journal's schema objects; a file with other schema objects is refused."""
     with closing(sqlite3.connect(":memory:")) as empty:
-        empty.executescript(_MAKING)
+        empty.executescript(_CREATE_SCHEMA)
         return frozenset(text for (text,) in empty.execute("SELECT sql FROM sqlite_master"))
 
 
@@ -793,30 +794,30 @@ def _end_of_run(end: RunEnd) -> tuple[object, ...]:
     return end.wall, end.ending.value, end.status, end.reason, end.run
 
 
-def _is_sqlites(name: object, text: object) -> bool:
-    """Return whether SQLite creates a part of a database automatically, such as a key's index."""
+def _is_created_by_sqlite(name: object, text: object) -> bool:
+    """Return whether SQLite created this schema object itself, such as the index of a primary key."""
     return (text is None and str(name).startswith("sqlite_autoindex_")) or str(name).startswith("sqlite_stat")
 
 
-def _places(values: Sequence[str]) -> str:
-    """Return placeholders for values in a statement."""
+def _placeholders(values: Sequence[str]) -> str:
+    """Return the placeholders of an SQL statement for the values."""
     return ", ".join("?" * len(values))
 
 
 def _size(path: str | Path) -> int:
     with suppress(OSError):
-        return os.stat(path).st_size  # noqa: PTH116 - also of a text
+        return os.stat(path).st_size  # noqa: PTH116 - the path may be a string
     return 0
 
 
 def _start(run: JournalRun) -> float:
-    """Return the mission's time at the start of a run; 0 if unknown."""
+    """Return the time of the mission's clock at the start of a run, in seconds; 0 if unknown."""
     began = run.about.get("time")
     return float(began) if isinstance(began, (int, float)) else 0.0
 
 
 def _sync_folder(folder: Path) -> None:
-    """Flush a folder to disk: the names of its files, in addition to their contents."""
+    """Flush a folder to disk, so that the names of its files survive a power cut."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -825,10 +826,10 @@ def _sync_folder(folder: Path) -> None:
 
 
 class _QueryBudget:
-    """Limits the work of SQLite for one read, because a malicious file could block it forever.
+    """Limits the work of SQLite for one read, because a malicious file could make the read endless.
 
     Args:
-        steps: The number of SQLite's steps.
+        steps: The maximum number of SQLite's steps in one read.
     """
 
     STRIDE = 10_000
@@ -841,18 +842,18 @@ class _QueryBudget:
         self._left = self._steps
 
     def is_over(self) -> bool:
-        """Return whether SQLite must abort; called as its progress handler."""
+        """Return whether SQLite must abort the read; SQLite calls this progress handler every `STRIDE` steps."""
         self._left -= self.STRIDE
         return self._left < 0
 
     @property
     def was_interrupted(self) -> bool:
-        """Whether SQLite has aborted for another reason, such as Ctrl-C."""
+        """Whether SQLite has aborted the read for another reason, such as Ctrl-C."""
         return self._left >= 0
 
 
 def _connect(target: str | Path, **options: Any) -> sqlite3.Connection:
-    # Statements alone start and end transactions. Only a reader can block the file for a moment.
+    # Only explicit statements start and end transactions. The timeout is for readers, which block the file only briefly.
     connection: sqlite3.Connection = sqlite3.connect(target, timeout=5.0, isolation_level=None, **options)
     connection.execute("PRAGMA trusted_schema = OFF")
     connection.execute("PRAGMA cell_size_check = ON")
@@ -860,8 +861,8 @@ def _connect(target: str | Path, **options: Any) -> sqlite3.Connection:
 
 
 @contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    """Convert errors of SQLite and of damaged contents to errors of the journal."""
+def _convert_errors(path: Path) -> Iterator[None]:
+    """Convert errors of SQLite, of the file system and of damaged content to a `JournalError`."""
     try:
         yield
     except UnreadableFileError as error:

@@ -336,7 +336,7 @@ class TestACall:
     def test_that_needs_more_memory_says_so_in_a_line(self, limited):
         done = limited("verify", "search_sweeps", "--set", "zones_left=5", place="/", memory_mib=90)
         assert (done.returncode, done.stdout) == (2, "")
-        assert done.stderr == "sar-compile: there is not enough memory for this\n"
+        assert done.stderr == "sar-compile: there is not enough memory for this command\n"
 
     def test_reads_the_configuration_above_its_folder_and_what_that_names(self, work):
         (work / "sar.toml").write_text(

@@ -75,7 +75,7 @@ def test_a_page_that_cannot_be_served_names_what_brings_its_server(library, tmp_
         library, "sar_compiler.cli.journal_command:main", "replay", str(tmp_path / "m.journal")
     )
     assert (status, "Traceback" in said) == (2, False), said
-    assert "sar-journal: the page needs a missing library (" in said
+    assert "sar-journal: the page needs a library that is missing (" in said
     assert "pip install 'sar_compiler[web]'" in said
 
 
@@ -83,7 +83,7 @@ def test_a_page_that_cannot_be_served_names_what_brings_its_server(library, tmp_
 def test_a_mission_whose_page_cannot_be_served_does_not_begin():
     status, said = run_without("uvicorn", "sar_compiler.cli.run:main", "--sim", "--view", "web")
     assert (status, "Traceback" in said, "Looking" in said) == (2, False, False), said
-    assert "sar-run: the page needs a missing library (" in said
+    assert "sar-run: the page needs a library that is missing (" in said
     assert "pip install 'sar_compiler[web]'" in said
 
 

@@ -127,7 +127,7 @@ LACKING = {
     "ROS 2 is installed, but not the interface package '…'": "nav2_msgs",
     "a library of the simulator is missing (…)": "scipy",
 }
-NO_EXTRA = "… needs a missing library (…): install it with pip install 'sar_compiler[…]'"
+NO_EXTRA = "… needs a library that is missing (…). Install it with pip install 'sar_compiler[…]'"
 PLACE = "-p georeference.lat:=48.2 -p georeference.lon:=16.4 -p georeference.heading:=90.0"
 # For each extra that an option takes: a module of it, and what is typed.
 EXTRAS = {

@@ -47,7 +47,7 @@ def test_a_port_that_is_taken_ends_the_run_before_it_begins(start, tree):
 def test_without_its_extra_groot2_names_it(library, tree):
     status, said = run_without(library, "sar_compiler.cli.run:main", str(tree), "--groot2", "1667")
     assert (status, "Traceback" in said) == (2, False), said
-    assert f"sar-run: --groot2 needs a missing library (import of {library}" in said
+    assert f"sar-run: --groot2 needs a library that is missing (import of {library}" in said
     assert "pip install 'sar_compiler[groot2]'" in said
 
 

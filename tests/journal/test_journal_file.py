@@ -176,7 +176,7 @@ def test_a_journal_of_another_version_is_refused_with_both_numbers(written):
         other.execute(f"PRAGMA user_version = {VERSION + 1}")
     other.close()
     words = refused(JournalFile.open, written)
-    assert f"has version {VERSION + 1} of a journal" in words
+    assert f"is a journal of version {VERSION + 1}" in words
     assert f"reads version {VERSION}" in words
 
 

@@ -59,7 +59,8 @@ def test_what_no_journal_has_is_refused_by_its_name(place, statements, named):
     change(place, *statements)
     for opened in (JournalFile.read, JournalFile.open):
         with pytest.raises(
-            JournalError, match=f"contains {named}, which does not belong to a journal. It is not read"
+            JournalError,
+            match=f"was not read, because it contains {named}, which does not belong to a journal",
         ):
             opened(place)
 
@@ -97,7 +98,7 @@ def test_what_sqlites_own_tools_leave_is_read(place):
 
 def test_a_file_that_takes_far_more_work_than_its_size_has_is_given_up(place, monkeypatch):
     monkeypatch.setattr(database, "_STEPS", 0)
-    monkeypatch.setattr(database, "_STEPS_OF_A_BYTE", 0)
+    monkeypatch.setattr(database, "_STEPS_PER_BYTE", 0)
     monkeypatch.setattr("sar_compiler.journal.database._QueryBudget.STRIDE", 1)
     with pytest.raises(JournalError, match="far more steps than its size explains"):
         JournalFile.read(place)
@@ -108,7 +109,7 @@ import signal, sys
 from pathlib import Path
 from sar_compiler.journal.database import JournalFile
 file = JournalFile.read(Path(sys.argv[1]))
-file._patience._steps = 10 ** 18
+file._query_budget._steps = 10 ** 18
 signal.signal(signal.SIGALRM, signal.default_int_handler)
 signal.setitimer(signal.ITIMER_REAL, 0.1)
 try:

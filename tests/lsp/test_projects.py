@@ -141,7 +141,7 @@ def test_leaves_that_cannot_be_imported_are_told_of(tmp_path):
 def test_without_the_extra_the_command_names_it():
     status, said = run_without("pygls", "sar_compiler.cli.compile:main", "lsp")
     assert status == 2
-    assert "the language server needs a missing library" in said
+    assert "the language server needs a library that is missing" in said
     assert "pip install 'sar_compiler[lsp]'" in said
 
 

@@ -350,7 +350,7 @@ def test_a_command_to_another_run_is_refused(mission: CommandedMission) -> None:
     seen = {**mission.see(named("abort")), RUN: "run 1 (process 1)"}
     accepted, answer = mission.give(named("abort"), seen=seen)
     assert not accepted
-    assert answer.startswith("you saw run 1 (process 1), and this is run 1 (process ")
+    assert answer.startswith("you saw run 1 (process 1), but the mission is now in run 1 (process ")
 
 
 def test_a_call_without_an_announcement_is_held_to_what_was_announced_last(mission: CommandedMission) -> None:
