@@ -1,4 +1,4 @@
-"""Standard JSON: numbers that are not finite are written, and read, as null."""
+"""Reading and writing of standard JSON, in which numbers that are not finite become null."""
 
 import functools
 import json
@@ -12,15 +12,15 @@ def _float(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-# Created once: `json.loads` with an option creates a decoder for each text, which takes longer than decoding a short one.
+# Created once, because `json.loads` with an option creates a decoder for each text, which takes longer than decoding a short text.
 _decoder = json.JSONDecoder(parse_constant=lambda _: None, parse_float=_float)
 
 
 def json_text(data: object, **options: Any) -> str:
-    """Return a value as JSON; the options are those of `json.JSONEncoder`, which is cached for each combination.
+    """Convert a value to JSON text; *options* are arguments of `json.JSONEncoder`.
 
     Raises:
-        TypeError: If it is not a JSON value.
+        TypeError: If the value is not a JSON value.
     """
     try:
         return _encoder(**options).encode(data)
@@ -34,12 +34,12 @@ def _encoder(**options: Any) -> json.JSONEncoder:
 
 
 def json_value(text: str) -> Any:
-    """Return the value of a JSON text, which may contain Python's `NaN` and `Infinity`.
+    """Parse a JSON text, which may contain Python's `NaN` and `Infinity`.
 
     Raises:
-        ValueError: If it is not JSON.
+        ValueError: If the text is not JSON.
     """
-    # Most texts have no blanks around the value; only `decode` skips blanks.
+    # `scan_once` is fast, but unlike `decode` it does not skip blanks around the value, which most texts do not have.
     try:
         value, end = _decoder.scan_once(text, 0)  # type: ignore[attr-defined]
     except StopIteration:
@@ -48,7 +48,7 @@ def json_value(text: str) -> Any:
 
 
 def json_data(value: object) -> Any:
-    """Return a value in the form that a file of JSON returns: JSON values, arrays as lists, others as their text."""
+    """Convert a value to the values that a JSON file would contain: iterables become lists, and other objects become strings."""
     return json_value(json_text(value, default=_to_json))
 
 

@@ -1,4 +1,4 @@
-"""A tree file in Python: checking, compiling, simulating, verifying, monitoring and predicting it."""
+"""A loaded tree file, which can be checked, compiled, simulated, verified, monitored and predicted from Python."""
 
 import warnings
 from collections.abc import Iterable, Mapping
@@ -25,7 +25,7 @@ class LoadedTree(ProjectTree):
     """A tree file with all of its included files, and the settings of its project; created by `load`."""
 
     def _repr_svg_(self) -> str | None:
-        """Return a picture for a notebook; None, so that it shows the text, if the file is malformed."""
+        """Return a picture for a notebook, or None if the file is malformed; the notebook then shows text."""
         from sar_compiler.views.drawing import svg
 
         try:
@@ -44,14 +44,14 @@ class LoadedTree(ProjectTree):
         """Compile a tree for ticking.
 
         Args:
-            node: The node that ticks it: its clock is the tree's, and its parameters are keys of the root
-                    blackboard. Without a node, the steady clock is used.
-            parameters: Further keys of the root blackboard; they override the node's parameters.
+            node: The ROS node that ticks the tree. The tree uses the clock of this node, and finds its parameters as keys of
+                    the root blackboard. Without a node, the tree uses the steady clock.
+            parameters: Further keys of the root blackboard, which override the node's parameters.
             context: Objects that leaves require in their constructors, by their type.
-            tree_id: The tree in the file; by default the main tree.
+            tree_id: The ID of a tree in the file; by default the main tree.
 
         Raises:
-            TreeError: If there are errors, a key has no value or an invalid one, a leaf needs an object that is
+            TreeError: If the file has errors, a key has no value or an invalid value, a leaf needs an object that is
                     not in *context*, or a constructor rejects its arguments.
         """
         if node is None:
@@ -77,15 +77,15 @@ class LoadedTree(ProjectTree):
     ) -> "Simulated":
         """Return the tree with scripted leaves, for ticking on a manual clock.
 
-        The arguments correspond to a scenario file, with Python's lists and dictionaries for YAML's.
+        The arguments correspond to the content of a scenario file, as Python lists and dictionaries.
 
         Args:
-            leaves: The outcomes of leaves, by path, name or tag: `{"Patrol/NavigateToZone": ["aborted", "arrived"]}`.
-            scenario: The other keys of a scenario: `{"tree": "Main", "facts": {"zones_left": 1}, "period": "0.1s"}`.
-            **scripts: The outcomes of leaves whose names are Python identifiers: `NavigateToZone=["aborted", "arrived"]`.
+            leaves: The outcomes of leaves by path, name or tag, such as `{"Patrol/NavigateToZone": ["aborted", "arrived"]}`.
+            scenario: The other keys of a scenario, such as `{"tree": "Main", "facts": {"zones_left": 1}, "period": "0.1s"}`.
+            **scripts: The outcomes of leaves whose names are Python identifiers, such as `NavigateToZone=["aborted", "arrived"]`.
 
         Raises:
-            TreeError: If there are errors, or the script has an impossible outcome of a leaf.
+            TreeError: If the file has errors, or an argument contains an outcome that a leaf cannot have.
         """
         from sar_compiler.analysis.simulated import simulate_tree
 
@@ -96,7 +96,7 @@ class LoadedTree(ProjectTree):
 
 
 class _LoadingWorkspace(Workspace):
-    """A workspace whose trees offer all analyses."""
+    """A workspace that loads tree files as `LoadedTree`."""
 
     def load(self, tree: str | Path) -> LoadedTree:
         path = find_tree(str(tree))
@@ -118,24 +118,24 @@ def load(
     Args:
         tree: The path of a tree file, or the name of a shipped tree.
         nodes: Your own leaves: classes, modules, or import paths of modules.
-        models: Palettes of nodes that are not installed: files, or names of shipped ones (`nav2:jazzy`).
+        models: Palettes of nodes that are not installed: files, or names of shipped palettes, such as `nav2:jazzy`.
         include_path: Further folders for included files.
-        registry: The registered nodes, instead of the installed ones, *nodes* and installed palettes.
-        mission: The name of the mission, which overrides the leaves' requirements; by default these determine it.
-        isolated: Whether to ignore the surroundings of the file: configuration, palettes and trees.
+        registry: The known nodes, which replace the installed nodes, *nodes* and installed palettes.
+        mission: The name of the mission; by default, the leaves' requirements determine the mission.
+        isolated: Whether to ignore the project's configuration, palettes and other trees.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
-        TreeError: If the project's configuration has errors. Findings about the tree are returned by `check`, and
-                raised by `compile`, `simulate` and `verify`.
+        TreeError: If the project's configuration has errors. `check` returns findings about the tree; `compile`, `simulate` and
+                `verify` raise them.
         TypeError: If *nodes*, *models* or *include_path* is a single string.
     """
     for name, several in (("nodes", nodes), ("models", models), ("include_path", include_path)):
         if isinstance(several, str):
-            raise TypeError(f"{name} is the string '{several}': write a collection, {name}=['{several}']")
+            raise TypeError(f"{name} is the string '{several}'. Pass a list of strings: {name}=['{several}']")
     palettes, folders = (tuple(Path(path) for path in each) for each in (models, include_path))
     additions = CommandLineSettings(
         tuple(nodes), palettes, folders, registry=registry, mission=mission, is_isolated=isolated
     )
-    # The frames in between are `_note`, `project_of` and the two `load`.
+    # Between the warning and the caller are the frames of `_note`, `project_of` and the two functions `load`.
     return _LoadingWorkspace(additions, note=lambda text: warnings.warn(text, stacklevel=6)).load(tree)

@@ -1,7 +1,7 @@
-"""The display state of a mission: landmarks, figures, gauges, alarms, and its phase. It needs no ROS.
+"""The display state of a mission: landmarks, figures, gauges, alarms, and the phase. The module does not need ROS.
 
-Events change the state of a mission, and its `Display` is computed after each of them. The difference is written after
-the event as an entry of the kind `changed`. So a reader of a journal can show a mission without knowing it.
+Events change the state of a mission. After each event the mission's `Display` is computed, and its changes are written to the
+journal as an entry of the kind `changed`. A reader of the journal can therefore show any mission without the mission's code.
 """
 
 import itertools
@@ -16,12 +16,12 @@ from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_ENDE
 from sar_compiler.json_values import json_text
 
 _OPERATOR = "the operator"
-# A letter is a cell's value in tenths, rounded up; no letter means 0.
+# The characters for a cell's value in tenths, rounded up: `-` for 0, `a` for 1, `j` for 10.
 _TENTHS = "-abcdefghij"
 _RUNS = re.compile(r"(?:(?:[1-9][0-9]{0,5})?[-a-j])+")
 _RUN = re.compile(r"([0-9]*)[-a-j]")
-_MOST_CELLS = 100_000
-# An outline is identified by its first corners.
+_MAX_CELLS = 100_000
+# The number of corners of an outline that are part of its landmark's identity.
 _IDENTIFYING_CORNERS = 8
 
 
@@ -32,23 +32,23 @@ class Level(IntEnum):
     IN_HAND = 1
     DONE = 2
     GIVEN_UP = 3
-    """Given up, or an error."""
+    """The landmark was abandoned, or an error occurred."""
 
 
 class LandmarkKind(NamedTuple):
-    """A kind of landmarks.
+    """A kind of landmark.
 
     Attributes:
-        name: The singular, in a word: `point`. Markers of a kind have a namespace of their own in RViz.
-        plural: The plural: `points`.
-        shape: The shape: `circle`, `triangle`, `house` or `square`; one with corners as a polygon.
-        is_found: Whether the robot detects them and a person must go there unless they are abandoned: `people` in a
-            report's forms for emergency services.
-        event: The description of such a detection, for those services.
-        shaded_by: The meaning of the outlines' shading: `probability now`; empty for no shading.
-        is_end: Whether the robot must end there; otherwise a person must fetch it.
-        review: The name of the operator's command that reviews such a detection; empty for none.
-        remedy: The task of a person where the robot has given up, as an imperative that its name follows: `Send people to`.
+        name: The singular, as one word, such as `point`; also the namespace of the kind's markers in RViz.
+        plural: The plural, such as `points`.
+        shape: The shape on the map: `circle`, `triangle`, `house` or `square`. A landmark with corners is drawn as a polygon instead.
+        is_found: Whether the robot detects landmarks of this kind, to which a person must go unless they are abandoned.
+        event: The description of a detection in reports for emergency services.
+        shaded_by: The meaning of the shade of outlines, such as `probability now`; empty for no shade.
+        is_end: Whether the robot must end its mission at a landmark of this kind, so that no person has to fetch it.
+        review: The name of the operator's command that reviews a detection; empty if there is no such command.
+        remedy: The task for a person after the robot has abandoned a landmark, as an imperative before the landmark's name, such as
+            `Send people to`.
     """
 
     name: str
@@ -63,12 +63,12 @@ class LandmarkKind(NamedTuple):
 
 
 class EventTime(NamedTuple):
-    """A time of an event.
+    """The time of an event.
 
     Attributes:
         run: The number of the run, from 1.
-        time: Seconds of the mission's clock: in a journal unchanged, in a mission's state since the run's start.
-        wall: Seconds since 1970.
+        time: The time of the mission's clock, in seconds; in the state of a mission, relative to the start of the run.
+        wall: The time of the system's clock, in seconds since 1970.
     """
 
     run: int
@@ -77,7 +77,7 @@ class EventTime(NamedTuple):
 
     @property
     def utc(self) -> str | None:
-        """The time of the system's clock in ISO 8601; None if there is no such day."""
+        """The time of the system's clock in ISO 8601; None if the time is out of range."""
         try:
             return datetime.fromtimestamp(self.wall, timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
         except (OSError, OverflowError, ValueError):
@@ -88,19 +88,19 @@ class Landmark(NamedTuple):
     """A position that a mission shows on the map.
 
     Attributes:
-        kind: The name of its kind.
-        name: Its name; unique among its kind.
+        kind: The name of the landmark's kind.
+        name: The landmark's name, unique within its kind.
         x: Position in the frame `map`, metres.
         y: Position in the frame `map`, metres.
-        state: Its state in a word or two; empty for none.
-        level: Its progress.
-        reason: The reason of that state, in words; may be empty.
-        within: The name of the landmark that contains it, or empty.
-        is_certain: Whether a person has confirmed it.
-        details: Further data, by a name in words: numbers, texts, times.
-        corners: Its outline, as positions in the frame `map`, metres; empty for a point.
-        shade: The shading of the outline, 0 to 1, with the meaning in its kind; None for none.
-        task: What a person has to do about it, as a sentence without a full stop; empty for nothing.
+        state: The state in a word or two, such as `candidate`; may be empty.
+        level: The progress, as a `Level`.
+        reason: The reason for the state, in words; may be empty.
+        within: The name of the landmark that contains this landmark; empty if there is none.
+        is_certain: Whether a person has confirmed the landmark.
+        details: Further numbers, strings or times, each with a name in words.
+        corners: The corners of the outline in the frame `map`, metres; empty for a point.
+        shade: The shade of the outline, from 0 to 1; `LandmarkKind.shaded_by` states its meaning. None for no shade.
+        task: The task for a person, as a sentence without a full stop; empty if there is none.
     """
 
     kind: str
@@ -119,7 +119,7 @@ class Landmark(NamedTuple):
 
     @property
     def identity(self) -> str:
-        """Its state and position, `candidate at (1.00, 2.00)`: a command about it is refused if this has changed."""
+        """The state and position, such as `candidate at (1.00, 2.00)`; a command is refused if its landmark's identity has changed."""
         outline = "".join(f" ({x:.2f}, {y:.2f})" for x, y in self.corners[:_IDENTIFYING_CORNERS])
         return f"{self.state or 'known'} at ({self.x:.2f}, {self.y:.2f}){outline and f', outline{outline}'}"
 
@@ -128,14 +128,14 @@ class RasterLayer(NamedTuple):
     """A raster layer on the map, coloured cell by cell.
 
     Attributes:
-        name: Its name.
-        meaning: The meaning of a cell's percentage, in words: `seen`.
-        x: Its left edge, metres in the frame `map`.
-        y: Its lower edge, metres.
+        name: The layer's name.
+        meaning: The meaning of a cell's percentage, in words, such as `seen`.
+        x: The left edge in the frame `map`, metres.
+        y: The lower edge in the frame `map`, metres.
         cell_m: The side of a cell, metres.
         columns: The number of cells in a row.
-        cells: The cells from the left, row after row from below: `a` for one above 0 to 10 %, up to `j` for one above 90 %, `-` for one with nothing; in
-            front of it how many in that row are so, where they are several.
+        cells: The cells from left to right, row by row from the bottom: `-` for 0 %, `a` for up to 10 %, and so on to `j` for more than 90 %.
+            A number before a character is the length of a run of equal cells in a row.
     """
 
     name: str
@@ -150,7 +150,7 @@ class RasterLayer(NamedTuple):
     def from_shares(
         cls, name: str, meaning: str, x: float, y: float, cell_m: float, rows: Sequence[Sequence[float]]
     ) -> "RasterLayer":
-        """Return a layer from shares of 0 to 1, row after row from below, each from the left."""
+        """Return a layer from cell values of 0 to 1, in rows from the bottom, each from left to right."""
         runs = (
             f"{count if count > 1 else ''}{_TENTHS[tenths]}"
             for row in rows
@@ -164,11 +164,11 @@ class Figure(NamedTuple):
     """A number that shows the progress of a mission.
 
     Attributes:
-        name: The counted or measured quantity: `points visited`.
+        name: The counted or measured quantity, such as `points visited`.
         value: The count or amount.
         of: The total; None if unknown.
-        unit: The unit; empty for none.
-        least: The wanted value: if an ended mission has less, a person must decide what to do. None for no such value.
+        unit: The unit; empty if there is none.
+        least: The required value: if the mission ends with a lower value, a person must decide what to do. None for no requirement.
     """
 
     name: str
@@ -179,19 +179,19 @@ class Figure(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The figure in words: `points visited 3 of 4`."""
+        """The figure in words, such as `points visited 3 of 4`."""
         unit = f" {self.unit}" if self.unit else ""
         return f"{self.name} {self.value:g}{'' if self.of is None else f' of {self.of:g}'}{unit}"
 
 
 class Gauge(NamedTuple):
-    """A quantity that runs out: battery, link, time.
+    """A quantity that runs out, such as the battery's charge or the time.
 
     Attributes:
-        name: Its name: `battery`.
-        value: The remaining amount, in the unit.
-        unit: The unit: `%`, `s`.
-        least: The limit for an alarm; None without a limit.
+        name: The name of the quantity, such as `battery`.
+        value: The remaining amount, in *unit*.
+        unit: The unit, such as `%` or `s`; empty if there is none.
+        least: The value below which an alarm is raised; None for no limit.
     """
 
     name: str
@@ -201,7 +201,7 @@ class Gauge(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The gauge in words: `battery 80 %`."""
+        """The gauge in words, such as `battery 80 %`."""
         return f"{self.name} {self.value:g}{f' {self.unit}' if self.unit else ''}"
 
 
@@ -209,9 +209,9 @@ class Alarm(NamedTuple):
     """A message that requires a person's attention.
 
     Attributes:
-        text: The message. An alarm with another text is another alarm.
-        level: As of a log line: 30 for a warning, 40 for an error.
-        is_over: Whether the reason has disappeared. The alarm is shown until a person has seen it.
+        text: The message, which also identifies the alarm.
+        level: The severity, as in the log: 30 for a warning, 40 for an error.
+        is_over: Whether the cause has disappeared. The alarm is still shown until a person has seen it.
     """
 
     text: str
@@ -223,9 +223,9 @@ class MissionPhase(NamedTuple):
     """The current phase according to the mission.
 
     Attributes:
-        name: `held`, `aborted`, `working`, or another word; empty if the run determines it (driving, waiting, over).
-        reason: The reason, in words.
-        place: The present location: the name of a landmark; empty for none.
+        name: The phase, such as `held`, `aborted` or `working`; empty if the run determines the phase (driving, waiting, over).
+        reason: The reason for the phase, in words.
+        place: The name of the landmark at which the robot is; empty if there is none.
     """
 
     name: str = ""
@@ -237,8 +237,8 @@ class AwaitedItem(NamedTuple):
     """A resource that a run needs before its first tick.
 
     Attributes:
-        name: Its name in the operator's words: `navigation`.
-        problem: Why it is not available, for engineers; empty if it is.
+        name: The resource's name for operators, such as `navigation`.
+        problem: Why the resource is not available, for engineers; empty if it is available.
     """
 
     name: str
@@ -249,7 +249,7 @@ class Display(NamedTuple):
     """The complete display of a mission at one time.
 
     Attributes:
-        objects: The object of each command that has one, by the command's name: the place that is skipped, the state that is resumed.
+        objects: The objects of commands, by the command's name: the location that would be skipped, or the state that would be resumed.
             A command is refused if its object has changed since the operator saw it.
     """
 
@@ -263,7 +263,7 @@ class Display(NamedTuple):
 
 
 def changes(before: Display, after: Display) -> dict[str, Any]:
-    """Return the changes from one display to the next as JSON values, the data of a `changed` entry; empty for none."""
+    """Return the changes from one display to the next as JSON values, the data of a `changed` entry; empty if nothing has changed."""
     known = {(each.kind, each.name): each for each in before.landmarks}
     now = {(each.kind, each.name) for each in after.landmarks}
     parts = {
@@ -285,7 +285,7 @@ def changes(before: Display, after: Display) -> dict[str, Any]:
 
 
 def with_author(text: str, author: CommandAuthor) -> str:
-    """Add the author and the reason to a sentence about a command."""
+    """Add the author and the reason of a command to a sentence about the command."""
     by, reason = author
     if by and by not in text:
         text = text.replace(_OPERATOR, by, 1) if _OPERATOR in text else f"{by}: {text}"
@@ -293,9 +293,9 @@ def with_author(text: str, author: CommandAuthor) -> str:
 
 
 def changes_of_event(fact: JournalEntry, sentence: str, before: Display, after: Display) -> dict[str, Any]:
-    """Return the data of an event's `changed` entry: the changes and a sentence; may be empty.
+    """Return the data of the `changed` entry after an event: the changes of the display, and a sentence about the event.
 
-    Goals, and the end of a run, have other entries.
+    Events about goals and the end of a run have no sentence, so their data may be empty.
     """
     changed = changes(before, after)
     if fact.kind in (GOAL_SENT, GOAL_ENDED, RUN_ENDED):
@@ -304,10 +304,10 @@ def changes_of_event(fact: JournalEntry, sentence: str, before: Display, after: 
 
 
 def _changed_alarms(before: Sequence[Alarm], after: Sequence[Alarm]) -> Iterator[Alarm]:
-    """Yield the alarms that have changed; disappeared ones are marked as over."""
+    """Yield the alarms that have changed; mark alarms that have disappeared as over."""
     yield from (each for each in after if each not in before)
-    there = {each.text for each in after}
-    yield from (each._replace(is_over=True) for each in before if each.text not in there and not each.is_over)
+    texts = {each.text for each in after}
+    yield from (each._replace(is_over=True) for each in before if each.text not in texts and not each.is_over)
 
 
 def initial_display(kinds: Iterable[LandmarkKind], shown: Display) -> dict[str, Any]:
@@ -316,9 +316,11 @@ def initial_display(kinds: Iterable[LandmarkKind], shown: Display) -> dict[str, 
 
 
 def _to_json(value: Any) -> dict[str, Any]:
-    """Return a tuple of this module as JSON values, without default values."""
-    usual = value._field_defaults
-    fields = {key: each for key, each in value._asdict().items() if key not in usual or each != usual[key]}
+    """Convert a named tuple of this module to JSON values, without the fields that have their default value."""
+    defaults = value._field_defaults
+    fields = {
+        key: each for key, each in value._asdict().items() if key not in defaults or each != defaults[key]
+    }
     if details := fields.get("details"):
         fields["details"] = {
             key: each._asdict() if isinstance(each, EventTime) else each
@@ -332,17 +334,18 @@ class DisplayState:
     """The display state of a mission, computed from the `changed` entries of its journal.
 
     Args:
-        starts: The start of each run, by its number, in seconds of the mission's clock. Times of details are relative to it.
+        starts: The start of each run by its number, in seconds of the mission's clock. The times in details become relative to the start of
+            their run.
 
     Attributes:
-        kinds: The kinds of its landmarks, by name.
-        landmarks: Its landmarks by kind and name, in order of appearance.
-        figures: Its figures by name.
-        gauges: Its gauges by name.
-        rasters: Its raster layers by name.
-        alarms: Its alarms by text, with the entry's number of each.
-        phase: Its phase.
-        objects: The object of each command that has one, by the command's name.
+        kinds: The kinds of landmarks, by name.
+        landmarks: The landmarks by kind and name, in order of appearance.
+        figures: The figures by name.
+        gauges: The gauges by name.
+        rasters: The raster layers by name.
+        alarms: The alarms by text.
+        phase: The phase according to the mission.
+        objects: The objects of commands, by the command's name.
     """
 
     def __init__(self, starts: Mapping[int, float] | None = None) -> None:
@@ -374,7 +377,7 @@ class DisplayState:
         phase: Mapping[str, Any] | None = None,
         **more: Any,
     ) -> None:
-        """Apply the data of an entry.
+        """Apply the data of a `changed` entry.
 
         Raises:
             ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the entry is invalid.
@@ -411,11 +414,11 @@ class DisplayState:
         return [each for each in self.landmarks.values() if each.kind == name]
 
     def detections(self) -> list[Landmark]:
-        """Return the landmarks that the robot has detected, including those that need no visit."""
+        """Return the landmarks that the robot has detected, including detections to which no person must go."""
         return [each for each in self.landmarks.values() if self.kind_of(each).is_found]
 
     def kind_of(self, landmark: Landmark) -> LandmarkKind:
-        """Return the kind of a landmark; a default one if none was declared."""
+        """Return the kind of a landmark, or a default kind if the mission has not declared the kind."""
         return self.kinds.get(landmark.kind) or LandmarkKind(landmark.kind, f"{landmark.kind}s")
 
 
@@ -449,7 +452,7 @@ def _raster_layer(x: float, y: float, cell_m: float, columns: int, cells: str, *
     if not _RUNS.fullmatch(cells):
         raise ValueError(f"{cells!r:.60} is not a row of cells")
     count = sum(int(each or 1) for each in _RUN.findall(cells))
-    if count > _MOST_CELLS or columns < 1 or count % columns or not 0.0 < cell_m < math.inf:
+    if count > _MAX_CELLS or columns < 1 or count % columns or not 0.0 < cell_m < math.inf:
         raise ValueError(f"{count} cells of {cell_m} m in rows of {columns} are not a raster")
     return RasterLayer(
         x=position(x, y)[0], y=position(x, y)[1], cell_m=cell_m, columns=columns, cells=cells, **more
@@ -464,7 +467,7 @@ def _check_numbers(*values: object) -> None:
 
 
 def default_sentence(kind: str, data: Mapping[str, Any]) -> str:
-    """Return the default sentence of an event: `photo taken: photo: photo_1`."""
+    """Return the default sentence of an event, such as `photo taken: photo: photo_1`."""
     values = (
         f"{name}: {value if isinstance(value, str) else json_text(value, ensure_ascii=False)}"
         for name, value in data.items()
@@ -474,7 +477,7 @@ def default_sentence(kind: str, data: Mapping[str, Any]) -> str:
 
 
 def position(x: Any, y: Any) -> tuple[float, float]:
-    """Return a position in the frame `map`, metres.
+    """Convert values from a journal to a position in the frame `map`, metres.
 
     Raises:
         ValueError: If a number is not finite.

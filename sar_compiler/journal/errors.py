@@ -1,10 +1,10 @@
-"""Errors of a journal."""
+"""The errors about journals."""
 
 from sar_compiler.errors import SarError
 
 
 class JournalError(SarError):
-    """A journal cannot be used, or must not be used in this way; the robot has not moved."""
+    """A journal cannot be used, or must not be used as requested; the robot has not moved."""
 
 
 class JournalPlaceError(JournalError):

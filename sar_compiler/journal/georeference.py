@@ -5,18 +5,18 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 GEOREFERENCE = "georeference"
-"""The parameter, with `lat`, `lon` and `heading`."""
-# Limits for the absolute value of its numbers, degrees.
-_MOST = (90, 180, 360)
+"""The name before the parameters `lat`, `lon` and `heading`, such as in `georeference.lat`."""
+# The maximum absolute values of `lat`, `lon` and `heading`, degrees.
+_MAX = (90, 180, 360)
 
 
 class Georeference(NamedTuple):
     """The position of the frame `map` on the earth.
 
     Attributes:
-        lat: Latitude of its origin, degrees north, WGS 84.
-        lon: Longitude of its origin, degrees east, WGS 84.
-        heading: The direction of its x axis, degrees clockwise from true north: 90 if x is east and y north.
+        lat: Latitude of the frame's origin, degrees north, WGS 84.
+        lon: Longitude of the frame's origin, degrees east, WGS 84.
+        heading: The direction of the frame's x axis, degrees clockwise from true north: 90 if x points east and y north.
     """
 
     lat: float
@@ -25,21 +25,21 @@ class Georeference(NamedTuple):
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> "Georeference | None":
-        """Return the georeference in a run's parameters (flat names); None if missing or out of range."""
+        """Return the georeference in the flat parameters of a run; None if it is missing or out of range."""
         try:
-            place = cls(*(float(parameters[f"{GEOREFERENCE}.{name}"]) for name in cls._fields))
+            found = cls(*(float(parameters[f"{GEOREFERENCE}.{name}"]) for name in cls._fields))
         except (ArithmeticError, LookupError, TypeError, ValueError):
             return None
-        return None if any(place.mistakes()) else place
+        return None if any(found.mistakes()) else found
 
     def mistakes(self) -> Iterator[tuple[str, str]]:
-        """Yield the name of each number out of range, with a description of the problem."""
-        for name, value, most in zip(self._fields, self, _MOST, strict=True):
-            if not abs(value) <= most:  # NaN is an error, too
-                yield name, f"must be degrees between -{most} and {most}, not {value:g}"
+        """Yield the name of each number that is out of range, with a description of the problem."""
+        for name, value, limit in zip(self._fields, self, _MAX, strict=True):
+            if not abs(value) <= limit:  # NaN is an error, too
+                yield name, f"must be degrees between -{limit} and {limit}, not {value:g}"
 
     def to_coordinates(self, x: float, y: float) -> tuple[float, float]:
-        """Return latitude and longitude of a position in the frame `map` (metres), along the ellipsoid.
+        """Return latitude and longitude of a position in the frame `map` (metres), computed on the ellipsoid.
 
         Raises:
             ImportError: If pyproj is not installed.

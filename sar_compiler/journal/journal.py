@@ -34,39 +34,39 @@ if TYPE_CHECKING:
 
 Listener = Callable[[JournalEntry], object]
 
-# Interval between writes of observations, in seconds of the steady clock: a process that is killed may lose this much.
+# The interval between writes of observations, in seconds: a process that is killed may lose the observations of one interval.
 _BATCH_SEC = 1.0
 
-# Limits of the memory that waits while the file cannot be written. Later entries are only counted.
-_MOST_FACTS, _MOST_WATCHED = 10_000, 20_000
+# The maximum numbers of events and observations in memory while the file cannot be written; further entries are only counted.
+_MAX_FACTS, _MAX_WATCHED = 10_000, 20_000
 
 
 class FactState(Protocol):
-    """A state computed from events, such as that of a mission."""
+    """A state that is computed from events, such as the state of a mission."""
 
     def apply(self, fact: JournalEntry) -> None:
         """Apply an event to the state, in the run that writes it and in runs that resume.
 
         Raises:
-            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the event is impossible now.
+            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the event is impossible in this state.
         """
         ...
 
     def display(self) -> Display:
-        """Return its display."""
+        """Return the display of the state."""
         ...
 
     def sentence(self, fact: JournalEntry) -> str:
-        """Return an event as a sentence; empty for the default words."""
+        """Return a sentence about an event; empty to use the default sentence."""
         ...
 
 
 class SentGoal(NamedTuple):
-    """A goal that a run has sent, without an observed end.
+    """A goal that a run has sent and whose end was not observed.
 
     Attributes:
         action: The action's full name.
-        goal_id: Its id, as 32 hexadecimal digits.
+        goal_id: The goal's ID, as 32 hexadecimal digits.
     """
 
     action: str
@@ -79,9 +79,7 @@ def _sent_goal(fact: JournalEntry) -> SentGoal:
         re.fullmatch(r"(/[A-Za-z_]\w*)+", goal.action, re.ASCII)
         and re.fullmatch("[0-9a-f]{32}", goal.goal_id)
     ):
-        message = (
-            f"event {fact.number} of the journal, {fact.kind} {dict(fact.data)}, is not a goal of an action"
-        )
+        message = f"event {fact.number} of the journal, {fact.kind} {dict(fact.data)}, does not describe a goal of an action"
         raise JournalError(message)
     return goal
 
@@ -91,25 +89,25 @@ class Journal:
     """The journal of the running mission: its events and observations.
 
     A leaf receives the journal of its run if its constructor has a parameter of this type. With `Journal | None = None`
-    it also works without a journal. All calls belong in the thread of the node's executor.
+    the leaf also works without a journal. All methods must be called in the thread of the node's executor.
 
-    While the file cannot be written, because the disk is full or another process has locked it, the mission continues.
-    Entries wait in memory, events also in the journal's `SpillFile`, and writing is tried again with each event and each
+    The mission continues while the file cannot be written, because the disk is full or another process has locked the file.
+    Entries then wait in memory, events also in the journal's `SpillFile`, and writing is retried with each event and every
     second. `on_failure` reports the start of this state, and `on_recovery` its end.
 
     Args:
-        file: The file, open and locked; None for a journal without a file, such as the initial one of a mission's state.
-        aside: The backup name of the file if it is another mission's and a new one follows; None to continue the file.
-        apply: Applies each event to a state, if no mission is attached.
+        file: The file, open and locked; None for a journal without a file.
+        aside: The backup name for the file if it contains another mission and a new file replaces it; None to continue the file.
+        apply: Applies each event to a state while no mission is attached.
 
     Attributes:
-        aside: The name that the file has or will have, because it is another mission's.
+        aside: The backup name of the other mission's file, before and after the renaming; None if there is no other mission.
         is_resumed: Whether an earlier run started the mission.
         clock: The mission's clock.
         head: The head of the file's chain, as hexadecimal digits; empty before the run has ended.
-        on_failure: Called with a sentence when the file cannot be written, or a listener has raised.
+        on_failure: Called with a sentence when the file cannot be written, or a listener has raised an exception.
         on_recovery: Called with a sentence when the file can be written again.
-        leaf_in_hand: Returns which `leaf` records an event now, in which `tick`; nothing between two ticks.
+        leaf_in_hand: Returns the `leaf` that is currently ticked and can record events, with the `tick`; empty between two ticks.
     """
 
     def __init__(
@@ -124,13 +122,13 @@ class Journal:
         self._state: FactState | None = None
         self._kinds: tuple[LandmarkKind, ...] = ()
         self._shown = Display()
-        # Kinds that do not belong to a mission.
+        # The alarms that do not come from the mission.
         self._alarms: list[Alarm] = []
         self.on_failure: Callable[[str], object] = lambda _: None
         self.on_recovery: Callable[[str], object] = lambda _: None
         self.leaf_in_hand: Callable[[], Mapping[str, int]] = dict
-        # The author of the present command, and the kinds recorded under it.
-        self._author, self._led_to = CommandAuthor(), list[str]()
+        # The author of the current command, and the kinds of the events recorded during the command.
+        self._author, self._caused_kinds = CommandAuthor(), list[str]()
         self._file = file
         self.aside = aside
         self.head = ""
@@ -139,51 +137,51 @@ class Journal:
         self._facts = [*known.events()] if known is not None else []
         self._about = known.description() if known is not None else {}
         self._has_begun = self.is_resumed
-        # The time of the last entry, of events and observations. The system's clock may change.
+        # The number of the last event or observation. Entries are ordered by number, because the system's clock may change.
         self._number = known.last_number() if known is not None else 0
-        # The number of the run, also without a file.
+        # The number of the run; 1 without a file.
         self._run = 1
         self._is_written = False
         self._reserve: SpillFile | None = None
         self._numbers: dict[str, int] = {}
-        # Pending entries, and since when the oldest observation waits, or the time of the last attempt.
+        # The entries to write, and the time since when the oldest observation waits, or of the last failed attempt.
         self._watched: list[Row] = []
         self._pending: list[Row] = []
         self._end: RunEnd | None = None
         self._pending_since = 0.0
         self._is_failing = False
-        self._left_out = 0
+        self._omitted_count = 0
         self._began = 0.0
         self._run_about: Mapping[str, object] = {}
         self._listeners: list[Listener] = []
-        self._told = 0
+        self._notified_count = 0
 
     @property
     def is_kept(self) -> bool:
-        """Whether it has a file."""
+        """Whether the journal has a file."""
         return self._file is not None
 
     @property
     def is_wanted(self) -> bool:
-        """Whether entries are used: there is a file or a listener."""
+        """Whether a file or a listener receives the entries."""
         return self.is_kept or bool(self._listeners)
 
     def add_listener(self, listener: Listener) -> None:
         """Register a function to call with each entry after it is written.
 
-        It is called in the thread of the mission, and must return at once. A function that raises an error is not called again. In addition to
-        events and observations it receives the run's start and end; `JournalFile.stream` yields the same from a file.
+        The function is called in the thread of the mission, and must return quickly. If it raises an exception, it is not called again. In
+        addition to events and observations it receives the run's start and end. `JournalFile.stream` yields the same entries from a file.
         """
         self._listeners.append(listener)
 
     @property
     def path(self) -> Path:
-        """Its path."""
+        """The path of the file; an empty path without a file."""
         return self._file.path if self._file is not None else Path()
 
     @property
     def description(self) -> Mapping[str, object]:
-        """The mission's description, which its first run writes; empty before."""
+        """The mission's description, which the mission's first run writes; empty before the first run."""
         return self._about
 
     def earlier(self) -> list[JournalEntry]:
@@ -198,30 +196,30 @@ class Journal:
         """Return the goals of earlier runs that may still be active.
 
         Raises:
-            JournalError: If it contains an impossible goal.
+            JournalError: If the journal contains an invalid goal.
         """
         if self._file is None or not self._facts:
             return []
-        # A goal that was considered lost and then accepted is in it twice.
+        # A goal that was considered lost and was then accepted is recorded twice.
         ends = Counter(entry.data.get("goal") for entry in self._file.observations(GOAL_ENDED))
         sent = [_sent_goal(fact) for fact in self._facts if fact.kind == GOAL_SENT]
         times = Counter(goal.goal_id for goal in sent)
         return [goal for goal in dict.fromkeys(sent) if times[goal.goal_id] > ends[goal.goal_id]]
 
     def attach(self, state: FactState, kinds: Iterable[LandmarkKind] = ()) -> None:
-        """Apply the events of earlier runs to a state now, and each new event when it is recorded.
+        """Apply the events of earlier runs to a state, and from now on each new event when it is recorded.
 
         Args:
-            state: The state of a mission that has just started.
-            kinds: The kinds of its landmarks.
+            state: The initial state of a mission.
+            kinds: The kinds of the mission's landmarks.
 
         Raises:
-            JournalError: If the events do not belong to such a mission.
+            JournalError: If an event of an earlier run is impossible in the state.
         """
         for fact in self.earlier_events():
             try:
                 state.apply(fact)
-            except (  # noqa: PERF203 - which fact it is is said
+            except (  # noqa: PERF203 - the error names the event
                 ArithmeticError,
                 AttributeError,
                 LookupError,
@@ -237,7 +235,7 @@ class Journal:
         """Start the run; from then on it can be resumed.
 
         Args:
-            about: The mission's description, by key; the values of an earlier run are kept.
+            about: The mission's description, by key; ignored if an earlier run has written one.
             run_about: The description of this run, by key.
 
         Raises:
@@ -272,14 +270,14 @@ class Journal:
         self._reserve.replace_content(SpilledEntries(self._began), {})
 
     def record_event(self, kind: str, /, **data: object) -> None:
-        """Record an event. It is on disk when this returns; act on it only then.
+        """Record an event, which is on disk when the function returns; act on the event only afterwards.
 
         Args:
-            kind: Its kind, such as `photo_taken`.
-            **data: Its data, as JSON values.
+            kind: The kind of the event, such as `photo_taken`.
+            **data: The data of the event, as JSON values.
 
         Raises:
-            TypeError: If a value is no JSON value.
+            TypeError: If a value is not a JSON value.
         """
         self._apply_event(self._entry(kind, data))
 
@@ -287,33 +285,33 @@ class Journal:
         """Record an event from outside the mission, and show an alarm from then on.
 
         Args:
-            text: The alarm, which is also the sentence of the event.
+            text: The text of the alarm, which is also the sentence of the event.
             kind: As for `record_event`.
             **data: As for `record_event`.
 
         Raises:
-            TypeError: If a value is no JSON value.
+            TypeError: If a value is not a JSON value.
         """
         self._alarms.append(Alarm(text))
         self._apply_event(self._entry(kind, data), text)
 
     def _apply_event(self, fact: JournalEntry, sentence: str = "") -> None:
         self._apply(fact)
-        order = self._order(fact.kind)
-        changed = {**self._display_changes(fact, sentence), **order, **self.leaf_in_hand()}
-        behind = [fact._replace(kind=CHANGED, data=changed)] if changed else []
+        author = self._author_data(fact.kind)
+        changed = {**self._display_changes(fact, sentence), **author, **self.leaf_in_hand()}
+        following = [fact._replace(kind=CHANGED, data=changed)] if changed else []
         if self._is_written:
             self._pending.append(self._row(fact))
-            self._watched.extend(map(self._row, behind))
+            self._watched.extend(map(self._row, following))
             self._write()
-        for entry in (fact, *behind):
+        for entry in (fact, *following):
             self._notify(entry)
 
     def _entry(self, kind: str, data: Mapping[str, object]) -> JournalEntry:
         return JournalEntry(self._number + 1, self._run, time.time(), self.clock.now(), kind, data)
 
     def _display_changes(self, fact: JournalEntry, sentence: str = "") -> dict[str, object]:
-        """Return the changes of the display by an event, with the event as a sentence."""
+        """Return the changes of the display since the last event, with a sentence about the event."""
         if self._state is None and not self._alarms:
             return {}
         before, self._shown = self._shown, self._display()
@@ -322,7 +320,7 @@ class Journal:
         return changes_of_event(fact, sentence, before, self._shown)
 
     def describe_change(self, command: str, seen: SeenObjects) -> str:
-        """Return the change since the sender of a command saw its objects; empty if there is none."""
+        """Describe the first change since the sender of a command saw its objects; empty if nothing has changed."""
         now = {RUN: run_identity(self._run, self._run_about), OBJECT: self._shown.objects.get(command, "")}
         landmarks = {f"{each.kind}/{each.name}": each for each in self._shown.landmarks}
         return describe_change(seen, now, landmarks)
@@ -333,10 +331,10 @@ class Journal:
 
     @contextmanager
     def ordered_by(self, author: CommandAuthor) -> Iterator[list[str]]:
-        """Record a command's author and reason with the events of this block; yield the list of their kinds."""
-        self._author, self._led_to = author, []
+        """Record a command's author and reason with the events of the block; yield the growing list of the events' kinds."""
+        self._author, self._caused_kinds = author, []
         try:
-            yield self._led_to
+            yield self._caused_kinds
         finally:
             self._author = CommandAuthor()
 
@@ -345,46 +343,46 @@ class Journal:
         """The author of the current command; without a name if there is no command, or its author is unknown."""
         return self._author
 
-    def _order(self, kind: str) -> Mapping[str, str]:
+    def _author_data(self, kind: str) -> Mapping[str, str]:
         if not self._author.name:
             return {}
-        self._led_to.append(kind)
+        self._caused_kinds.append(kind)
         by, reason = self._author
         return {"by": by, "reason": reason} if reason else {"by": by}
 
     def store_highest_number(self, kind: str, number: int) -> None:
-        """Record the highest number in use, for example in names: the next run continues above it even if events are lost.
+        """Store the highest number that is in use, such as in names, so that the next run continues above it even if events are lost.
 
         Args:
-            kind: The numbered kind.
+            kind: The kind of the numbered objects.
             number: The number.
         """
         self._numbers[kind] = max(number, self._numbers.get(kind, 0))
 
     def record_observation(self, kind: str, /, **data: object) -> None:
-        """Queue an observation for the next write; it may be lost when the process is killed.
+        """Queue an observation for the next write; it may be lost if the process is killed.
 
         Args:
-            kind: Its kind, such as `pose`.
-            **data: Its data, as JSON values.
+            kind: The kind of the observation, such as `pose`.
+            **data: The data of the observation, as JSON values.
 
         Raises:
-            TypeError: If a value is no JSON value.
+            TypeError: If a value is not a JSON value.
         """
         entry = self._entry(kind, data)
         if self._is_written:
             if not self._watched and not self._is_failing:
                 self._pending_since = time.monotonic()
             row = self._row(entry)
-            if len(self._watched) < _MOST_WATCHED:
+            if len(self._watched) < _MAX_WATCHED:
                 self._watched.append(row)
             else:
-                self._left_out += 1
+                self._omitted_count += 1
             self.write_when_due()
         self._notify(entry)
 
     def write_when_due(self) -> None:
-        """Write the queue if its oldest entry or the last failed attempt is a second old."""
+        """Write the queue if its oldest observation, or the last failed attempt to write it, is a second old."""
         if (self._watched or self._is_failing) and time.monotonic() - self._pending_since >= _BATCH_SEC:
             self._write()
 
@@ -394,7 +392,7 @@ class Journal:
         Args:
             ending: The kind of end.
             status: The exit status.
-            reason: The reason in a sentence.
+            reason: The reason, as a sentence.
         """
         entry = self._entry(RUN_ENDED, end_data(ending, status, reason, ""))
         self._apply(entry)
@@ -406,11 +404,11 @@ class Journal:
         self._notify(entry._replace(data=end_data(ending, status, reason, self.head)))
 
     def close(self) -> None:
-        """Write the queue, and close the file; remove a file in which no run has started."""
+        """Write the queue and close the file, or remove the file if no run has started in it."""
         self._write()
         if self._is_failing:
             self.on_failure(
-                f"The missing entries of the journal {self.path} are in the reserve beside it. Keep both files together."
+                f"The missing entries of the journal {self.path} are in the reserve file beside the journal. Keep both files together."
             )
         if self._reserve is not None:
             self._reserve.close(is_needed=self._is_failing)
@@ -421,22 +419,22 @@ class Journal:
         self._file, self._reserve, self._is_written = None, None, False
 
     def _notify(self, entry: JournalEntry) -> None:
-        """Pass an entry to the listeners, with its number in their stream."""
+        """Pass an entry to the listeners, numbered in the order of their calls."""
         if self._listeners:
-            # A value that is not JSON is the caller's error even without a file.
+            # Without a file, too, a value that is not JSON raises an error.
             if not self._is_written:
                 json_text(entry.data)
-            self._told += 1
-            entry = JournalEntry(self._told, *entry[1:])
+            self._notified_count += 1
+            entry = JournalEntry(self._notified_count, *entry[1:])
             for listener in list(self._listeners):
                 try:
                     listener(entry)
-                except Exception as error:  # noqa: BLE001, PERF203 - who only watches must not end a mission
+                except Exception as error:  # noqa: BLE001, PERF203 - a listener must not end a mission
                     self._listeners.remove(listener)
                     self.on_failure(f"A listener of the journal has failed and was removed: {error!r}.")
 
     def _row(self, entry: JournalEntry) -> Row:
-        """Return an entry to write, with the next number."""
+        """Convert an entry to a row to write, with the next number."""
         self._number += 1
         _, run, wall, now, kind, data = entry
         return Row(self._number, run, wall, now, kind, json_text(data))
@@ -450,41 +448,41 @@ class Journal:
         try:
             file.write(self._watched, self._pending, self._end)
         except Error as error:
-            self._wait(error)
+            self._handle_write_error(error)
         else:
             if self._end is not None:
-                # Nothing may follow the end of the run, which closes the chain.
+                # No entry may follow the end of the run, which closes the chain.
                 self.head, self._is_written = file.head, False
             self._watched, self._pending, self._end = [], [], None
             self._recover()
 
-    def _wait(self, error: Exception) -> None:
-        # A full disk must not stop a search for people.
+    def _handle_write_error(self, error: Exception) -> None:
+        # The entries stay queued, because a full disk must not stop a search for people.
         self._pending_since = time.monotonic()
-        if len(self._pending) > _MOST_FACTS:
-            self._pending[_MOST_FACTS - 1 :] = [
-                lost_events_row(self._pending[_MOST_FACTS - 1 :], self._numbers)
+        if len(self._pending) > _MAX_FACTS:
+            self._pending[_MAX_FACTS - 1 :] = [
+                lost_events_row(self._pending[_MAX_FACTS - 1 :], self._numbers)
             ]
         had_reserve = self._reserve is not None
         self._spill(SpilledEntries(self._began, self._pending, self._end))
         if self._is_failing and (self._reserve is not None or not had_reserve):
             return
         self._is_failing = True
-        beside = (
-            "events are stored beside it"
+        consequence = (
+            "Until then, events are stored in the reserve file beside the journal."
             if self._reserve
-            else "until then the mission cannot be resumed from here"
+            else "Until then, the mission cannot be resumed from its current state."
         )
         self.on_failure(
-            f"The journal {self.path} cannot be written ({error}). The mission continues, writing is retried each "
-            f"second, and {beside}."
+            f"The journal {self.path} cannot be written ({error}). The mission continues, and writing is retried every "
+            f"second. {consequence}"
         )
 
-    def _spill(self, kept: SpilledEntries) -> None:
-        """Write events to the reserve; raise an error if that is impossible, too."""
+    def _spill(self, spilled: SpilledEntries) -> None:
+        """Write events to the reserve, or close the reserve if it cannot be written either."""
         if self._reserve is not None:
             try:
-                self._reserve.replace_content(kept, self._numbers)
+                self._reserve.replace_content(spilled, self._numbers)
             except OSError:
                 self._reserve.close(is_needed=True)
                 self._reserve = None
@@ -494,8 +492,8 @@ class Journal:
             return
         self._is_failing = False
         self._spill(SpilledEntries(self._began))
-        without = f", without {self._left_out} observations" if self._left_out else ""
-        self._left_out = 0
+        lost = f" {self._omitted_count} observations were lost." if self._omitted_count else ""
+        self._omitted_count = 0
         self.on_recovery(
-            f"The journal {self.path} is written again, including the events of the meantime{without}."
+            f"The journal {self.path} can be written again, and the waiting events have been written.{lost}"
         )

@@ -1,4 +1,4 @@
-"""The entries of a journal, as they are read."""
+"""The entries of a journal and their kinds."""
 
 import time
 from collections.abc import Mapping
@@ -6,54 +6,54 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 GOAL_SENT, GOAL_ENDED = "goal_sent", "goal_ended"
-"""Kinds of the events of leaves that send goals. A mission defines further kinds."""
+"""The kinds of entries about goals that leaves send. A mission defines further kinds."""
 
 FACTS_LOST = "facts_lost"
-"""The kind of an event that replaces others that could not be written: their `count`, and the `numbers` that were used until then."""
+"""The kind of an event that replaces events that could not be written. It has their `count`, and the highest `numbers` in use
+(`Journal.store_highest_number`)."""
 
 RUN_BEGAN = "run_began"
-"""The kind of a run's first entry: the mission's description, with `run`, the run's own description."""
+"""The kind of a run's first entry. It has the mission's description, and in `run` the run's own description."""
 
 RUN_ENDED = "run_ended"
-"""The kind of its last entry: `ending`, `status`, `reason`, and the `head` of the journal's chain, if any."""
+"""The kind of a run's last entry. It has the `ending`, `status` and `reason`, and the `head` of the journal's chain, if there is one."""
 
 ORDERED = "ordered"
-"""The kind of a command to the mission: its `verb` and `label`, its author `by` if known, its `reason`, the `refusal` (empty if
-it was accepted), and `is_told`: whether other events already show it."""
+"""The kind of an observation of a command to the mission. It has the command's `verb` and `label`, its author `by` if known, the
+`reason`, the `refusal` (empty if the command was accepted), and `is_told`: whether other events already show the command."""
 
 PROPERTIES_WATCHED, PROPERTIES_OWED = "properties_watched", "properties_owed"
-"""Kinds of entries about the monitored properties. The first is written once: the `file`, its `properties`, each with its `name`
-and the reaction `if_broken`, and the names `left_out`. The second is written after every change: the names `owed` of
-the properties with a pending obligation."""
+"""The kinds of observations about the monitored properties. `properties_watched` is written once, with the `file`, its
+`properties`, each with its `name` and the reaction `if_broken`, and the names `left_out`. `properties_owed` is written after every
+change, with the names `owed` of the properties that have a pending obligation."""
 
 PROPERTY_BROKEN, ASSUMPTION_FAILED = "property_broken", "assumption_failed"
-"""Kinds of events that no mission defines. A `property` is violated by an `event`, or at the end by an obligation that is still
-`owed`; an outcome contradicts an `assumption`. Each has the `tick`, the `node` (the leaf's number, null for none) and
-the `run`, the last events before: the time in seconds, the tick, the node and the event of each."""
+"""The kinds of events that the runtime monitor records. The first names the violated `property` and the `event` that violated it, or the
+obligation still `owed` at the end. The second names the `assumption` that an outcome contradicts. Both have the `tick`, the `node`
+(the leaf's number, or null) and the `run`: the preceding events, each with time in seconds, tick, node and event."""
 
 LEAF_RAISED = "leaf_raised"
-"""The kind of an entry about a leaf that has raised an exception, which ends the run: its number `node`, null if
-unknown, and the `text`."""
+"""The kind of an entry about a leaf's exception, which ends the run. It has the leaf's number `node`, null if unknown, and the `text`."""
 
 CHANGED = "changed"
-"""The kind of an entry after an event: the event as a sentence, and the changes of the mission's display."""
+"""The kind of the entry after an event. It has a sentence about the event, and the changes of the mission's display."""
 
 STATUS, LACKS, BREAKPOINT = "status", "lacks", "breakpoint"
-"""Kinds that are recorded of the run: a node's status, why the robot cannot drive, the breakpoint that pauses the tree."""
+"""The kinds of observations of a node's status, of the reason why the robot cannot drive, and of the breakpoint that pauses the tree."""
 
 PROGRESS = "progress"
-"""The kind of an entry with the progress of a drive."""
+"""The kind of an observation of the progress of a drive."""
 
 POSE, PLAN, MAP, LOG = "pose", "plan", "map", "log"
-"""Kinds that are recorded from the robot's topics, one by one."""
+"""The kinds of observations of the robot's pose, planned path, map and log."""
 
 BATTERY = "battery"
-"""The kind of an entry with the state of the robot's battery."""
+"""The kind of an observation of the robot's battery."""
 OF_ROBOT = (POSE, PLAN, MAP, BATTERY, LOG)
-"""All kinds that are recorded from the robot's topics."""
+"""All kinds of observations from the robot's topics."""
 
 OF_EVERY_MISSION = (RUN_BEGAN, RUN_ENDED, FACTS_LOST, GOAL_SENT, PROPERTY_BROKEN, ASSUMPTION_FAILED)
-"""Kinds of events that a mission's state receives in addition to those that the mission declares itself."""
+"""The kinds of events that every mission's state receives in addition to the kinds that the mission declares."""
 
 
 _NUMBERS: dict[str, type] = dict.fromkeys(("node", "leaf", "tick", "last"), int)
@@ -65,26 +65,26 @@ _VALUE_TYPES: dict[str, dict[str, type]] = {
     ASSUMPTION_FAILED: _NUMBERS,
     RUN_BEGAN: dict.fromkeys(("tree_id", "tree_file"), str),
 }
-"""The types of values by kind and name, for every reader of a journal; a value may be missing, and null except in a status."""
+"""The required types of values, by kind and name. A value may be missing, and except in a `status` entry it may be null."""
 
 
 def check_value_types(kind: str, data: Mapping[str, Any]) -> None:
     """Check the values of an entry from a file, which may have been altered.
 
     Raises:
-        TypeError: If the project never writes such a value.
+        TypeError: If a value has a type that the project never writes.
     """
     types = _VALUE_TYPES.get(kind, {})
     for name, value in data.items() if types else ():
         wanted = types.get(name)
-        # Not `isinstance`: a bool would be an integer, and values of JSON have no classes of their own.
+        # Not `isinstance`, for which a bool is an integer.
         if wanted is not None and type(value) is not wanted and (value is not None or kind == STATUS):
-            what = "an integer" if wanted is int else "a string"
-            raise TypeError(f"'{name}' of an entry '{kind}' is {value!r:.40} instead of {what}")
+            expected = "an integer" if wanted is int else "a string"
+            raise TypeError(f"'{name}' of an entry '{kind}' is {value!r:.40} instead of {expected}")
 
 
 def day_and_time(wall: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
-    """Return seconds since 1970 as the local date and time, or unchanged if there is no such day."""
+    """Format seconds since 1970 as local date and time, or as a number if the time is out of range."""
     try:
         return time.strftime(form, time.localtime(wall))
     except (OSError, OverflowError, ValueError):
@@ -92,11 +92,11 @@ def day_and_time(wall: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
 
 
 class CommandAuthor(NamedTuple):
-    """The author of a command, and the reason.
+    """The author of a command, and the reason for the command.
 
     Attributes:
-        name: A person, a program or a property, in words: `Ann (page, 127.0.0.1)`; empty if unknown.
-        reason: The stated reason; empty for none.
+        name: A person, a program or a property, in words, such as `Ann (page, 127.0.0.1)`; empty if unknown.
+        reason: The reason that the author has stated; empty if there is none.
     """
 
     name: str = ""
@@ -107,7 +107,7 @@ class CommandAuthor(NamedTuple):
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> "CommandAuthor":
-        """Return the author in the data of an entry: `by` and `reason`."""
+        """Return the author that the values `by` and `reason` of an entry describe."""
         return cls(str(data.get("by") or ""), str(data.get("reason") or ""))
 
 
@@ -115,12 +115,12 @@ class JournalEntry(NamedTuple):
     """An event or an observation.
 
     Attributes:
-        number: Its number in the journal, in chronological order; in a stream, its number in the stream.
-        run: The number of the run that wrote it, from 1.
+        number: The entry's number in the journal, in chronological order; in a stream, its number in the stream.
+        run: The number of the run that wrote the entry, from 1.
         wall: The time of writing, in seconds since 1970.
         time: The time of the mission's clock, in seconds.
-        kind: Its kind, such as `photo_taken`.
-        data: Its data, as JSON values.
+        kind: The entry's kind, such as `photo_taken`.
+        data: The entry's data, as JSON values.
     """
 
     number: int
@@ -132,7 +132,7 @@ class JournalEntry(NamedTuple):
 
 
 class Row(NamedTuple):
-    """An entry to be written; its number follows those of events and observations."""
+    """An entry to write; events and observations share one sequence of numbers."""
 
     number: int
     run: int
@@ -146,24 +146,24 @@ class Ending(str, Enum):
     """The kind of a run's end."""
 
     OVER = "over"
-    """By its end condition: the mission is over, complete or not."""
+    """The end condition was met: the mission is over, complete or not."""
     STOPPED = "stopped"
-    """By a signal: the run may be resumed."""
+    """A signal stopped the run; the mission can be resumed."""
     FAILED = "failed"
-    """By an exception of a leaf or the engine."""
+    """An exception of a leaf or the engine ended the run."""
 
 
 class JournalRun(NamedTuple):
     """One run of the mission, executed by one process.
 
     Attributes:
-        number: Its number, from 1.
-        began: The time of the first tick, in seconds since 1970.
-        about: Its description: `version`, `pid`, `parameters`, the mission's `time` at the start, and so on.
-        ended: Its end, in seconds since 1970; None if it crashed, or still runs.
-        ending: The kind of end; None if it crashed, or still runs.
+        number: The number of the run, from 1.
+        began: The start, in seconds since 1970.
+        about: The description of the run: `version`, `pid`, `parameters`, the `time` of the mission's clock at the start, and so on.
+        ended: The end, in seconds since 1970; None if the run has crashed or still continues.
+        ending: The kind of end; None if the run has crashed or still continues.
         status: The exit status.
-        reason: A sentence with the reason of the end; may be empty.
+        reason: The reason for the end, as a sentence; may be empty.
         head: The head of the journal's chain after the run's end, as hexadecimal digits; empty if there is none.
     """
 
@@ -183,6 +183,6 @@ class JournalRun(NamedTuple):
 
 
 def end_data(ending: Ending, status: int | None, reason: str, head: str) -> dict[str, object]:
-    """Return the data of the run's end in a stream."""
+    """Return the data of a `run_ended` entry."""
     data: dict[str, object] = {"ending": ending.value, "status": status, "reason": reason}
     return {**data, "head": head} if head else data

@@ -1,4 +1,4 @@
-"""Follow the journal of a mission in another process."""
+"""Follow the journal that a mission in another process writes."""
 
 from pathlib import Path
 
@@ -6,16 +6,16 @@ from sar_compiler.journal.database import JournalFile, ReadCursor
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import JournalEntry
 
-# While a mission starts or ends, the file may be unreadable for a moment. An error is raised after this many failures
-# in a row.
+# The number of consecutive failures after which an error is raised. While a mission starts or ends, the file may be
+# unreadable for a moment.
 _TRIES = 4
 
 
 class JournalFollower:
-    """Reads the new entries of a journal, which need not exist yet.
+    """Reads the new entries of a journal, whose file need not exist yet.
 
     Args:
-        path: Its present or future path.
+        path: The path of the journal.
     """
 
     def __init__(self, path: Path) -> None:
@@ -28,7 +28,7 @@ class JournalFollower:
         """Return the entries since the last call, or all entries if a different mission has started in the file.
 
         Raises:
-            JournalError: If it is no journal or is unreadable, in several calls in a row.
+            JournalError: If the file is unreadable or not a journal in several consecutive calls.
         """
         try:
             entries = self._read_new()

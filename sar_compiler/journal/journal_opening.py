@@ -1,4 +1,4 @@
-"""Open the journal of a run: select the file, and start or resume its mission."""
+"""Open the journal of a run: select the file, and start a mission or resume the mission in the file."""
 
 import glob
 import os
@@ -23,7 +23,7 @@ def default_place(node: str, environment: Mapping[str, str] = os.environ) -> Pat
 
     Args:
         node: The node's full name.
-        environment: The environment; a ROS domain other than 0 has another file.
+        environment: The environment variables; a ROS domain other than 0 is part of the file's name.
     """
     domain = environment.get("ROS_DOMAIN_ID") or "0"
     ending = f".domain_{domain}" if domain != "0" else ""
@@ -35,31 +35,31 @@ def simulated_place(node: str, *, resume: bool, environment: Mapping[str, str] =
 
     Args:
         node: The node's full name.
-        resume: Whether to return the journal of the last run, to resume it; else a new one.
-        environment: The environment, as of `default_place`.
+        resume: Whether to return the journal of the last simulated run, to resume its mission, or a new path.
+        environment: The environment variables, as for `default_place`.
     """
-    usual = default_place(node, environment)
-    place = usual.with_name(_SIMULATED) / usual.name
+    default = default_place(node, environment)
+    place = default.with_name(_SIMULATED) / default.name
     own = re.compile(rf"{re.escape(place.stem)}\.\d{{8}}-\d{{6}}(-\d+)?{_SUFFIX}")
-    earlier = [path for path in _by_age(place.parent) if own.fullmatch(path.name)]
+    earlier = [path for path in _journals_by_age(place.parent) if own.fullmatch(path.name)]
     if resume:
         return earlier[-1] if earlier else place
     return _backup_path(place, time.time())
 
 
 def delete_old_simulated(place: Path) -> None:
-    """Delete old journals of simulated runs, except for the last ten and active ones."""
-    others = [path for path in _by_age(place.parent) if path != place]
+    """Delete the journals of simulated runs except the last ten, including *place*, and journals in use."""
+    others = [path for path in _journals_by_age(place.parent) if path != place]
     for path in others[: 1 - _KEPT_SIMULATED]:
         if not is_locked(path):
             for each in place.parent.glob(
                 f"{glob.escape(path.name)}*"
-            ):  # with the files of SQLite and its reserve beside it
+            ):  # including the files of SQLite and the reserve beside the journal
                 each.unlink(missing_ok=True)
 
 
-def _by_age(folder: Path) -> list[Path]:
-    """Return the journals in a folder, the most recently written one last."""
+def _journals_by_age(folder: Path) -> list[Path]:
+    """Return the journals in a folder, the most recently written journal last."""
     found = []
     for path in folder.glob(f"*{_SUFFIX}"):
         with suppress(OSError):  # another process has just deleted it
@@ -70,19 +70,20 @@ def _by_age(folder: Path) -> list[Path]:
 def open_journal(
     place: Path, *, resume: bool = False, start_over: bool = False, is_named: bool = True
 ) -> Journal:
-    """Open the journal of a run; an earlier mission in the file is rotated only when the run starts.
+    """Open the journal of a run; a journal of another mission is only renamed when the run starts.
 
     Args:
         place: The path of the file.
-        resume: Whether to resume the mission in it.
-        start_over: Whether to start a mission regardless of the file's content.
-        is_named: Whether the user has named the file: its content is then not rotated without a request, even if the
-            mission was stopped by its operator.
+        resume: Whether to resume the mission in the file.
+        start_over: Whether to start a new mission even if the mission in the file is unfinished.
+        is_named: Whether the user has named the file. If so, the journal of a mission that its operator has stopped is
+            not renamed without *start_over*.
 
     Raises:
-        JournalError: If there is no mission to resume, or an unfinished one, or another process writes to it, or it is no journal.
+        JournalError: If the mission to resume does not exist or is over, if the mission to replace is unfinished, if another process is
+            writing to the file, or if the file is not a journal.
     """
-    if resume and not os.path.exists(place):  # noqa: PTH110 - which raises nothing
+    if resume and not os.path.exists(place):  # noqa: PTH110 - which raises no error
         raise JournalError(f"there is no journal {place} to resume. Omit --resume")
     file = JournalFile.open(place)
     try:
@@ -121,7 +122,7 @@ def _run_description(run: JournalRun) -> str:
 
 
 def _backup_path(place: Path, began: float) -> Path:
-    """Return a free backup name for a journal, with the time when its mission started."""
+    """Return an unused backup path for a journal, which contains the start time of the journal's mission."""
     stamp = day_and_time(began, "%Y%m%d-%H%M%S")
     names = (
         f"{place.stem}.{stamp}{count}{place.suffix}" for count in ("", *(f"-{n}" for n in range(2, 1000)))

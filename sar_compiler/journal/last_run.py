@@ -1,4 +1,4 @@
-"""The events and ticks of a journal's last run, which are read repeatedly from the file to save memory."""
+"""The events and ticks of a journal's last run, which are read from the file at each use to save memory."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,11 +14,11 @@ from sar_compiler.runtime.events import Event
 class LastRunEvents(TickSource):
     """The events of a journal's last run.
 
-    Each reading opens the file, because SQLite allows only the thread that opened it.
+    Each read opens the file, because SQLite only allows reads in the thread that has opened the file.
 
     Args:
         path: The journal.
-        run: The number of the run; another one that has begun since is not read.
+        run: The number of the run; a later run that has started in the meantime is not read.
         nodes: The nodes of the tree.
     """
 
@@ -28,7 +28,7 @@ class LastRunEvents(TickSource):
 
     @property
     def omits_ticks(self) -> bool:
-        """Whether ticks without a change may be missing, as in imported runs; known once the ticks are read."""
+        """Whether ticks without a change may be missing, as in imported runs; only valid after the ticks were read."""
         return self._omits_ticks
 
     def __iter__(self) -> Iterator[Event]:
@@ -36,7 +36,7 @@ class LastRunEvents(TickSource):
             yield from recorded_events(file.run_entries(self._run, without=OF_ROBOT))
 
     def read_ticks(self) -> Iterator[LoggedTick]:
-        """Yield the ticks."""
+        """Yield the ticks of the run in order."""
         log = TickLog(self._nodes, is_alone=True)
         with JournalFile.open_snapshot(self._path) as file:
             for _ in file.run_entries(self._run, without=OF_ROBOT, log=log):

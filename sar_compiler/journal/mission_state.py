@@ -1,7 +1,7 @@
 """The state of a mission, computed from the entries of its journal, for the page, reports and the terminal.
 
-The entries arrive one by one while the mission runs (`Journal.add_listener`), or all at once from a file (`JournalFile.stream`); the
-state is the same. Entries of other kinds, or without the data of their kind, are events of the mission.
+The state is the same whether the entries arrive one by one during the mission (`Journal.add_listener`) or from a file
+(`JournalFile.stream`). An entry of an unknown kind, or without the data of its kind, is treated as an event of the mission.
 """
 
 import math
@@ -26,9 +26,9 @@ from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
 
 RUNNING, SUCCESS, FAILURE, HALTED, IDLE = "RUNNING", "SUCCESS", "FAILURE", "HALTED", "IDLE"
-_WITHOUT_PART = ("", IDLE, HALTED)
+_INACTIVE = ("", IDLE, HALTED)
 _WARN = 30
-_OF_PHASE = (
+_PHASE_KINDS = (
     events.RUN_BEGAN,
     events.RUN_ENDED,
     events.GOAL_ENDED,
@@ -40,11 +40,11 @@ _OF_PHASE = (
 
 
 class RunProcess(NamedTuple):
-    """The state of the process that runs a mission, in addition to its entries.
+    """The state of the process that runs a mission, which the entries do not contain.
 
     Attributes:
-        is_gone: Whether it no longer exists.
-        silent_sec: The time since its last sign of life, in seconds.
+        is_gone: Whether the process no longer exists.
+        silent_sec: The time since the process last wrote an entry, in seconds.
     """
 
     is_gone: bool = False
@@ -52,7 +52,7 @@ class RunProcess(NamedTuple):
 
 
 class RobotPose(NamedTuple):
-    """A pose of the robot: the time, x and y in metres and yaw in radians, frame `map`."""
+    """A pose of the robot in the frame `map`, with x and y in metres and yaw in radians, and its time."""
 
     at: EventTime
     x: float
@@ -65,8 +65,8 @@ class RemainingDrive(NamedTuple):
 
     Attributes:
         target: The destination.
-        distance: Metres.
-        time_left: Seconds, estimated by the navigation; None without an estimate.
+        distance: The remaining distance, in metres.
+        time_left: The remaining time as estimated by the navigation, in seconds; None if there is no estimate.
     """
 
     target: str
@@ -75,7 +75,7 @@ class RemainingDrive(NamedTuple):
 
 
 class LogLine(NamedTuple):
-    """A line of the log: time, logger, and text."""
+    """A line of the log with its time, text, logger and severity."""
 
     at: EventTime
     text: str
@@ -88,10 +88,10 @@ class KnownEvent(NamedTuple):
 
     Attributes:
         at: The time of writing.
-        kind: Its kind, such as `photo_taken`.
-        data: Its data, as JSON values.
-        text: The event as a sentence.
-        by: The author of the command that led to it; empty for none.
+        kind: The kind of the event, such as `photo_taken`.
+        data: The data of the event, as JSON values.
+        text: A sentence about the event.
+        by: The author of the command that caused the event; empty if there is none.
     """
 
     at: EventTime
@@ -105,11 +105,11 @@ class WatchedProperty(NamedTuple):
     """A property that is monitored during a run.
 
     Attributes:
-        name: Its name.
+        name: The name of the property.
         if_broken: The reaction to a violation: `tell`, `hold` or `abort`.
         is_owed: Whether the property still requires an event.
-        broken: When it was violated; None if it is not.
-        event: The violating event: `Drive aborted`; empty for the end of the run.
+        broken: The time of the violation; None if the property is not violated.
+        event: The event that violated the property, such as `Drive aborted`; empty for the end of the run.
     """
 
     name: str
@@ -120,7 +120,7 @@ class WatchedProperty(NamedTuple):
 
 
 def outcome_words(status: str, label: str | None) -> str:
-    """Return a status with its label: `FAILURE (aborted)`.
+    """Return a status with the label of the outcome, such as `FAILURE (aborted)`.
 
     Args:
         status: The status.
@@ -136,22 +136,22 @@ class NodeState:
     """A node of the tree.
 
     Attributes:
-        number: Its number in pre-order, from 0.
-        name: Its name.
-        kind: Its class.
-        file: The file that contains it.
-        line: The line there.
-        depth: The number of its ancestors.
-        parent: The number of its parent; None for the root.
-        children: The numbers of its children.
-        attributes: Its attributes, by name.
-        outline: All data of it in the journal.
+        number: The number of the node in pre-order, from 0.
+        name: The name of the node.
+        kind: The class of the node.
+        file: The file that contains the node.
+        line: The line of the node in the file.
+        depth: The number of the node's ancestors.
+        parent: The number of the parent; None for the root.
+        children: The numbers of the children.
+        attributes: The attributes, by name.
+        outline: The complete description of the node in the journal.
         start: The start of the run, in seconds of the mission's clock.
-        status: As in the entries; empty if it was never ticked. IDLE and HALTED: it is currently inactive.
-        message: Its message; empty while it is inactive.
-        label: The label of a leaf's outcome; empty if several are possible, None if it declares none.
-        changed: The entry of its last change of status; None if it was never ticked.
-        tick: The number of the tick of its last change.
+        status: The last status in the entries; empty if the node was never ticked. IDLE and HALTED mean that the node is inactive.
+        message: The message of the node; empty while the node is inactive.
+        label: The label of a leaf's outcome; empty if several are possible, None if the leaf declares none.
+        changed: The entry of the last status change; None if the node was never ticked.
+        tick: The number of the tick of the last `status` entry.
     """
 
     number: int
@@ -173,17 +173,17 @@ class NodeState:
 
     @property
     def status_text(self) -> str:
-        """Its status with label and message, in words."""
+        """The status with label and message, in words."""
         return f"{outcome_words(self.status, self.label)}{f', {self.message}' if self.message else ''}"
 
     @property
     def location(self) -> str:
-        """Its source location, `file:line`; empty if unknown."""
+        """The source location of the node, as `file:line`; empty if unknown."""
         return f"{self.file}:{self.line}" if self.file else ""
 
     @property
     def status_time(self) -> EventTime | None:
-        """The time of its last change of status; None if it was never ticked."""
+        """The time of the last status change; None if the node was never ticked."""
         return None if self.changed is None else self.time_of(self.changed)
 
     def time_of(self, entry: JournalEntry) -> EventTime:
@@ -192,8 +192,8 @@ class NodeState:
 
     @property
     def has_part(self) -> bool:
-        """Whether its status belongs to the current activation of its parent."""
-        return self.status not in _WITHOUT_PART
+        """Whether the status belongs to the current activation of the node's parent."""
+        return self.status not in _INACTIVE
 
 
 @dataclass
@@ -201,14 +201,14 @@ class RunState:
     """A run of the mission.
 
     Attributes:
-        number: From 1.
-        began: The start.
+        number: The number of the run, from 1.
+        began: The time of the start.
         about: The description of the run.
-        ended: The end; None if it still runs, or crashed.
-        ending: The kind of end: `over`, `stopped` or `failed`; empty without an end.
+        ended: The time of the end; None if the run still continues or has crashed.
+        ending: The kind of end: `over`, `stopped` or `failed`; empty if *ended* is None.
         status: The exit status.
-        reason: The reason in a sentence.
-        head: The head of the journal's chain after it, as hexadecimal digits; empty if there is none.
+        reason: The reason for the end, as a sentence.
+        head: The head of the journal's chain after the run, as hexadecimal digits; empty if there is none.
     """
 
     number: int
@@ -222,36 +222,36 @@ class RunState:
 
 
 class MissionState:
-    """The state of a mission after some of its entries.
+    """The state of a mission after the entries applied so far.
 
     Attributes:
-        about: The description of the mission by its first run.
-        runs: Its runs, the latest last.
+        about: The description of the mission, written by its first run.
+        runs: The runs in the order of their starts.
         nodes: The nodes of the tree, in pre-order.
         situation: The display state of the mission.
-        is_told: Whether the mission itself has reported a display state; without one there are only events.
-        since: The start of each alarm, by its text.
-        figure_history: The history of each figure in percent, by its name: the times of its changes.
-        facts: The events with the operator's commands, in order; without goals of actions, see `goals`.
-        pose: The last pose of the robot; None before the first one.
-        trail: The previous poses.
+        is_told: Whether the mission has reported a display state; if not, only its events are known.
+        since: The time at which each alarm was raised, by the alarm's text.
+        figure_history: The times and values of each figure in percent, by the figure's name.
+        facts: The events and the operator's commands in order, except events about goals (see `goals`).
+        pose: The last pose of the robot; None before the first pose.
+        trail: All poses so far.
         plan: The planned path, as x and y in the frame `map`, metres.
-        drive: The rest of the present drive; None without a drive.
+        drive: The remaining part of the current drive; None if the robot does not drive to a target.
         lacks: The reason why the robot cannot drive, in words; empty if it can.
-        breakpoint: The breakpoint that pauses the tree, in words; empty for none.
-        battery: The charge of the battery, as reported by the robot; None without a report.
+        breakpoint: The breakpoint that pauses the tree, in words; empty if there is none.
+        battery: The charge of the battery, as reported by the robot; None before the first report.
         map: The map: `x` and `y` of its lower left corner and the edge `resolution` of a cell in metres, `width` and
             `height` in cells, and the image `png`; empty if there is none.
-        warnings: Warnings and errors of the log.
-        goals: The goals that may be active: their actions, by id.
-        tick: The number of the last tick with a change.
-        since_phase: The start of the present phase.
-        finished: When each landmark was finished or abandoned in the last run, by kind and name.
-        process: The state of the process that runs it; by default, it exists and reports.
-        awaited: What its next run needs before it starts; empty if none is about to start.
+        warnings: The warnings and errors in the log.
+        goals: The actions of the goals that may be active, by goal ID.
+        tick: The number of the last tick with a status change.
+        since_phase: The start of the current phase.
+        finished: The times at which landmarks were finished or abandoned in the last run, by kind and name.
+        process: The state of the process that runs the mission; by default, the process exists and has just written an entry.
+        awaited: The resources that the next run waits for; empty if no run is about to start.
         properties: The monitored properties of the last run, by name; empty if there are none.
         assumption_failed_at: The first time that the last run contradicted an assumption of the verification; None if it did not.
-        place: A georeference that is supplied afterwards; else the parameters may have one.
+        place: A georeference that replaces the georeference in the parameters; None to use the parameters.
     """
 
     def __init__(self) -> None:
@@ -284,13 +284,13 @@ class MissionState:
         self.finished: dict[tuple[str, str], EventTime] = {}
         self.properties: dict[str, WatchedProperty] = {}
         self.assumption_failed_at: EventTime | None = None
-        self._phase, self._told_drive = "", 0.0
-        # The reason of the phase, as reported by the mission, and the author of the command that led to it.
-        self._why_ordered = "", CommandAuthor()
+        self._phase, self._drive_reported_at = "", 0.0
+        # The reason for the phase according to the mission, and the author of the command that led to the phase.
+        self._phase_cause = "", CommandAuthor()
 
     @classmethod
     def from_stream(cls, stream: Iterable[JournalEntry]) -> "MissionState":
-        """Return the state of a mission after entries."""
+        """Return the state of a mission after all entries of a stream."""
         state = cls()
         for entry in stream:
             state.apply(entry)
@@ -307,31 +307,31 @@ class MissionState:
             try:
                 handle(self, **entry.data)
             except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
-                pass  # an entry of that kind from another program
+                pass  # another program has written an entry of this kind with other data
             else:
-                if kind in _OF_PHASE:
+                if kind in _PHASE_KINDS:
                     self._update_phase(is_new_run=kind == events.RUN_BEGAN)
                 return
-        # Kinds without a handler belong to the mission, or to a newer version. They are shown by their words.
+        # A kind without a handler belongs to the mission or to a newer version. The default sentence describes the entry.
         self._add_event(kind, entry.data)
 
     def take_status(self, entry: JournalEntry) -> NodeState:
-        """Apply a status with valid data, and return the state of its node."""
+        """Apply a `status` entry with valid data, and return the state of its node."""
         self._entry, self._now = entry, None
         data = entry.data
         state: NodeState = self.nodes[data["node"]]
         status, tick = data["status"], data["tick"]
         if state.status != status:
             state.status, state.changed = status, entry
-        state.message, state.tick = "" if status in _WITHOUT_PART else data["message"], tick
+        state.message, state.tick = "" if status in _INACTIVE else data["message"], tick
         state.label = data.get("label")
         self.tick = max(self.tick, tick)
         return state
 
     def adopt_statuses(self, other: "MissionState") -> None:
-        """Take the nodes' states from another state of the same run."""
+        """Replace the states of the nodes by those of another mission state of the same run."""
         self.nodes, self.tick = other.nodes, other.tick
-        last = other._entry  # noqa: SLF001 - of this class
+        last = other._entry  # noqa: SLF001 - an attribute of this class
         if (self._entry.run, self._entry.number) < (last.run, last.number):
             self._entry, self._now = last, None
 
@@ -352,50 +352,50 @@ class MissionState:
             self._phase, self.since_phase = name, self.now
 
     def update_process(self, *, is_gone: bool) -> None:
-        """Update the state of the process: whether it exists, and how long it has been silent."""
+        """Update the state of the process: whether it no longer exists, and the time since its last entry."""
         self.process = RunProcess(is_gone, max(0.0, time.time() - self.now.wall))
 
     @property
     def title(self) -> str:
-        """The title: the mission, or the root of the tree."""
+        """The name of the mission, or of the tree's root for a run without a mission."""
         return str(self.about.get("mission") or (self.nodes[0].name if self.nodes else "mission"))
 
     @property
     def robot(self) -> str:
-        """The robot's name in a team: the namespace of its node, `robot1`; empty without one."""
+        """The robot's name in a team: the namespace of the mission's node, such as `robot1`; empty if there is none."""
         node = str(self.runs[-1].about.get("node") or "") if self.runs else ""
         return node.rpartition("/")[0].strip("/")
 
     @property
     def phase(self) -> MissionPhase:
-        """The phase of an active run: the mission's own, an obstacle, or driving."""
-        told = self.situation.phase
-        told = told._replace(reason=self.order or told.reason)
+        """The phase of an active run: a breakpoint, the phase according to the mission, a missing requirement, or the robot's activity."""
+        reported = self.situation.phase
+        reported = reported._replace(reason=self.order or reported.reason)
         if self.breakpoint:
-            return told._replace(name="waiting", reason=self.breakpoint)
-        if told.name:
-            return told
+            return reported._replace(name="waiting", reason=self.breakpoint)
+        if reported.name:
+            return reported
         if self.is_position_lost:
-            return told._replace(name="position lost", reason="the robot does not know where it is")
+            return reported._replace(name="position lost", reason="the robot does not know where it is")
         if self.lacks:
-            return told._replace(name="waiting", reason=self.lacks)
-        return told._replace(name="working" if self.drive is None else "driving")
+            return reported._replace(name="waiting", reason=self.lacks)
+        return reported._replace(name="working" if self.drive is None else "driving")
 
     @property
     def order(self) -> str:
-        """The reason of the phase, with the author of the command; empty if unknown."""
-        reason, author = self._why_ordered
+        """The reason for the phase, with the author of the command that led to it; empty if either is unknown."""
+        reason, author = self._phase_cause
         return with_author(reason, author) if author.name and reason else ""
 
     @property
     def gauges(self) -> list[Gauge]:
-        """The gauges: the battery and the mission's other gauges."""
-        told = self.situation.gauges
-        own = [self.battery] if self.battery is not None and self.battery.name not in told else []
-        return [*own, *told.values()]
+        """The gauges of the mission, preceded by the robot's battery unless the mission has a gauge of the same name."""
+        reported = self.situation.gauges
+        own = [self.battery] if self.battery is not None and self.battery.name not in reported else []
+        return [*own, *reported.values()]
 
     def word_of(self, watched: WatchedProperty) -> str:
-        """Return the state of a property: `broken`, `owed`, `watched`, or after the run `kept`."""
+        """Return the state of a property in a word: `broken`, `owed`, `watched`, or `kept` after the run."""
         if watched.broken is not None:
             return "broken"
         if watched.is_owed:
@@ -404,9 +404,9 @@ class MissionState:
 
     @property
     def likely_end(self) -> float | None:
-        """The estimated end of the mission, from the current drive and the mean duration of visits; None if unknown.
+        """The estimated end of the mission, in seconds of the mission's clock since the run's start; None if unknown.
 
-        Seconds of the mission's clock since the run's start.
+        The estimate uses the current drive and the mean duration of the visits so far.
         """
         places = [each for each in self.situation.landmarks.values() if not each.corners]
         to_come = sum(
@@ -416,12 +416,12 @@ class MissionState:
             return None
         last = max(each.time for each in self.finished.values())
         mean = last / len(self.finished)
-        arrival = self._told_drive + (self.drive.time_left or 0.0) if self.drive else 0.0
+        arrival = self._drive_reported_at + (self.drive.time_left or 0.0) if self.drive else 0.0
         return max(last + mean, arrival) + mean * (to_come - 1)
 
     @property
     def time_limit_sec(self) -> float | None:
-        """The time limit of the run; None for no limit."""
+        """The time limit of the run, in seconds; None if there is no limit."""
         limit = self.parameters.get("time_limit_sec")
         return float(limit) if isinstance(limit, int | float) and limit > 0 else None
 
@@ -433,8 +433,8 @@ class MissionState:
     @property
     def parameters(self) -> Mapping[str, Any]:
         """The parameters of the last run, by name."""
-        given = self.runs[-1].about.get("parameters") if self.runs else None
-        return given if isinstance(given, Mapping) else {}
+        parameters = self.runs[-1].about.get("parameters") if self.runs else None
+        return parameters if isinstance(parameters, Mapping) else {}
 
     def _on_run_began(self, run: Mapping[str, Any], **about: Any) -> None:
         self.runs.append(RunState(self.now.run, self.now, run))
@@ -455,11 +455,11 @@ class MissionState:
     def _on_goal_sent(self, action: str, goal: str) -> None:
         self.goals[goal] = action
 
-    def _on_goal_ended(self, goal: str, status: int) -> None:  # noqa: ARG002 - as the entry has it
+    def _on_goal_ended(self, goal: str, status: int) -> None:  # noqa: ARG002 - the names of the entry's data
         self.goals.pop(goal, None)
         self.drive, self.plan = None, []
 
-    def _on_status(self, node: int, tick: int, status: str, message: str, **_more: object) -> None:  # noqa: ARG002 - required
+    def _on_status(self, node: int, tick: int, status: str, message: str, **_more: object) -> None:  # noqa: ARG002 - requires these data
         self.take_status(self._entry)
 
     def _on_pose(self, x: float, y: float, yaw: float) -> None:
@@ -470,7 +470,7 @@ class MissionState:
         self.plan = [position(*point) for point in points] if frame == "map" else []
 
     def _on_progress(self, target: str, distance: float, time_left: float | None) -> None:
-        self._told_drive = self.now.time
+        self._drive_reported_at = self.now.time
         self.drive = RemainingDrive(
             str(target), float(distance), None if time_left is None else float(time_left)
         )
@@ -482,7 +482,7 @@ class MissionState:
         self.breakpoint = str(text)
 
     def _on_battery(self, share: float, at_least: float | None = None) -> None:
-        """Update the battery's gauge, unless the mission reports it."""
+        """Update the gauge of the robot's battery."""
         if not math.isfinite(share):
             raise ValueError(share)
         known = None if self.battery is None else self.battery.least
@@ -527,7 +527,7 @@ class MissionState:
             KnownEvent(self.now, events.LEAF_RAISED, data, f"an exception has ended the run: {text}")
         )
 
-    def _on_log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - of the page
+    def _on_log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - for the page
         if level >= _WARN:
             self.warnings.append(LogLine(self.now, str(text), str(node), int(level)))
 
@@ -540,8 +540,8 @@ class MissionState:
             situation.apply(kinds)
             self.is_told = True
         situation.apply(**data)
-        if (reason := situation.phase.reason) != self._why_ordered[0]:
-            self._why_ordered = reason, CommandAuthor.from_data(data)
+        if (reason := situation.phase.reason) != self._phase_cause[0]:
+            self._phase_cause = reason, CommandAuthor.from_data(data)
         self._finish(data.get("landmarks", ()))
         self.since = {text: self.since.get(text, self.now) for text in situation.alarms}
         for name, value in (
@@ -579,7 +579,7 @@ class MissionState:
     def _finish(self, landmarks: Iterable[Mapping[str, Any]]) -> None:
         for kind, name in ((each["kind"], each["name"]) for each in landmarks):
             landmark = self.situation.landmarks[kind, name]
-            # The state before the run.
+            # Landmarks that were finished before the run are reported at its start, at time 0.
             if (
                 landmark.level >= Level.DONE
                 and not self.situation.kind_of(landmark).is_found
@@ -589,7 +589,7 @@ class MissionState:
 
 
 def tree_nodes(tree: Any) -> Iterator[NodeState]:
-    """Yield the nodes of a journal's tree in pre-order; ignore other content."""
+    """Yield the nodes of the tree in a journal's description in pre-order; ignore invalid nodes."""
     waiting: list[tuple[Any, NodeState | None]] = [(tree, None)] if isinstance(tree, Mapping) else []
     number = 0
     while waiting:

@@ -1,8 +1,8 @@
 """Explanations of the ends of a tree's nodes, derived tick by tick from the statuses in a journal.
 
-A node's end is explained by those of its children that have the same status. A single child explains it with the other
-status, too, because a decorator may invert it. If no child explains it, the node itself has decided: a leaf, a time
-limit, a scripted condition, a loop over nothing.
+The end of a node is explained by the children that have the node's status. An only child also explains the end if it has the
+opposite status, because a decorator may invert the status. If no child explains the end, the node itself has decided: it is a
+leaf, or its time limit, its scripted condition or an empty loop ended it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,13 +13,13 @@ from sar_compiler.journal.mission_state import FAILURE, RUNNING, SUCCESS, NodeSt
 OTHER_END = {FAILURE: SUCCESS, SUCCESS: FAILURE}
 """The two final statuses of a node, each with its opposite."""
 
-_AT_REST = ("IDLE", "HALTED")
+_INACTIVE = ("IDLE", "HALTED")
 
 
 class NodeEnds:
-    """The last ends of nodes, and the explanation of each.
+    """The last end of each node, with an explanation.
 
-    An explanation is determined in the tick in which the node ended: its descendants may be reset afterwards.
+    An explanation is determined in the tick in which the node ended, because the node's descendants may be reset afterwards.
 
     Args:
         nodes: The nodes of the tree, in pre-order.
@@ -27,8 +27,8 @@ class NodeEnds:
     Attributes:
         tick: The number of the tick whose entries are received.
         status: The last result of each node, by its number.
-        causes: For each node that has ended, the numbers of the children that explain it; empty if it decided itself.
-        halted: The nodes that were stopped in the last finished tick while they were running.
+        causes: The numbers of the children that explain the end of a node, by the node's number; empty if the node itself decided.
+        halted: The numbers of the nodes that were running and were stopped in the last finished tick.
     """
 
     def __init__(self, nodes: Sequence[NodeState]) -> None:
@@ -40,22 +40,22 @@ class NodeEnds:
         self._began: dict[int, int] = {}
         self._began_sec: dict[int, float] = {}
         self._gone: dict[int, int] = {}
-        # In the tick that is being received: the ticked nodes, their ancestors, and the nodes stopped or reset at its end.
+        # In the current tick: the ticked nodes, their parents, and the nodes stopped or reset at the end of the tick.
         self._visited: dict[int, None] = {}
         self._above: dict[int, None] = {}
         self._going: dict[int, int] = {}
         self._halting: list[int] = []
 
     def receive(self, data: Mapping[str, Any], time_sec: float) -> None:
-        """Receive the status of a node.
+        """Process the status of a node.
 
         Args:
-            data: The data of its entry.
-            time_sec: Its time, seconds.
+            data: The data of the `status` entry.
+            time_sec: The time of the entry, seconds.
         """
         number, status = data["node"], data["status"]
         self.tick = data["tick"]
-        if status in _AT_REST:
+        if status in _INACTIVE:
             self._going[number] = int(data.get("last", self.tick))
             if status == "HALTED":
                 self._halting.append(number)
@@ -71,14 +71,14 @@ class NodeEnds:
         self._above[number if parent is None else parent] = None
 
     def end_tick(self) -> list[int]:
-        """End a tick; return the numbers of the nodes that ended in it, in order."""
+        """End the current tick; return the numbers of the nodes that ended in it, in the order of their entries."""
         self._gone.update(self._going)
         self.halted, self._halting = self._halting, []
         ended = []
         for number in self._visited | self._above:
             if self.status.get(number) in OTHER_END:
                 if number not in self._visited:
-                    # It has returned the same as before, in a new activation.
+                    # The node has returned the same status as before, in a new activation.
                     self._began[number] = self.tick
                 children = self._nodes[number].children
                 self.causes[number] = self._explaining_children(number, children) if children else []
@@ -106,7 +106,7 @@ class NodeEnds:
         return self._gone.get(number, began) >= began
 
     def failed_before(self, number: int) -> Iterator[int]:
-        """Yield the failed earlier siblings because of which a node was ticked."""
+        """Yield the earlier siblings whose failures led to the tick of a node."""
         parent = self._nodes[number].parent
         if parent is None:
             return
@@ -119,10 +119,10 @@ class NodeEnds:
     def _explaining_children(self, number: int, children: Sequence[int]) -> list[int]:
         """Return the children that explain the end of a node."""
         status, began = self.status[number], self._began[number]
-        # A child that was reset, and last ticked before the node started, had no part in it.
+        # A child that was reset, and was last ticked before the node started, did not contribute to the end.
         part = [each for each in children if self._gone.get(each, began) >= began]
         same = [each for each in part if self.status.get(each) == status]
         if same or len(children) > 1:
             return same
-        # A decorator may invert its child's status. A control passes on one of its children's.
+        # A decorator may invert its child's status. A control returns the status of one of its children.
         return [each for each in part if self.status.get(each) == OTHER_END[status]]

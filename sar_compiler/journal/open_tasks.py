@@ -1,6 +1,6 @@
-"""The open tasks of a mission for people, the most urgent first.
+"""The open tasks that a mission leaves to people, most urgent first.
 
-They are computed once, beside the status line, so that page, terminal and reports never disagree. Green means that there are none.
+The page, the terminal and reports all use this module and therefore never disagree. A green status means that there are no open tasks.
 """
 
 from collections.abc import Iterator, Mapping
@@ -26,22 +26,22 @@ from sar_compiler.journal.status_line import (
 _SEVERITY = (QUIET, GOOD, WARNING, ERROR)
 _ALARM_IS_ERROR = 40
 _STOP_BUTTON = "Press the stop button on the robot: it may still be driving"
-# The words for places that the mission has not finished.
-_LEFT: Mapping[int, str] = {Level.TO_COME: "not reached", Level.IN_HAND: "not finished"}
-# A longer list of names is cut, and its length is given.
-_MOST_NAMES = 5
+# The words for the state of locations that the mission has not finished.
+_UNFINISHED_WORDS: Mapping[int, str] = {Level.TO_COME: "not reached", Level.IN_HAND: "not finished"}
+# The maximum number of names in a list; further names are only counted.
+_MAX_NAMES = 5
 
 
 class OpenTask(NamedTuple):
     """A task for a person.
 
     Attributes:
-        level: Its severity: `warning` or `error`.
-        text: The task, in a sentence without a full stop.
-        kind: The kind of the landmark that it is about; empty for none.
-        name: The name of that landmark; empty for none.
-        command: The name or the role of the operator's command that does it; empty for none.
-        is_alarm: Whether it is an alarm of the mission, in the mission's words.
+        level: The severity: `warning` or `error`.
+        text: The task, as a sentence without a full stop.
+        kind: The kind of the landmark to which the task refers; empty if there is none.
+        name: The name of the landmark to which the task refers; empty if there is none.
+        command: The name or the role of the operator's command that completes the task; empty if there is none.
+        is_alarm: Whether the task is an alarm of the mission, whose message is the text.
     """
 
     level: str
@@ -62,7 +62,7 @@ def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
     landmarks = state.situation.landmarks.values()
     found = [
         *_robot_tasks(state),
-        *(OpenTask(ERROR, each.task, *_position_text(each)) for each in landmarks if each.task),
+        *(OpenTask(ERROR, each.task, *_landmark_key(each)) for each in landmarks if each.task),
         *_alarm_tasks(state),
         *_gauge_tasks(state),
         *_detection_tasks(state),
@@ -73,7 +73,7 @@ def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
 
 
 def severity(state: MissionState) -> str:
-    """Return the severity of a mission: the worst of its status line and its open tasks."""
+    """Return the severity of a mission: the highest severity of its status line and its open tasks."""
     return max(
         (condition(state).level, *(task.level for task in find_open_tasks(state))), key=_SEVERITY.index
     )
@@ -94,7 +94,7 @@ def _robot_tasks(state: MissionState) -> Iterator[OpenTask]:
             WARNING, f"Ask an engineer to resume the mission, or fetch the robot: its program {how}"
         )
     elif run.ending and run.status and (end := _missed_end(state)):
-        yield OpenTask(WARNING, f"Fetch the robot: it has not reached {end.name}", *_position_text(end))
+        yield OpenTask(WARNING, f"Fetch the robot: it has not reached {end.name}", *_landmark_key(end))
     elif now.word == PAUSED:
         yield OpenTask(WARNING, "Resume the mission, or call the robot back", command="release")
     elif now.word == POSITION_LOST:
@@ -110,7 +110,7 @@ def _is_over(state: MissionState) -> bool:
 
 
 def _missed_end(state: MissionState) -> Landmark | None:
-    """Return the final location that the robot has not reached; None if there is none."""
+    """Return the location at which the robot must end; None if the robot has reached one or the mission has none."""
     ends = [each for each in state.situation.landmarks.values() if state.situation.kind_of(each).is_end]
     return ends[0] if ends and all(each.level != Level.DONE for each in ends) else None
 
@@ -144,43 +144,43 @@ def _detection_tasks(state: MissionState) -> Iterator[OpenTask]:
             continue
         if kind.review and not each.is_certain and not is_over:
             yield OpenTask(
-                WARNING, f"Review {each.name}: is it a {kind.name}?", *_position_text(each), kind.review
+                WARNING, f"Review {each.name}: is it a {kind.name}?", *_landmark_key(each), kind.review
             )
         if is_over and each.level != Level.DONE and not each.task:
             text = f"Report {each.name} yourself: the mission did not finish reporting it"
-            yield OpenTask(ERROR, text, *_position_text(each))
+            yield OpenTask(ERROR, text, *_landmark_key(each))
 
 
 def _location_tasks(state: MissionState) -> Iterator[OpenTask]:
-    """Yield the tasks about abandoned locations, and after the run about all unfinished ones."""
+    """Yield the tasks about abandoned locations, and after the run about all unfinished locations."""
     is_over, groups = _is_over(state), dict[tuple[str, str], list[Landmark]]()
     for each in state.situation.landmarks.values():
         kind = state.situation.kind_of(each)
-        is_left = each.level == Level.GIVEN_UP or (is_over and each.level != Level.DONE and each.state)
-        # An outline repeats the state of the place that it belongs to, unless a person has to act on it.
+        is_unfinished = each.level == Level.GIVEN_UP or (is_over and each.level != Level.DONE and each.state)
+        # An outline only repeats the state of its location, unless its kind has a task for a person.
         is_task = kind.remedy or not (each.corners or kind.is_found or kind.is_end)
-        if is_left and is_task:
-            word = _LEFT.get(each.level, each.state)
+        if is_unfinished and is_task:
+            word = _UNFINISHED_WORDS.get(each.level, each.state)
             groups.setdefault((kind.name, word), []).append(each)
     for (_, word), places in groups.items():
         kind = state.situation.kind_of(places[0])
-        names = [f"{each.name}{f' ({each.reason})' if each.reason else ''}" for each in places[:_MOST_NAMES]]
-        more = f" and {len(places) - _MOST_NAMES} more" if len(places) > _MOST_NAMES else ""
+        names = [f"{each.name}{f' ({each.reason})' if each.reason else ''}" for each in places[:_MAX_NAMES]]
+        more = f" and {len(places) - _MAX_NAMES} more" if len(places) > _MAX_NAMES else ""
         text = f"{kind.remedy or 'See to'} {', '.join(names)}{more}: {word or 'not done'}"
-        yield OpenTask(WARNING, text, *(_position_text(places[0]) if len(places) == 1 else ()))
+        yield OpenTask(WARNING, text, *(_landmark_key(places[0]) if len(places) == 1 else ()))
 
 
 def _figure_tasks(state: MissionState) -> Iterator[OpenTask]:
-    """Yield the percentages of an ended mission that are below the wanted ones."""
+    """Yield the tasks about figures of an ended mission that are below their required values."""
     if not _is_over(state):
         return
     for figure in state.situation.figures.values():
         if figure.least is not None and figure.value < figure.least:
-            wanted = f"{figure.least:g} {figure.unit}".strip()
+            required = f"{figure.least:g} {figure.unit}".strip()
             yield OpenTask(
-                WARNING, f"Decide whether to search again: {figure.text}, below the wanted {wanted}"
+                WARNING, f"Decide whether to search again: {figure.text}, below the required {required}"
             )
 
 
-def _position_text(landmark: Landmark) -> tuple[str, str]:
+def _landmark_key(landmark: Landmark) -> tuple[str, str]:
     return landmark.kind, landmark.name

@@ -1,8 +1,8 @@
-"""Convert a recorded run's journal to events: results of leaves, and decisions of other nodes.
+"""Convert the journal of a recorded run to events: results of leaves, and decisions of other nodes.
 
-A journal has an entry when a node's result differs from the tick before. So a leaf that returns the same result tick
-after tick has one event for all of them, and a tick without entries has none. The ticks at the end of a run without
-entries are unknown.
+A journal contains an entry when a node's result differs from its result in the previous tick. A leaf that returns the same
+result in consecutive ticks therefore has one event for all of these ticks. Ticks without entries have no events, and at the end of a
+run they are unknown.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,11 +20,11 @@ from sar_compiler.journal.node_ends import NodeEnds
 from sar_compiler.runtime.events import DECIDED, HALTED, RESET, RETURNED, STARTED, TICKED, Event, FactChanges
 
 GONE = {"HALTED": HALTED, "IDLE": RESET}
-"""The events of the statuses of a leaf that is no longer active."""
+"""The event for each status of a leaf that is no longer active."""
 
 
 def is_status(entry: JournalEntry, count: int) -> bool:
-    """Return whether an entry is a valid status of a node in a tree of some size."""
+    """Return whether an entry is a valid status of a node in a tree with *count* nodes."""
     if entry.kind != STATUS:
         return False
     data = entry.data
@@ -41,13 +41,11 @@ def is_status(entry: JournalEntry, count: int) -> bool:
 
 
 def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
-    """Yield the events of leaves in recorded runs, tick by tick; the last event of each tick is its end.
+    """Yield the events of leaves in recorded runs, tick by tick; the last events of a tick are decisions and the tick's end.
 
-    Before it are the events of other nodes that decided by themselves in the tick.
-
-    The path of a leaf also has the nodes that attributes query. Journal events that a leaf recorded belong to its next
-    event in that tick. The tick's end has those of a leaf without an event, whose tick was interrupted. Journal events
-    that no leaf recorded are left out.
+    A decision is an event of an inner node that has determined its result itself. The path of a leaf also contains the nodes that
+    evaluate conditions in attributes. Journal events that a leaf recorded are attached to the leaf's next event in the same tick, or
+    to the tick's end if the leaf was interrupted and has no further event. Journal events that no leaf recorded are omitted.
 
     Args:
         stream: The entries, as `JournalFile.stream` or `last_run` yields them; ticks and times restart with each run.
@@ -63,11 +61,11 @@ def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
 
 
 class _RecordedRun:
-    """A recorded run, entry by entry.
+    """A recorded run, to which entries are added one by one.
 
     Args:
         tree: The tree in the journal.
-        start: Its start, seconds of the mission's clock.
+        start: The start of the run, seconds of the mission's clock.
     """
 
     def __init__(self, tree: Any = None, start: float = 0.0) -> None:
@@ -75,12 +73,12 @@ class _RecordedRun:
         self._count = len(self._nodes)
         self._paths: list[tuple[str, ...]] = []
         for node in self._nodes:
-            around = () if node.parent is None else self._paths[node.parent]
-            self._paths.append((*around, node.name))
+            ancestors = () if node.parent is None else self._paths[node.parent]
+            self._paths.append((*ancestors, node.name))
         self._start = start
         self._tick, self._time, self._root = 0, 0.0, ""
         self._running: set[int] = set()
-        # In the tick: the journal events of leaves without a later event of the leaf.
+        # The journal events that each leaf has recorded in the current tick since its last event.
         self._facts: dict[int, list[tuple[str, object]]] = {}
         self._before: JournalEntry | None = None
         self._ends = NodeEnds(self._nodes)
@@ -99,7 +97,7 @@ class _RecordedRun:
             else:
                 self._time = entry.time - self._start
             self._ends.receive(data, entry.time)
-            # An imported run has nodes that another engine has reset in the tick; ours may do that later.
+            # In an imported run, another engine may have reset a node in this tick that our engine resets later.
             is_unsure = bool(data.get("is_unsure"))
             if not (is_unsure or data.get("is_reset")):
                 self._statuses.append((node, status))
@@ -113,7 +111,7 @@ class _RecordedRun:
             ended = self._begin_tick(entry)
             self._facts.setdefault(data["leaf"], []).append((self._before.kind, self._before.data))
         elif entry.kind == ASSUMPTION_FAILED and isinstance(data.get("tick"), int):
-            # All nodes may be unchanged in it, which may itself be the error.
+            # The tick may have no status entry, because an unchanged status can also violate an assumption.
             ended = self._begin_tick(entry)
         self._before = entry
         return ended
@@ -125,7 +123,7 @@ class _RecordedRun:
         return ended
 
     def end_tick(self) -> Sequence[Event]:
-        """Return the events of a tick, the last of which is its end; none if no tick has started."""
+        """Return the events of the current tick, with the tick's end as the last event; empty if no tick has started."""
         events, self._events = self._events, []
         if not self._tick:
             return events
@@ -139,7 +137,7 @@ class _RecordedRun:
         return events
 
     def _add_decisions(self, events: list[Event]) -> None:
-        """Add the decisions of inner nodes in the tick."""
+        """Add the decisions of inner nodes in the current tick."""
         for node in self._ends.end_tick():
             if self._nodes[node].children and not self._ends.causes[node]:
                 ran_sec = max(0.0, self._time + self._start - self._ends.start_sec(node))
@@ -147,7 +145,7 @@ class _RecordedRun:
                 events.append(event._replace(ran_sec=ran_sec))
 
     def _add_events(self, leaf: int, status: str, label: str, *, is_unsure: bool) -> None:
-        """Add the events of a leaf with a status."""
+        """Add the events that follow from a status of a leaf."""
         what = GONE.get(status, RETURNED)
         if what != RETURNED:
             status = label = ""
@@ -159,7 +157,7 @@ class _RecordedRun:
                 self._events.append(self._event(leaf, STARTED))
             if status == RUNNING:
                 self._running.add(leaf)
-            elif status != "SKIPPED":  # which continues if it was running
+            elif status != "SKIPPED":  # a leaf that was running when it was skipped continues to run
                 self._running.discard(leaf)
         facts = tuple(self._facts.pop(leaf, ())) if self._facts else ()
         event = self._event(leaf, what, status, label, facts)

@@ -1,6 +1,6 @@
 """A compact store of a recorded run's ticks, most of which have equal statuses.
 
-Their events are those of `recorded_events` without the ones that need more than statuses: starts, decisions and facts.
+The events of the ticks are those of `recorded_events`, except starts, decisions and facts, which statuses alone do not determine.
 """
 
 from abc import ABC, abstractmethod
@@ -15,16 +15,16 @@ from sar_compiler.journal.recorded_events import GONE, is_status
 from sar_compiler.runtime.events import RETURNED, TICKED, Event
 
 StatusAndLabel = tuple[str, str]
-"""A status, and the label of a leaf's outcome; empty for none."""
+"""A status, and the label of a leaf's outcome; the label is empty if there is none."""
 RESET_IN_TICK = "\0reset"
-"""In place of a label: the node was reset in the tick."""
+"""The value that replaces the label if the node was reset in the tick."""
 UNSURE = "\0unsure"
-"""In place of a label: a condition of the node may have decided."""
+"""The value that replaces the label if a condition of the node may have decided the status."""
 _TickContent = tuple[tuple[tuple[int, StatusAndLabel], ...], str]
 
 
 def outcome_of(data: Mapping[str, Any]) -> StatusAndLabel:
-    """Return the status in the data of an entry, with its label."""
+    """Return the status and the label in the data of a `status` entry."""
     if data.get("is_unsure"):
         return str(data["status"]), UNSURE
     label = RESET_IN_TICK if data.get("is_reset") else str(data.get("label") or "")
@@ -35,10 +35,10 @@ class LoggedTick(NamedTuple):
     """A tick of a recorded run.
 
     Attributes:
-        number: Its number, from 1.
-        time_sec: Its time, seconds since the run's start.
-        content: What happened in it: equal for ticks with the same events but for tick and time.
-        events: Returns the events of leaves in it, and its end.
+        number: The number of the tick, from 1.
+        time_sec: The time of the tick, seconds since the run's start.
+        content: A value that is equal for two ticks if their events differ only in tick and time.
+        events: Returns the events of leaves in the tick, and the tick's end.
     """
 
     number: int
@@ -48,7 +48,7 @@ class LoggedTick(NamedTuple):
 
 
 class TickSource(ABC):
-    """A recorded run, as its ticks."""
+    """The ticks of a recorded run."""
 
     @property
     def omits_ticks(self) -> bool:
@@ -61,15 +61,15 @@ class TickSource(ABC):
 
 
 class TickLog(TickSource):
-    """The ticks of one run, from its statuses one by one.
+    """The ticks of one run, to which statuses are added one by one.
 
     Args:
         nodes: The nodes of the tree.
-        is_alone: Whether nothing else needs the statuses, so that they are not read as entries as well.
+        is_alone: Whether only this log needs the statuses, so that they are not converted to entries, too.
 
     Attributes:
-        count: Number of nodes.
-        last: The number of the last tick that is yielded; None for all.
+        count: The number of nodes.
+        last: The number of the last tick to yield; None to yield all ticks.
     """
 
     last: int | None = None
@@ -78,14 +78,14 @@ class TickLog(TickSource):
         self.count, self.is_alone = len(nodes), is_alone
         self._nodes, self._start = nodes, 0.0
         self._numbers, self._times = array("q"), array("d")
-        # Ticks with equal content share it: the number of each tick's content, and the contents by number.
+        # Ticks with equal content share the content: the number of each tick's content, and the contents by number.
         self._contents = array("q")
         self._known: dict[_TickContent, int] = {}
         self._by_number: list[_TickContent] = []
         self._pairs: dict[tuple[int, StatusAndLabel], tuple[int, StatusAndLabel]] = {}
         self._tick, self._time, self._root = 0, 0.0, ""
         self._statuses: list[tuple[int, StatusAndLabel]] = []
-        # The leaves with facts in the tick, and no status after these.
+        # The leaves that have recorded events in the current tick and have no later status in it.
         self._facts: set[int] = set()
         self._is_first, self._omits_ticks = True, False
 
@@ -95,7 +95,7 @@ class TickLog(TickSource):
         return self._omits_ticks
 
     def add_status(self, node: int, tick: int, time_sec: float, outcome: StatusAndLabel) -> None:
-        """Add the status of a node, which must be one of the tree."""
+        """Add a status of a node, whose number must be valid."""
         if tick != self._tick:
             self.end_tick()
             self._tick = tick
@@ -105,7 +105,7 @@ class TickLog(TickSource):
             self._facts.discard(node)
 
     def add_entry(self, entry: JournalEntry) -> None:
-        """Add any other entry of the run."""
+        """Add an entry of the run, of any kind."""
         data = entry.data
         if entry.kind == RUN_BEGAN:
             self._start = entry.time
@@ -126,7 +126,7 @@ class TickLog(TickSource):
         self._tick, self._time = entry.data["tick"], entry.time
 
     def end_tick(self) -> None:
-        """End the tick of the last entries."""
+        """Store the current tick, if there is one."""
         if self._tick:
             for node, (status, _) in self._statuses:
                 if node == 0 and status not in GONE:
@@ -145,7 +145,7 @@ class TickLog(TickSource):
         self._tick = 0
 
     def _content_number(self, content: _TickContent) -> int:
-        """Return the number of a content."""
+        """Return the number of a tick's content, which is stored if it is new."""
         number = self._known.setdefault(content, len(self._known))
         if number == len(self._by_number):
             self._by_number.append(content)
@@ -172,14 +172,14 @@ class TickLog(TickSource):
         for node, (status, label) in pairs:
             if not self._nodes[node].children:
                 what = GONE.get(status, RETURNED)
-                said = "" if label in (RESET_IN_TICK, UNSURE) else label
-                outcome = (status, said) if what == RETURNED else ("", "")
+                real_label = "" if label in (RESET_IN_TICK, UNSURE) else label
+                outcome = (status, real_label) if what == RETURNED else ("", "")
                 path = (self._nodes[node].name,)
                 event = Event(path, node, what, *outcome, tick=number, time_sec=time_sec)
                 events.append(event._replace(is_unsure=True) if label == UNSURE else event)
-        # In an imported run, another engine may have reset a node in the tick that ours resets later.
-        left_out = (RESET_IN_TICK, UNSURE)
-        statuses = tuple((node, status) for node, (status, label) in pairs if label not in left_out)
+        # In an imported run, another engine may have reset a node in this tick that our engine resets later.
+        omitted = (RESET_IN_TICK, UNSURE)
+        statuses = tuple((node, status) for node, (status, label) in pairs if label not in omitted)
         path = (self._nodes[0].name,)
         end = Event(path, 0, TICKED, root, tick=number, time_sec=time_sec, statuses=statuses)
         return [*events, end]

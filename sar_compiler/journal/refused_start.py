@@ -1,7 +1,7 @@
 """Store the last refused start of a run in a file beside the journal that the run would have written.
 
-A run that never started writes no journal: an empty one would look like a mission that can be resumed. `sar-journal
-why` reads this file instead.
+A run that never started does not write a journal, because an empty journal would look like a mission that can be resumed.
+`sar-journal why` reads this file instead.
 """
 
 import json
@@ -24,7 +24,7 @@ class RefusedStart(NamedTuple):
     Attributes:
         wall: The time of the refusal, in seconds since 1970.
         status: The exit status.
-        reason: The message.
+        reason: The error message.
     """
 
     wall: float
@@ -33,7 +33,7 @@ class RefusedStart(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The refusal in words."""
+        """The refusal as a sentence."""
         return f"The run of {day_and_time(self.wall)} did not start (status {self.status}): {self.reason}"
 
 
@@ -54,7 +54,7 @@ def forget_refusal(journal: Path) -> None:
 
 
 def read_refusal(journal: Path) -> RefusedStart | None:
-    """Return the refused start since the last run of a journal; None if there is none, or it is unreadable."""
+    """Return the start that was refused after the last run of a journal; None if there is none or its file is unreadable."""
     with suppress(SarError, ValueError, TypeError, RecursionError):
         place = _marker_path(journal)
         wall, status, reason = json.loads(

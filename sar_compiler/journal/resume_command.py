@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.mission_state import MissionState
 
-# The options of the first run that the resumed one does not repeat, and those of them that have a value.
+# The options of a run's command line that the resume command omits, and the option among them that has a value.
 _OMITTED, _WITH_VALUE = ("--new", "--resume", "--check", "--journal"), "--journal"
 
 
@@ -14,8 +14,8 @@ def resume_command(state: MissionState, journal: str) -> str:
     """Return the command that resumes a mission; empty if its last run is active or over, or its command line is unknown.
 
     Args:
-        state: The mission.
-        journal: The path of its journal.
+        state: The state of the mission.
+        journal: The path of the mission's journal.
     """
     if not state.runs or not journal:
         return ""
@@ -26,12 +26,12 @@ def resume_command(state: MissionState, journal: str) -> str:
     words = run.about.get("command")
     if not is_interrupted or not isinstance(words, list):
         return ""
-    # First, because everything behind --ros-args belongs to ROS.
+    # These options come first, because all words after --ros-args are ROS arguments.
     return shlex.join(["sar-run", "--resume", "--journal", journal, *_words_to_repeat(map(str, words))])
 
 
 def _words_to_repeat(words: Iterable[str]) -> Iterator[str]:
-    """Yield the words of a command line that the resumed run repeats."""
+    """Yield the words of a run's command line that the resume command repeats."""
     rest = iter(words)
     for word in rest:
         option = word.partition("=")[0]

@@ -1,10 +1,10 @@
 """Read the rows of a journal as entries, with a fast path for repeated statuses.
 
-Condensed reading omits rows that repeat a running node's status with another message; a reader needs the last one. A leaf
-that drives reports its distance in every tick, and such rows are most of a long journal. The results computed from statuses
-(`mission_state`, `reports.why`, `reports.leaf_statistics`) are the same without them, because a tick in which nothing else has changed
-might as well not have been written. Two conditions must hold: between the row and the next one of the node only such rows
-were written, and the node above runs too. (If that has ended and is ticked again, its end is new in each tick.)
+A row that repeats a running node's status with another message is called a repetition. Most rows of a long journal are repetitions,
+because a leaf that drives reports its distance in every tick. Condensed reading omits a repetition under two conditions: all rows up
+to the node's next row are repetitions, and the node's parent is also running. (A parent that has ended and is ticked again ends anew in
+each tick.) The results computed from statuses (`mission_state`, `reports.why`, `reports.leaf_statistics`) are the same without the
+omitted rows, because in a tick that only has repetitions no status changes.
 """
 
 import math
@@ -17,21 +17,21 @@ from sar_compiler.journal.recorded_ticks import StatusAndLabel, TickLog, outcome
 from sar_compiler.json_values import json_value
 
 RawRow = tuple[Any, ...]
-"""A row as SQLite has it: number, run, wall, time, kind and data."""
+"""A row as SQLite returns it: number, run, wall, time, kind and data."""
 
 _NODE, _TICK, _STATUS = '{"node": ', ', "tick": ', ', "status": '
 _RUNNING = re.compile(r'"RUNNING", "message": "(?:[^"\\]|\\.)*"([^"]*|, "label": "[^"]*")\}')
-# Messages can all differ, and must not fill the memory.
-_MOST_KEPT = 10_000
+# The maximum number of cached texts, because the messages in them may all differ.
+_MAX_TEXTS = 10_000
 _UNKNOWN = -1
 
 
 class _StatusText:
-    """The text of a status entry, starting at the status.
+    """The data of a `status` entry as text, from the status on.
 
     Attributes:
-        rest: For a running node, the part after the message; else None.
-        values: The values in the text; None if not yet read, empty if other values are among them.
+        rest: The text after the message if the node is running, otherwise None.
+        values: The values in the text; None if they were not parsed yet, empty if they include a further `node` or `tick`.
     """
 
     __slots__ = ("_outcome", "rest", "values")
@@ -43,23 +43,23 @@ class _StatusText:
         self._outcome: StatusAndLabel | None = None
 
     def outcome(self, text: str) -> StatusAndLabel | None:
-        """Return the status and the label; None if the text has other values.
+        """Return the status and the label; None if the text includes a further `node` or `tick`.
 
         Raises:
-            ValueError, TypeError: As `read`.
+            ValueError, TypeError: As for `read`.
         """
         if self._outcome is None:
-            # Of a running node that is left out, the message is not read.
+            # The message of a running node is not parsed, because its row may be omitted.
             known = self.read(text) if self.rest is None else mapping(f'{{"status": "RUNNING"{self.rest}}}')
             if known:
                 self._outcome = outcome_of(known)
         return self._outcome
 
     def read(self, text: str) -> Mapping[str, Any]:
-        """Read and return the values.
+        """Parse and return the values.
 
         Raises:
-            ValueError, TypeError: If they are not those of a status.
+            ValueError, TypeError: If the project never writes such values for a status.
         """
         values = mapping(f'{{"status": {text}')
         check_value_types(STATUS, values)
@@ -70,12 +70,12 @@ class _StatusText:
 def entries_of(  # noqa: C901, PLR0912, PLR0915 - without calls, because a long journal has a million rows
     rows: Iterable[RawRow], parents: Sequence[int | None] | None = None, log: TickLog | None = None
 ) -> Iterator[JournalEntry]:
-    """Yield the entries of rows in their order.
+    """Convert rows to entries in the same order.
 
     Args:
-        rows: The rows; condensed, those of one run.
-        parents: For condensed reading, the number of each node's parent, by the node's number.
-        log: Receives all rows, also those that condensed reading omits; if it is alone, its statuses are not yielded.
+        rows: The rows; for condensed reading, rows of a single run.
+        parents: For condensed reading, the number of each node's parent, by the node's number; otherwise None.
+        log: Receives all rows, also those that condensed reading omits; if `log.is_alone`, statuses are not yielded.
 
     Raises:
         ValueError, TypeError: If a row has values that the project never writes.
@@ -83,15 +83,15 @@ def entries_of(  # noqa: C901, PLR0912, PLR0915 - without calls, because a long 
     nodes: dict[str, int] = {}
     texts: dict[str, _StatusText] = {}
     tick, tick_text = _UNKNOWN, ""
-    # For each running node the rest of its last row, then the last row that repeats it.
+    # For each running node, the text after the message in its last row, and its last repetition.
     running: dict[int, str] = {}
-    held: dict[int, RawRow] = {}
+    repetitions: dict[int, RawRow] = {}
     new = tuple.__new__
     for row in rows:
         number, run, wall, time, kind, data = row
         status: _StatusText | None = None
         if kind == STATUS and type(data) is str:
-            # As this project writes it: the node, the tick, the status and the rest, most of which was read before.
+            # The project writes the node, the tick, and the status with the other values; most of these texts are cached.
             head, _, text = data.partition(_STATUS)
             node_text, _, now_text = head.partition(_TICK)
             if now_text != tick_text:
@@ -102,7 +102,7 @@ def entries_of(  # noqa: C901, PLR0912, PLR0915 - without calls, because a long 
             if _UNKNOWN not in (node, tick):
                 status = texts.get(text)
                 if status is None:
-                    if len(texts) == _MOST_KEPT:
+                    if len(texts) == _MAX_TEXTS:
                         texts.clear()
                     status = texts[text] = _StatusText(text)
         if log is not None:
@@ -118,17 +118,17 @@ def entries_of(  # noqa: C901, PLR0912, PLR0915 - without calls, because a long 
                 rest = status.rest
                 if rest is None:
                     running.pop(node, None)
-                elif running.get(node) == rest and _runs_above(node, parents, running):
-                    held.pop(node, None)  # the rows stay in their order
-                    held[node] = row
+                elif running.get(node) == rest and _is_parent_running(node, parents, running):
+                    repetitions.pop(node, None)  # keeps the rows in order
+                    repetitions[node] = row
                     continue
                 else:
                     running[node] = rest
-            elif kind == STATUS:  # not as this project writes it
+            elif kind == STATUS:  # in a form that the project does not write
                 running.clear()
-            if held:
-                yield from map(_entry, held.values())
-                held.clear()
+            if repetitions:
+                yield from map(_entry, repetitions.values())
+                repetitions.clear()
         values = None if status is None else status.values
         if values is None and status is not None:
             values = status.read(text)
@@ -137,16 +137,16 @@ def entries_of(  # noqa: C901, PLR0912, PLR0915 - without calls, because a long 
             yield new(JournalEntry, (number, run, wall, time, kind, {"node": node, "tick": tick, **values}))
         else:
             yield _entry(row)
-    yield from map(_entry, held.values())
+    yield from map(_entry, repetitions.values())
 
 
-def _runs_above(node: int, parents: Sequence[int | None], running: Mapping[int, str]) -> bool:
+def _is_parent_running(node: int, parents: Sequence[int | None], running: Mapping[int, str]) -> bool:
     parent = parents[node] if node < len(parents) else None
     return parent is None or parent in running
 
 
 def _parse_integer(text: str) -> int:
-    """Return a number as the project writes it; `_UNKNOWN` for anything else."""
+    """Parse an integer in the form that the project writes; return `_UNKNOWN` for any other text."""
     return int(text) if text.isdecimal() and str(int(text)) == text else _UNKNOWN
 
 
@@ -158,10 +158,10 @@ def _entry(row: RawRow) -> JournalEntry:
 
 
 def finite(number: Any) -> float:
-    """Return a time from a file, which must be finite.
+    """Convert a value from a file to a time, which must be finite.
 
     Raises:
-        ValueError, TypeError: If it is no finite number.
+        ValueError, TypeError: If the value is not a finite number.
     """
     if not math.isfinite(value := float(number)):
         raise ValueError(f"{number} is not a time")
@@ -172,9 +172,9 @@ def mapping(text: str) -> dict[str, Any]:
     """Parse a JSON object.
 
     Raises:
-        ValueError, TypeError: If it is something else.
+        ValueError, TypeError: If the text is not a JSON object.
     """
     data = json_value(text)
     if not isinstance(data, dict):
-        raise TypeError(f"{text} must be names with values")
+        raise TypeError(f"{text} is not a JSON object")
     return data

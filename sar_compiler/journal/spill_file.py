@@ -1,9 +1,9 @@
-"""The reserve of a journal: a file of fixed size beside it, for events that cannot be written to the journal now.
+"""The reserve of a journal: a file of fixed size beside it, for events that currently cannot be written to the journal.
 
-Its blocks are allocated when a run starts, and only overwritten afterwards: a full disk, a quota or a lock on the
-database does not affect them. It has two slots with checksums, which are written in turn. A process that dies while
-writing one leaves the other intact. A slot has all waiting events. If they do not fit, it has the number of the omitted
-ones, and the numbers that were assigned.
+The blocks of the file are allocated when a run starts, and only overwritten afterwards, so that a full disk, a quota or a lock on
+the database does not affect them. The file has two slots with checksums, which are written in turn. A process that dies while
+writing one slot leaves the other slot intact. A slot contains all waiting events. If they do not fit, it contains the number of
+omitted events, and the highest numbers in use (`Journal.store_highest_number`).
 """
 
 import json
@@ -21,7 +21,7 @@ from sar_compiler.opener import RESERVE, MissingFileError, NamedPath, read_file,
 SUFFIX = "-reserve"
 
 _SLOT_BYTES = 64 * 1024
-# Checksum, length, and sequence number of the write, in decimal digits.
+# The size of a slot's head: checksum, length and sequence number of the content, in decimal digits.
 _HEAD_BYTES = 40
 
 
@@ -40,8 +40,8 @@ class SpilledEntries(NamedTuple):
 
     Attributes:
         began: The start of the journal's first run, in seconds since 1970, which identifies the journal.
-        facts: The events.
-        end: The end of the run, if it could not be written to the journal either.
+        facts: The waiting events.
+        end: The end of the run if it is waiting, too; otherwise None.
     """
 
     began: float = 0.0
@@ -50,53 +50,59 @@ class SpilledEntries(NamedTuple):
 
 
 def lost_events_row(rows: Sequence[Row], numbers: Mapping[str, int]) -> Row:
-    """Return the event that replaces lost events, with their count and the assigned numbers."""
+    """Return the event that replaces lost events, with their count and the highest numbers in use."""
     count = sum(json.loads(row.data)["count"] if row.kind == FACTS_LOST else 1 for row in rows)
     return rows[-1]._replace(kind=FACTS_LOST, data=json.dumps({"count": count, "numbers": dict(numbers)}))
 
 
 class SpillFile:
-    """An open reserve; it is created with all of its blocks if missing.
+    """An open reserve, whose file is created with all of its blocks if it is missing.
 
     Args:
         journal: The path of the journal.
 
     Raises:
-        OSError: If it cannot be created.
+        OSError: If the file cannot be created.
     """
 
     def __init__(self, journal: Path) -> None:
         self.path = Path(f"{journal}{SUFFIX}")
         self._descriptor = _open_file(self.path, os.O_RDWR | os.O_CREAT)
         try:
-            self._writing = max((number for number, _ in _slots(_content(self._descriptor))), default=0)
+            self._sequence_number = max(
+                (number for number, _ in _slots(_content(self._descriptor))), default=0
+            )
             self._fill()
         except BaseException:
             os.close(self._descriptor)
             raise
 
     def _fill(self) -> None:
-        # Blocks that are only reserved may still need space when they are first written.
+        # The blocks are written, because blocks that are only reserved may still need space when they are first written.
         size = os.fstat(self._descriptor).st_size
         _write(self._descriptor, b"\0" * max(0, 2 * _SLOT_BYTES - size), size)
 
-    def replace_content(self, kept: SpilledEntries, numbers: Mapping[str, int]) -> None:
-        """Replace the content; the new content is on disk when this returns.
+    def replace_content(self, spilled: SpilledEntries, numbers: Mapping[str, int]) -> None:
+        """Replace the content of the reserve; the new content is on disk when the function returns.
 
         Args:
-            kept: The new content. An event states the number of events that do not fit.
-            numbers: The numbers that were assigned, by their kind.
+            spilled: The new content; events that do not fit are replaced by an event with their number.
+            numbers: The highest numbers in use, by the kind of the numbered objects.
 
         Raises:
-            OSError: If it cannot be written.
+            OSError: If the file cannot be written.
         """
-        content = _fit_into_slot(kept, numbers).encode()
-        self._writing += 1
-        body = f"{len(content):10}{self._writing:20}".encode() + content
-        _write(self._descriptor, f"{zlib.crc32(body):10}".encode() + body, self._writing % 2 * _SLOT_BYTES)
+        content = _fit_into_slot(spilled, numbers).encode()
+        self._sequence_number += 1
+        body = f"{len(content):10}{self._sequence_number:20}".encode() + content
+        _write(
+            self._descriptor,
+            f"{zlib.crc32(body):10}".encode() + body,
+            self._sequence_number % 2 * _SLOT_BYTES,
+        )
 
     def close(self, *, is_needed: bool) -> None:
-        """Close it; remove it if it is not needed."""
+        """Close the reserve, and delete its file if the file is not needed."""
         os.close(self._descriptor)
         if not is_needed:
             with suppress(OSError):
@@ -107,22 +113,22 @@ def read_reserve(journal: Path) -> SpilledEntries:
     """Return the content of a journal's reserve; empty if there is none.
 
     Raises:
-        OSError: If it cannot be read.
-        JournalError: If it is damaged.
+        OSError: If the reserve cannot be read.
+        JournalError: If the reserve is damaged.
     """
     path = Path(f"{journal}{SUFFIX}")
     try:
-        # Do not follow links: errors would show the target's content.
+        # Links are not followed, because error messages would show the content of their targets.
         content = read_file(NamedPath.confined_to(path, [path.parent.resolve()]), RESERVE).data
     except MissingFileError:
         return SpilledEntries()
     slots = _slots(content[: 2 * _SLOT_BYTES])
     try:
         if not slots:
-            raise ValueError("no slot of it is intact")  # noqa: TRY301 - the words are below, for all that can be wrong
+            raise ValueError("no slot is intact")  # noqa: TRY301 - the message about all kinds of damage is below
         return _parse_content(max(slots)[1])
     except (ValueError, TypeError, KeyError, RecursionError) as error:
-        message = f"{path} is damaged ({error}). It has the last events of the journal beside it. Move it away to continue without them"
+        message = f"{path} is damaged ({error}). This file contains the last events of the journal beside it. Move the file away to continue without these events"
         raise JournalError(message) from error
 
 
@@ -148,7 +154,7 @@ def _write(descriptor: int, content: bytes, offset: int) -> None:
 
 
 def _slots(content: bytes) -> list[tuple[int, bytes]]:
-    """Return the intact slots, including empty ones: the sequence number, and the text."""
+    """Return the sequence number and the content of each intact slot, including empty slots."""
     found = []
     for slot in (content[:_SLOT_BYTES], content[_SLOT_BYTES:]):
         if not slot.strip(b"\0"):
@@ -160,19 +166,19 @@ def _slots(content: bytes) -> list[tuple[int, bytes]]:
     return found
 
 
-def _fit_into_slot(kept: SpilledEntries, numbers: Mapping[str, int]) -> str:
-    """Return the content as a text that fits into a slot."""
-    count = len(kept.facts)
+def _fit_into_slot(spilled: SpilledEntries, numbers: Mapping[str, int]) -> str:
+    """Convert the content to a text that fits into a slot, by replacing the last events if necessary."""
+    count = len(spilled.facts)
     while True:
         facts = [
-            *kept.facts[:count],
-            *([lost_events_row(kept.facts[count:], numbers)] if kept.facts[count:] else []),
+            *spilled.facts[:count],
+            *([lost_events_row(spilled.facts[count:], numbers)] if spilled.facts[count:] else []),
         ]
-        text = json.dumps({"began": kept.began, "facts": facts, "end": kept.end})
+        text = json.dumps({"began": spilled.began, "facts": facts, "end": spilled.end})
         if len(text) <= _SLOT_BYTES - _HEAD_BYTES:
             return text
         if not count:
-            raise OSError(f"an end of a run does not fit: {kept.end}")
+            raise OSError(f"the end of the run does not fit into the reserve: {spilled.end}")
         count = count * 3 // 4
 
 

@@ -1,6 +1,6 @@
 """The status line of a mission: word, severity, start and reason.
 
-Page, terminal, reports and `sar-journal show` use it.
+The page, the terminal, reports and `sar-journal show` display the status line.
 """
 
 from typing import NamedTuple
@@ -9,24 +9,24 @@ from sar_compiler.journal.mission_state import MissionState, RunState
 from sar_compiler.runtime.clock import clock_text
 
 GOOD, QUIET, WARNING, ERROR = "good", "quiet", "warning", "error"
-"""The severities: normal, nothing to report, needs attention, error."""
+"""The severities: normal operation, no activity to report, attention required, error."""
 
 NOT_BEGUN, DRIVING, WORKING, WAITING = "not begun", "driving", "working", "waiting"
 PAUSED, LOST, CRASHED, POSITION_LOST = "paused", "lost", "crashed", "position lost"
 COMPLETE, FAILED, STOPPED, ABORTED, ENDED_EARLY = "complete", "failed", "stopped", "aborted", "ended early"
 
-# The words of this module for the phases of a mission.
+# The words and severities of this module for phases of a mission.
 _PHASES = {
     "held": (PAUSED, WARNING),
     "waiting": (WAITING, WARNING),
     "aborted": (ABORTED, WARNING),
     POSITION_LOST: (POSITION_LOST, ERROR),
 }
-# The duration is shown for these words.
-_COUNTED = (PAUSED, WAITING, POSITION_LOST)
+# The words that are shown with their duration.
+_WITH_DURATION = (PAUSED, WAITING, POSITION_LOST)
 _LONG_SILENCE_SEC = 10.0
-# A longer list of awaited items is cut.
-_MOST_AWAITED = 3
+# The maximum number of awaited items in a list; further items are only counted.
+_MAX_AWAITED = 3
 _ENDS = {"over": FAILED, "stopped": STOPPED, "failed": FAILED}
 
 
@@ -34,10 +34,10 @@ class StatusLine(NamedTuple):
     """The status line of a mission.
 
     Attributes:
-        word: One of the words of this module, or the mission's own for its phase.
-        level: Its severity: `good`, `quiet`, `warning` or `error`.
-        since: Its start, in seconds of the mission's clock since the run's start.
-        reason: The reason, in the operator's words; may be empty.
+        word: A word of this module, or the mission's word for its phase.
+        level: The severity: `good`, `quiet`, `warning` or `error`.
+        since: The start of this status, in seconds of the mission's clock since the run's start.
+        reason: The reason for this status, for operators; may be empty.
     """
 
     word: str = NOT_BEGUN
@@ -46,13 +46,15 @@ class StatusLine(NamedTuple):
     reason: str = ""
 
     def to_line(self, now: float | None = None) -> str:
-        """Return the status in one line: `PAUSED (0:19): by the operator`.
+        """Return the status in one line, such as `PAUSED (0:19): by the operator`.
 
         Args:
-            now: Seconds of the mission's clock since the run's start; without it the duration is left out.
+            now: The current time, in seconds of the mission's clock since the run's start; None to omit the duration.
         """
         word = self.word.upper() if self.level in (WARNING, ERROR) else self.word
-        lasts = f" ({clock_text(now - self.since)})" if now is not None and self.word in _COUNTED else ""
+        lasts = (
+            f" ({clock_text(now - self.since)})" if now is not None and self.word in _WITH_DURATION else ""
+        )
         return f"{word}{lasts}{f': {self.reason}' if self.reason else ''}"
 
 
@@ -62,7 +64,7 @@ def status_line_text(state: MissionState) -> str:
 
 
 def condition(state: MissionState) -> StatusLine:
-    """Return the status of a mission."""
+    """Return the status line of a mission."""
     if state.awaited:
         names = missing_names(state)
         return StatusLine(level=WARNING if names else QUIET, reason=f"waiting for {names}" if names else "")
@@ -72,8 +74,8 @@ def condition(state: MissionState) -> StatusLine:
     if run.ending:
         return _status_after_end(state, run)
     if process.is_gone:
-        return StatusLine(CRASHED, ERROR, now, _last_words(state))
-    # A drive writes an entry every second of the mission's clock.
+        return StatusLine(CRASHED, ERROR, now, _crash_reason(state))
+    # During a drive, the mission writes an entry every second of its clock.
     if process.silent_sec > _LONG_SILENCE_SEC and state.drive is not None:
         return StatusLine(LOST, ERROR, now, silence_text(process.silent_sec))
     phase = state.phase
@@ -85,12 +87,12 @@ def condition(state: MissionState) -> StatusLine:
 def missing_names(state: MissionState) -> str:
     """Return the names of the items that the next run still waits for; empty if there are none."""
     names = [each.name for each in state.awaited if each.problem]
-    more = f" and {len(names) - _MOST_AWAITED} more" if len(names) > _MOST_AWAITED else ""
-    return f"{', '.join(names[:_MOST_AWAITED])}{more}"
+    more = f" and {len(names) - _MAX_AWAITED} more" if len(names) > _MAX_AWAITED else ""
+    return f"{', '.join(names[:_MAX_AWAITED])}{more}"
 
 
 def silence_text(seconds: float) -> str:
-    """Describe a silence of some seconds."""
+    """Describe the loss of contact with a mission that has been silent for a number of seconds."""
     return f"No contact for {clock_text(seconds)}. The robot may still be driving."
 
 
@@ -101,7 +103,7 @@ def _status_after_end(state: MissionState, run: RunState) -> StatusLine:
     word = _ENDS.get(run.ending, run.ending)
     if state.situation.phase.name == ABORTED and word == FAILED:
         word = ABORTED
-    # A person who ended the run by a command knows that it is incomplete, unless a goal is orphaned.
+    # A person who ended the run by a command knows that the mission is incomplete, but not that a goal is orphaned.
     is_ordered = bool(state.order) and word in (FAILED, ABORTED)
     if is_ordered and word == FAILED:
         word = ENDED_EARLY
@@ -114,8 +116,8 @@ def _status_after_end(state: MissionState, run: RunState) -> StatusLine:
     return StatusLine(word, level, since, f"{by}{run.reason}{left}".strip())
 
 
-def _last_words(state: MissionState) -> str:
-    """Return where the robot was, or was driving to, when its process crashed, and whether it may still drive."""
+def _crash_reason(state: MissionState) -> str:
+    """Describe the time and location of a crash, and whether a goal was active."""
     place = f"on the way {_drive(state)}" if state.drive is not None else state.situation.phase.place
     where = ", ".join(filter(None, (f"at {clock_text(state.now.time)}", place)))
     return f"{where}: the robot {'may still be' if state.goals else 'was not'} driving"

@@ -93,10 +93,10 @@ def test_what_a_full_disk_has_kept_from_the_journal_is_written_in_its_order_once
     assert len(mission.said) == 2
     assert "cannot be written (" in mission.said[0]
     assert (
-        "The mission continues, writing is retried each second, and events are stored beside it"
+        "and writing is retried every second. Until then, events are stored in the reserve file beside the journal."
         in mission.said[0]
     )
-    assert "is written again, including the events of the meantime." in mission.said[1]
+    assert "can be written again, and the waiting events have been written." in mission.said[1]
     assert [path.name for path in place.parent.iterdir()] == [place.name]
 
 
@@ -135,7 +135,7 @@ def test_a_mission_that_was_over_while_its_disk_was_full_is_over(place):
     mission.journal.record_event("base_reached")
     mission.journal.end_run(Ending.OVER, 0, "Mission complete.")
     mission.journal.close()
-    assert "are in the reserve beside it" in mission.said[-1]
+    assert "are in the reserve file beside the journal" in mission.said[-1]
     assert read(place)["runs"][-1]["ending"] == "over"
     assert kinds(place) == ["base_reached"]
     with pytest.raises(JournalError, match="is over"):
@@ -194,8 +194,8 @@ def test_of_more_facts_than_there_is_room_for_the_next_run_knows_how_many_and_th
 
 
 def test_what_waits_in_memory_is_bounded_and_what_was_left_out_is_said(place, monkeypatch):
-    monkeypatch.setattr(journals, "_MOST_FACTS", 10)
-    monkeypatch.setattr(journals, "_MOST_WATCHED", 5)
+    monkeypatch.setattr(journals, "_MAX_FACTS", 10)
+    monkeypatch.setattr(journals, "_MAX_WATCHED", 5)
     mission = Mission(place)
     mission.full = True
     for _ in range(30):
@@ -207,7 +207,7 @@ def test_what_waits_in_memory_is_bounded_and_what_was_left_out_is_said(place, mo
     assert kinds(place) == ["fact"] * 9 + [FACTS_LOST]
     assert read(place)["facts"][-1]["data"] == {"count": 21, "numbers": {}}
     assert len(kinds(place, "watched")) == 5
-    assert "without 25 observations" in mission.said[-1]
+    assert "25 observations were lost." in mission.said[-1]
 
 
 def test_where_nothing_can_be_kept_beside_it_either_that_is_said(place):
@@ -217,7 +217,7 @@ def test_where_nothing_can_be_kept_beside_it_either_that_is_said(place):
         mission.journal.record_event("first")
         mission.journal.record_event("second")
     assert len(mission.said) == 1
-    assert "until then the mission cannot be resumed from here" in mission.said[0]
+    assert "Until then, the mission cannot be resumed from its current state." in mission.said[0]
     mission.full = False
     mission.journal.close()
     assert kinds(place) == ["first", "second"]

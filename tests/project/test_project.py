@@ -97,7 +97,7 @@ class TestLoading:
     @pytest.mark.parametrize("argument", ["nodes", "models", "include_path"])
     def test_one_text_in_place_of_several_is_explained(self, argument):
         with pytest.raises(
-            TypeError, match=rf"^{argument} is the string 'x': write a collection, {argument}=\['x'\]$"
+            TypeError, match=rf"^{argument} is the string 'x'\. Pass a list of strings: {argument}=\['x'\]$"
         ):
             load("search_and_rescue", **{argument: "x"})  # type: ignore[arg-type]
 
