@@ -1,9 +1,9 @@
-"""The only access to files named by a file, a payload, an agent, an editor or the environment.
+"""The only access to files that are named by a file, a payload, an agent, an editor or the environment.
 
-Such a file may come from an untrusted source, which may have chosen its name and may replace it at any moment. A check of a path is
-therefore worthless for a later access by the path. `read_file` first gets a handle without opening the file (`O_PATH`, which wakes no
-device and waits for no writer of a pipe), asks the system for its type and location, and then opens and reads that same file, whatever
-has the name by now. `tests/test_house.py` forbids other accesses.
+Such a file may come from an untrusted source, which may have chosen the file's name and may replace the file at any moment. A check of a
+path is therefore worthless for a later access by the path. `read_file` first gets a handle without opening the file (`O_PATH`, which does
+not wake a device or wait for the writer of a pipe), and asks the system for the file's type and location. It then opens and reads the same
+file, even if the name refers to another file by then. `tests/test_house.py` forbids other accesses.
 """
 
 import errno
@@ -22,27 +22,29 @@ from sar_compiler.errors import SarError
 if TYPE_CHECKING:
     _PathBase = Path
 else:
-    _PathBase = type(Path())  # before Python 3.12 only the class of this system's paths can be derived from
+    _PathBase = type(
+        Path()
+    )  # before Python 3.12, only the path class of the current system can be subclassed
 
 STANDARD_INPUT = Path("<stdin>")
 """The path that names standard input, which is read once, and its name in findings."""
 
 _MIB = 2**20
-# Where Linux lists the file of each descriptor.
+# The folder in which Linux lists the file of each descriptor.
 _DESCRIPTORS = Path("/proc/self/fd")
 _HANDLE_ONLY: int | None = getattr(os, "O_PATH", None) if _DESCRIPTORS.is_dir() else None
 _NOT_BLOCKING: int = getattr(os, "O_NONBLOCK", 0)
 _PIPE_SEC = 0.5
-"""Interval at which a file opened by another library is checked, seconds: a pipe in its place would block."""
+"""The interval of checks whether a pipe blocks another library that opens a file, in seconds."""
 _ATTEMPTS = 10
-"""Number of attempts for a file that is replaced at the moment of opening, as editors do when they save."""
+"""The number of attempts to open a file that is replaced at the same moment, as editors do when they save."""
 
 
 class _CanClose(Protocol):
     """An object opened by another library."""
 
     def close(self) -> object:
-        """Close it."""
+        """Close the object."""
 
 
 _Closable = TypeVar("_Closable", bound=_CanClose)
@@ -52,8 +54,8 @@ class UnreadableFileError(SarError):
     """A file does not exist, or cannot or must not be read.
 
     Attributes:
-        path: The file, as named.
-        reason: The reason.
+        path: The path of the file, as the user or another file names it.
+        reason: Why the file cannot be read, as part of a sentence.
     """
 
     def __init__(self, path: Path, reason: str, message: str = "") -> None:
@@ -73,9 +75,9 @@ class FileKind(NamedTuple):
     """A kind of file.
 
     Attributes:
-        name: Its name in messages.
-        limit: The largest number of bytes read.
-        is_installed: Whether it belongs to an installed package, so that a confined process may also read it.
+        name: The name of the kind in messages.
+        limit: The maximum number of bytes to read.
+        is_installed: Whether such files belong to installed packages, so that a confined process may also read them.
     """
 
     name: str
@@ -84,35 +86,35 @@ class FileKind(NamedTuple):
 
 
 TREE = FileKind("tree file", 32 * _MIB)
-"""A tree file or a palette; 100,000 leaves need about a third of this."""
+"""A tree file or a palette; a file with 100,000 leaves has about a third of the limit."""
 DOCUMENT = FileKind("file beside a tree", _MIB)
-"""People write these files, and each value takes some thousand times its characters in memory."""
+"""A file that people write. The limit is low, because a value needs about a thousand times as much memory as its text."""
 SETTINGS = DOCUMENT._replace(name="settings file")
-PROPERTIES = DOCUMENT._replace(name="file of properties")
+PROPERTIES = DOCUMENT._replace(name="properties file")
 SCENARIO = DOCUMENT._replace(name="scenario")
 WORLD = DOCUMENT._replace(name="world")
 MAP = DOCUMENT._replace(name="map")
 PARAMETERS = FileKind("parameter file", _MIB)
-"""Sufficient for about 30,000 parameters."""
-IMAGE = FileKind("image of a map", 64 * _MIB)
+"""A ROS 2 parameter file; the limit is sufficient for about 30,000 parameters."""
+IMAGE = FileKind("map image", 64 * _MIB)
 RECORDED_OUTPUT = FileKind("recorded output", 32 * _MIB)
 APPROVAL = FileKind("record of an approval", 4 * _MIB)
-POSES = FileKind("file of poses", _MIB)
-RESERVE = FileKind("reserve of a journal", 128 * 1024)
+POSES = FileKind("pose file", _MIB)
+RESERVE = FileKind("journal reserve", 128 * 1024)
 MODULE = FileKind("module of leaves", 32 * _MIB, is_installed=True)
 METADATA = FileKind("package metadata", _MIB, is_installed=True)
 
 
 class FileIdentity(NamedTuple):
-    """Identity and state of a file that was read: equal for two reads of one file without a write in between.
+    """The identity and state of a file that was read; equal for two reads of the same file without a write in between.
 
     Attributes:
         device: The number of the file system.
-        inode: The file's number in it.
-        size: Its size, bytes.
-        modified_ns: Time of the last write, nanoseconds since 1970.
-        owner: The user who owns it.
-        mode: Its type and permissions (`st_mode`).
+        inode: The file's number in the file system.
+        size: The size, bytes.
+        modified_ns: The time of the last write, nanoseconds since 1970.
+        owner: The ID of the user who owns the file.
+        mode: The type and permissions (`st_mode`).
     """
 
     device: int
@@ -127,11 +129,11 @@ class FileContent(NamedTuple):
     """The content of a file, as it was read.
 
     Attributes:
-        path: The file's path, as named by the user or a file.
-        real_path: Its path with links followed.
-        data: Its bytes, at most one more than its kind's limit.
-        identity: Its identity; None for standard input.
-        kind: Its kind.
+        path: The file's path, as the user or another file names it.
+        real_path: The file's path with links followed.
+        data: The file's bytes, at most one more than the limit of the kind.
+        identity: The file's identity; None for standard input.
+        kind: The kind of the file.
     """
 
     path: Path
@@ -147,7 +149,7 @@ class FileContent(NamedTuple):
         """Return the bytes of the whole file.
 
         Raises:
-            UnreadableFileError: If it is larger than its kind's limit.
+            UnreadableFileError: If the file is larger than the limit of its kind.
         """
         if len(self.data) > self.kind.limit:
             limit = f"{self.kind.limit // _MIB} MiB"
@@ -160,7 +162,7 @@ class FileContent(NamedTuple):
         """Return the text of a file in UTF-8, without its byte order mark.
 
         Raises:
-            UnreadableFileError: If it is larger than its kind's limit, or not UTF-8.
+            UnreadableFileError: If the file is larger than the limit of its kind, or not UTF-8.
         """
         try:
             return self.all_bytes().decode("utf-8-sig")
@@ -169,26 +171,26 @@ class FileContent(NamedTuple):
 
 
 class NamedPath(_PathBase):
-    """A path named by a file or a payload: when read, the file must be below certain folders, with links followed.
+    """A path named by a file or a payload, whose file must be below certain folders, with links followed, to be read.
 
-    It behaves like any other path, and carries the folders from the check to the opening. Paths derived
-    from it (`parent`, `/`) carry none.
+    The object behaves like any other path, and passes the folders on to the code that opens the file. Paths derived from it (`parent`,
+    `/`) have no folders.
 
     Attributes:
-        beneath: The folders; None for any.
+        beneath: The folders; None if the file may be in any folder.
     """
 
     beneath: tuple[Path, ...] | None = None
 
     @classmethod
     def confined_to(cls, path: Path, folders: Iterable[Path]) -> "NamedPath":
-        """Return a path of a file that must be below one of some folders."""
+        """Return a path whose file must be below one of the folders to be read."""
         named = cls(path)
         named.beneath = tuple(folders)
         return named
 
     def __reduce__(self) -> Any:
-        # pathlib's own method loses the folders, so another process would read any file.
+        # pathlib's own method loses the folders, so that another process would read any file.
         return _named_path, (str(self), self.beneath)
 
 
@@ -202,9 +204,9 @@ class FileQuery(NamedTuple):
     """A query of the file system.
 
     Attributes:
-        kind: The function that answers it, by its name in `_ASKED`.
+        kind: The key in `_QUERY_FUNCTIONS` of the function that executes the query.
         path: The path, as passed to the function.
-        limit: Largest number of bytes read of a file; 0 for other queries.
+        limit: The maximum number of bytes to read from a file; 0 for other queries.
     """
 
     kind: str
@@ -213,37 +215,38 @@ class FileQuery(NamedTuple):
 
 
 class Observation(dict[FileQuery, str]):
-    """The file-system queries of a computation with their answers: its result is valid as long as these are.
+    """The file-system queries of a computation with their results; the computation is valid as long as the results are the same.
 
-    Answers are short: for a file, the SHA-256 of its content, and its location. Queries of missing files are included.
+    The results are short. The result of reading a file is a digest of the file's content, and its location. Queries of missing files are
+    included.
 
     Attributes:
-        is_consistent: Whether each repeated query had the same answer.
+        is_consistent: Whether each repeated query had the same result.
     """
 
     is_consistent = True
 
-    def record(self, question: FileQuery, answer: str) -> None:
-        """Add a query."""
-        if self.setdefault(question, answer) != answer:
+    def record(self, query: FileQuery, result: str) -> None:
+        """Record a query with its result."""
+        if self.setdefault(query, result) != result:
             self.is_consistent = False
 
     def is_current(self) -> bool:
-        """Return whether every query still has the same answer."""
+        """Return whether every query still has the same result."""
         now = Observation()
         with now.recording():
-            for question, answer in self.items():
-                kind, path, limit = question
+            for query, result in self.items():
+                kind, path, limit = query
                 with suppress(UnreadableFileError):
-                    _ASKED[kind](path, limit)
-                if now.get(question) != answer:
+                    _QUERY_FUNCTIONS[kind](path, limit)
+                if now.get(query) != result:
                     return False
         return True
 
     @contextmanager
     def recording(self) -> Iterator[None]:
-        """Record the queries made in the block; of nested observations, the innermost one records."""
-        global _observation  # noqa: PLW0603 - queries are made everywhere, and results do not depend on it
+        """Record the queries in the block; if observations are nested, only the innermost one records queries."""
+        global _observation  # noqa: PLW0603 - queries are made everywhere, and their results do not depend on it
         before, _observation = _observation, self
         try:
             yield
@@ -261,8 +264,8 @@ def mark_unrepeatable() -> None:
 
 
 def digest(data: bytes) -> str:
-    """Return the BLAKE2b of bytes, as hexadecimal digits."""
-    # Most commands need none, and `hashlib` loads OpenSSL, which takes ten times as long.
+    """Return the BLAKE2b digest of bytes, as hexadecimal digits."""
+    # Imported late, because most commands need no digest, and not from `hashlib`, which loads OpenSSL and takes ten times as long.
     try:
         from _blake2 import blake2b
     except ImportError:
@@ -271,37 +274,37 @@ def digest(data: bytes) -> str:
     return blake2b(data, digest_size=32).hexdigest()
 
 
-def _record(kind: str, path: str | Path, answer: str, limit: int = 0) -> None:
+def _record(kind: str, path: str | Path, result: str, limit: int = 0) -> None:
     if _observation is not None:
-        _observation.record(FileQuery(kind, str(path), limit), answer)
+        _observation.record(FileQuery(kind, str(path), limit), result)
 
 
 def is_file(path: str | Path) -> bool:
-    """Return whether a regular file exists; False for an impossible name, for which pathlib's `is_file` raises."""
+    """Return whether a path is a regular file; False for an impossible name, for which `Path.is_file` raises an error."""
     found = os.path.isfile(path)  # noqa: PTH113 - see above
     _record("file", path, str(found))
     return found
 
 
 def is_folder(path: str | Path) -> bool:
-    """Return whether a folder exists; False for an impossible name."""
+    """Return whether a path is a folder; False for an impossible name."""
     found = os.path.isdir(path)  # noqa: PTH112
     _record("folder", path, str(found))
     return found
 
 
 def is_there(path: str | Path) -> bool:
-    """Return whether a file or anything else exists; False for an impossible name."""
+    """Return whether a path exists; False for an impossible name."""
     found = os.path.exists(path)  # noqa: PTH110
     _record("there", path, str(found))
     return found
 
 
 def owner_of(path: str | Path) -> int | None:
-    """Return the owner of a file or a folder; None if it does not exist."""
+    """Return the ID of the user who owns a file or a folder; None if it does not exist."""
     owner = None
     with suppress(OSError, ValueError):
-        owner = os.stat(path).st_uid  # noqa: PTH116 - of any path
+        owner = os.stat(path).st_uid  # noqa: PTH116 - the path may be a string
     _record("owner", path, str(owner))
     return owner
 
@@ -310,7 +313,7 @@ def matching_paths(pattern: str) -> list[str]:
     """Return the paths that match a glob pattern, sorted."""
     import glob
 
-    found = sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207 - of a text
+    found = sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207 - the pattern is a string
     if _observation is not None:
         _record("glob", pattern, digest(os.fsencode("\0".join(found))))
     return found
@@ -320,35 +323,35 @@ def state_of(path: str | Path) -> tuple[int, int]:
     """Return the size of a file in bytes, and the time of its last write in nanoseconds since 1970; zeros if it does not exist."""
     state = 0, 0
     with suppress(OSError, ValueError):
-        about = os.stat(path)  # noqa: PTH116 - of any path
+        about = os.stat(path)  # noqa: PTH116 - the path may be a string
         state = about.st_size, about.st_mtime_ns
     _record("state", path, str(state))
     return state
 
 
 class _Confinement(NamedTuple):
-    """The folders that a file must be below, and their name in messages."""
+    """The folders below which a file must be, and a description of the folders for messages."""
 
     folders: tuple[Path, ...]
-    said: str
+    description: str
 
 
 _confinement: _Confinement | None = None
 
 
-def confine(folders: Iterable[Path], said: str) -> None:
-    """Restrict this process to files below some folders, until its end; installed files are excepted.
+def confine(folders: Iterable[Path], description: str) -> None:
+    """Restrict this process, until its end, to installed files and files below the given folders.
 
     Args:
         folders: The folders, or single files, with links followed.
-        said: Their name in messages.
+        description: A description of the folders for messages.
     """
     global _confinement  # noqa: PLW0603 - it is irreversible, and a process has only one
-    _confinement = _Confinement(tuple(folders), said)
+    _confinement = _Confinement(tuple(folders), description)
 
 
 def allow_reading(path: Path) -> None:
-    """Let a confined process read a file, or the files in a folder, named by an installed component: a mission, a ROS package."""
+    """Let a confined process read a file, or the files in a folder, that an installed mission or ROS package names."""
     global _confinement  # noqa: PLW0603 - as above
     if _confinement is not None:
         real = Path(os.path.realpath(path))
@@ -364,12 +367,12 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
     """Read a file.
 
     Args:
-        path: The file; a `NamedPath` must be below its folders. `STANDARD_INPUT` is read once.
-        kind: Its kind.
+        path: The path of the file. The file of a `NamedPath` must be below the folders of the path. `STANDARD_INPUT` is read once.
+        kind: The kind of the file.
 
     Raises:
-        PathOutsideError: If it is outside the folders that it must be below.
-        UnreadableFileError: If it does not exist, is not a regular file, or cannot be read.
+        PathOutsideError: If the file is outside the folders from which it may be read.
+        UnreadableFileError: If the file does not exist, is not a regular file, or cannot be read.
     """
     named = path if isinstance(path, Path) else Path(path)
     if named == STANDARD_INPUT:
@@ -379,7 +382,7 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
     except UnreadableFileError as error:
         _record("read", named, error.reason, kind.limit)
         raise
-    if _stored is not None and len(content.data) <= min(kind.limit, _MOST_STORED):
+    if _stored is not None and len(content.data) <= min(kind.limit, _MAX_STORED):
         _stored[str(content.real_path)] = content
     if _observation is not None:
         _record("read", named, f"{digest(content.data)} {content.real_path}", kind.limit)
@@ -388,7 +391,7 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
 
 @contextmanager
 def read_files_once() -> Iterator[None]:
-    """Open each small file once in the block, so that all results are about one state of it. Nothing may be written meanwhile."""
+    """Read each small file only once in the block, so that all results refer to the same state; no file may be written in the block."""
     global _stored  # noqa: PLW0603 - files are read everywhere
     before, _stored = _stored, {}
     try:
@@ -398,11 +401,11 @@ def read_files_once() -> Iterator[None]:
 
 
 _stored: dict[str, FileContent] | None = None
-_MOST_STORED = 64 * 1024
+_MAX_STORED = 64 * 1024
 
 
 def _stored_content(named: Path, kind: FileKind) -> FileContent | None:
-    """Return the content of a file that was read before in `read_files_once`; None if it was not, or may not be read."""
+    """Return the content of a file that was read before in `read_files_once`; None if it was not, or if the file may not be read."""
     try:
         content = _stored.get(os.path.realpath(named)) if _stored else None
     except ValueError:  # no file can have this name
@@ -419,7 +422,7 @@ def _stored_content(named: Path, kind: FileKind) -> FileContent | None:
 def _read(named: Path, kind: FileKind) -> FileContent:
     with _open_regular(named, kind) as (descriptor, real):
         about = os.fstat(descriptor)
-        # To the end of the file instead of its size: it may grow, and files of the system have no size.
+        # Read to the end of the file instead of up to its size, because it may grow, and files of the system have no size.
         parts, left = [], kind.limit + 1
         while left and (part := os.read(descriptor, min(left, _MIB))):
             parts.append(part)
@@ -431,10 +434,10 @@ def _read(named: Path, kind: FileKind) -> FileContent:
 
 
 def require_regular(path: str | Path) -> None:
-    """Check that a file which another library opens, such as SQLite, is a regular one.
+    """Check that a file that another library, such as SQLite, opens is a regular file.
 
     Raises:
-        UnreadableFileError: If it does not exist, is not a regular file, or cannot be read.
+        UnreadableFileError: If the file does not exist, is not a regular file, or cannot be read.
     """
     with regular_file(path):
         pass
@@ -442,10 +445,10 @@ def require_regular(path: str | Path) -> None:
 
 @contextmanager
 def regular_file(path: str | Path) -> Iterator[int]:
-    """Hold a regular file open while another library opens it by its name; yield the descriptor for `open_by_name`.
+    """Keep a regular file open while another library opens it by its name; yield the descriptor for `open_by_name`.
 
     Raises:
-        UnreadableFileError: If it does not exist, is not a regular file, or cannot be read.
+        UnreadableFileError: If the file does not exist, is not a regular file, or cannot be read.
     """
     with _open_regular(Path(path), _OF_ANOTHER_LIBRARY) as (descriptor, _):
         yield descriptor
@@ -457,14 +460,14 @@ _OF_ANOTHER_LIBRARY = FileKind("file", 0)
 def open_by_name(path: Path, descriptor: int, connect: Callable[[], _Closable]) -> _Closable:
     """Let a library that only accepts names open a file, and check that it opened the checked file.
 
-    SQLite replaces links by their targets, even those of `/proc/self/fd`, so it cannot be given a descriptor. It opens a file when it
-    connects, and reads nothing before the first statement. In between, this function examines the open files of the process. If the system
-    does not list them (`/dev/fd`), the name is looked up again instead, which misses a file that was replaced and restored in
-    between.
+    SQLite replaces links by their targets, even links in `/proc/self/fd`, so that it cannot open a file by its descriptor. SQLite opens a
+    file when it connects, and only reads at the first statement. In between, this function examines the open files of the process. If the
+    system does not list them (`/dev/fd`), the name is looked up again instead, which does not detect a file that was replaced and
+    restored in the meantime.
 
     Args:
-        path: The file.
-        descriptor: The checked file, open.
+        path: The path of the file.
+        descriptor: The descriptor of the checked file.
         connect: Opens the file by its name.
 
     Raises:
@@ -474,7 +477,7 @@ def open_by_name(path: Path, descriptor: int, connect: Callable[[], _Closable]) 
     opened = connect()
     after = _open_files()
     with suppress(OSError):
-        # No new file: the library has reused a descriptor of this file.
+        # If no file is new, the library has reused a descriptor of this file.
         new = {each.identity for each in after - before} or {checked}
         is_same = checked in new if after else os.path.samestat(path.stat(), os.fstat(descriptor))
         if is_same:
@@ -484,7 +487,7 @@ def open_by_name(path: Path, descriptor: int, connect: Callable[[], _Closable]) 
 
 
 class _OpenFile(NamedTuple):
-    """A descriptor of this process, and the device and the number of its file."""
+    """A descriptor of this process, with the device and the inode of the file."""
 
     descriptor: int
     identity: tuple[int, int]
@@ -499,22 +502,22 @@ def _open_files() -> set[_OpenFile]:
     """Return the open files of this process; empty if the system does not list them."""
     found = set()
     with suppress(OSError):
-        for name in os.listdir("/dev/fd"):  # noqa: PTH208 - numbers
-            with suppress(OSError):  # the descriptor of the list itself
+        for name in os.listdir("/dev/fd"):  # noqa: PTH208 - the names are numbers
+            with suppress(OSError):  # the descriptor of the folder itself is closed by now
                 found.add(_OpenFile(int(name), _identity(int(name))))
     return found
 
 
 @contextmanager
 def release_pipes(*paths: str | Path) -> Iterator[None]:
-    """Prevent pipes in place of files from blocking a library that opens them: each gets a writer for a moment."""
+    """Prevent pipes at the paths from blocking a library that opens them, by opening each pipe for writing for a moment."""
     is_open = threading.Event()
 
     def release() -> None:
         while not is_open.wait(_PIPE_SEC):
             for path in paths:
                 with suppress(OSError):
-                    if stat.S_ISFIFO(os.stat(path).st_mode):  # noqa: PTH116 - of any path
+                    if stat.S_ISFIFO(os.stat(path).st_mode):  # noqa: PTH116 - the path may be a string
                         os.close(os.open(path, os.O_RDWR | _NOT_BLOCKING))
 
     threading.Thread(target=release, name="pipes", daemon=True).start()
@@ -528,8 +531,8 @@ def folder_entries(folder: Path) -> list[Path]:
     """Return the entries of a folder, sorted by name.
 
     Raises:
-        PathOutsideError: If it is outside the folders to which this process is confined.
-        UnreadableFileError: If it is not a folder, or cannot be read.
+        PathOutsideError: If the folder is outside the folders to which this process is confined.
+        UnreadableFileError: If the path is not a folder, or cannot be read.
     """
     try:
         entries = _entries(folder)
@@ -548,13 +551,14 @@ def _entries(folder: Path) -> list[Path]:
             return sorted(folder.iterdir())
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
-            _require_beneath(folder, _place_of(handle) or _location_by_name(folder, handle), _confinement)
-            return sorted(folder / name for name in os.listdir(handle))  # noqa: PTH208 - of a descriptor
+            location = _location_by_handle(handle) or _location_by_name(folder, handle)
+            _require_beneath(folder, location, _confinement)
+            return sorted(folder / name for name in os.listdir(handle))  # noqa: PTH208 - a descriptor
         finally:
             os.close(handle)
 
 
-_ASKED: Mapping[str, Callable[[str, int], object]] = {
+_QUERY_FUNCTIONS: Mapping[str, Callable[[str, int], object]] = {
     "entries": lambda path, _: folder_entries(Path(path)),
     "file": lambda path, _: is_file(path),
     "folder": lambda path, _: is_folder(path),
@@ -575,7 +579,7 @@ def _read_once(stream: TextIO | None, limit: int) -> bytes:
 
 @contextmanager
 def _convert_system_errors(path: Path) -> Iterator[None]:
-    """Convert errors of the system to errors about a file."""
+    """Convert errors of the system to an `UnreadableFileError` about a file."""
     try:
         yield
     except FileNotFoundError as error:
@@ -588,7 +592,7 @@ def _convert_system_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _open_regular(path: Path, kind: FileKind) -> Iterator[tuple[int, Path]]:
-    """Open a regular file for reading; yield its descriptor and its location."""
+    """Open a regular file for reading; yield the descriptor and the location of the file."""
     limits = [] if kind.is_installed or _confinement is None else [_confinement]
     if isinstance(path, NamedPath) and path.beneath is not None:
         limits.append(_Confinement(path.beneath, ", ".join(dict.fromkeys(map(str, path.beneath)))))
@@ -605,36 +609,36 @@ def _open(path: Path, limits: list[_Confinement]) -> tuple[int, Path]:
         try:
             handle = os.open(path, os.O_RDONLY | _NOT_BLOCKING | (_HANDLE_ONLY or 0))
         except OSError:
-            # Even the existence and the type of a file stay hidden if it must not be read.
+            # For a file that must not be read, even its existence and type are not revealed.
             for each in limits:
                 _require_beneath(path, Path(os.path.realpath(path)), each)
             raise
         try:
             mode = os.fstat(handle).st_mode
-            place = _place_of(handle) or _location_by_name(path, handle)
-            if place is None:  # it was replaced at this moment
+            location = _location_by_handle(handle) or _location_by_name(path, handle)
+            if location is None:  # the file was replaced at this moment
                 continue
             for each in limits:
-                _require_beneath(path, place, each)
-            # A pipe of the shell (`<(...)`) has no name, and a writer; a named one may never have a writer.
-            is_pipe_of_the_shell = stat.S_ISFIFO(mode) and not place.is_absolute()
+                _require_beneath(path, location, each)
+            # A pipe of the shell (`<(...)`) has a writer, but no name. A named pipe may never have a writer.
+            is_pipe_of_the_shell = stat.S_ISFIFO(mode) and not location.is_absolute()
             if not is_pipe_of_the_shell:
                 require_regular_mode(mode)
             if _HANDLE_ONLY is None:
-                return os.dup(handle), place
+                return os.dup(handle), location
             descriptor = os.open(_DESCRIPTORS / str(handle), os.O_RDONLY | _NOT_BLOCKING)
             if is_pipe_of_the_shell:
                 os.set_blocking(descriptor, True)
-            return descriptor, place
+            return descriptor, location
         finally:
             os.close(handle)
     raise OSError(errno.EBUSY, "it was repeatedly replaced while it was opened")
 
 
-def _place_of(handle: int) -> Path | None:
-    """Return the location of an open file from the system: without a folder for pipes; None if it is deleted or unknown."""
+def _location_by_handle(handle: int) -> Path | None:
+    """Return the location of an open file according to `/proc`, for a pipe without a folder; None if it is deleted or unknown."""
     try:
-        # The path may end with "(deleted)" for two reasons: the file is deleted, or this is part of its name.
+        # A path that ends with "(deleted)" may belong to a deleted file, or to a file with such a name.
         if not os.fstat(handle).st_nlink:
             return None
         return (_DESCRIPTORS / str(handle)).readlink()
@@ -643,20 +647,20 @@ def _place_of(handle: int) -> Path | None:
 
 
 def _location_by_name(path: Path, handle: int) -> Path | None:
-    """Return the location of an open file on a system without `/proc`; None if the path now has another file."""
+    """Return the location of an open file on a system without `/proc`; None if the path now leads to another file."""
     real = Path(os.path.realpath(path))
     try:
         about = _stat_without_links(real)
-    except OSError:  # a part of it is a link by now, or gone
+    except OSError:  # a part of the path is a link by now, or missing
         return None
     return real if os.path.samestat(about, os.fstat(handle)) else None
 
 
 def _stat_without_links(real: Path) -> os.stat_result:
-    """Examine a file by a path without links in any part: one that is replaced meanwhile could lead anywhere.
+    """Return the status of a file by a path without links, because a part that is replaced by a link could lead to any file.
 
     Raises:
-        OSError: If a part is a link, or missing.
+        OSError: If a part of the path is a link, or missing.
     """
     if os.open not in os.supports_dir_fd:
         return real.lstat()
@@ -672,20 +676,20 @@ def _stat_without_links(real: Path) -> os.stat_result:
         os.close(folder)
 
 
-def _require_beneath(path: Path, place: Path | None, limit: _Confinement) -> None:
-    if place is None or not any(place.is_relative_to(folder) for folder in limit.folders):
-        raise PathOutsideError(path, f"it is outside {limit.said}")
+def _require_beneath(path: Path, location: Path | None, limit: _Confinement) -> None:
+    if location is None or not any(location.is_relative_to(folder) for folder in limit.folders):
+        raise PathOutsideError(path, f"it is outside {limit.description}")
 
 
 def require_regular_mode(mode: int) -> None:
-    """Check by its mode that an open file is a regular one, for code that opens its own file for writing.
+    """Check by the mode of an open file that it is a regular file, for code that opens its own files for writing.
 
     Raises:
-        OSError: If it is not.
+        OSError: If the file is not a regular file.
     """
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not stat.S_ISREG(mode):
         is_device = stat.S_ISCHR(mode) or stat.S_ISBLK(mode)
-        what = "device" if is_device else "socket" if stat.S_ISSOCK(mode) else "pipe"
-        raise OSError(errno.EINVAL, f"it is a {what}, not a file")
+        kind = "device" if is_device else "socket" if stat.S_ISSOCK(mode) else "pipe"
+        raise OSError(errno.EINVAL, f"it is a {kind}, not a file")

@@ -1,4 +1,4 @@
-"""The parts of the package around its core; a distribution may omit each of them."""
+"""The parts of the package around its core, each of which a distribution may omit."""
 
 import functools
 import importlib.util

@@ -1,8 +1,7 @@
-"""The end of this process, used by every command, and by a program that ticks a tree with `sar_compiler.running_tree`.
+"""The end of this process, for every command, and for a program that ticks a tree with `sar_compiler.running_tree`.
 
 The order is always the same: set an alarm, print the reason, cancel goals, flush buffers, exit the process. The alarm comes first, because
-every later step can hang: other threads, exit functions, the native parts of ROS. This module needs no ROS, and importing it takes no
-time.
+other threads, exit functions or native code of ROS can block every later step. This module does not need ROS, and its import is fast.
 """
 
 import atexit
@@ -19,28 +18,29 @@ from typing import TYPE_CHECKING, NoReturn
 if TYPE_CHECKING:
     import ctypes
 
-# Time limits for other threads to finish, and for exit functions, seconds.
+# The time limits for other threads to end, and for exit functions, seconds.
 _THREADS_SEC, _EXIT_FUNCTIONS_SEC = 3.0, 3.0
 # Time limit for flushing a stream, seconds.
 _FLUSH_SEC = 1.0
 # Time limit for shutting down ROS, seconds.
-_TAKING_DOWN_SEC = 3.0
-# Delay with which a process notices that its parent has ended, seconds.
+_SHUTDOWN_SEC = 3.0
+# The interval at which a process checks whether its parent has ended, seconds.
 _PARENT_SEC = 0.5
 _PARENT = "SAR_PARENT"
 _CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGFPE, signal.SIGILL)
 
 
-def end_process(status: int, take_down: Callable[[], object] | None = None, name: str = "") -> NoReturn:
-    """End this process, whose work is done and written, with its status; no thread, exit function or crash prevents that.
+def end_process(status: int, shutdown: Callable[[], object] | None = None, name: str = "") -> NoReturn:
+    """End this process after its work, with an exit status that no thread, exit function or crash can change.
 
-    A further signal ends it at once. ROS is shut down nevertheless: a participant that ends gracefully leaves the graph of others at once, and
-    frees its memory in `/dev/shm`. But its native parts have crashed there when servers had died, which must not change the status.
+    A further signal ends the process at once. ROS is shut down gracefully, so that its participant disappears from the graph of other
+    processes at once, and its memory in `/dev/shm` is freed. Native code has crashed during this shutdown after servers had crashed, which
+    must not change the exit status.
 
     Args:
         status: The exit status.
-        take_down: Shuts down ROS; None without ROS.
-        name: The name of the command, for the line that names an abandoned thread.
+        shutdown: Shuts down ROS; None without ROS.
+        name: The name of the command, for the message about a thread that is still running.
     """
 
     def leave(_number: int, _frame: FrameType | None) -> None:
@@ -50,18 +50,18 @@ def end_process(status: int, take_down: Callable[[], object] | None = None, name
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, leave)
     _await_threads(name)
-    call_with_limit(_EXIT_FUNCTIONS_SEC, atexit._run_exitfuncs)  # noqa: SLF001 - the interpreter's regular end never comes
-    if take_down is not None:
-        shut_down(status, take_down)
+    call_with_limit(_EXIT_FUNCTIONS_SEC, atexit._run_exitfuncs)  # noqa: SLF001 - the interpreter will not call them
+    if shutdown is not None:
+        shut_down(status, shutdown)
     flush()
     os._exit(status)
 
 
 def end_after_program(status: int, name: str) -> None:
-    """End this process with its status after its main thread has ended, as `end_process` does.
+    """Register a function that ends this process like `end_process` after the main thread has ended.
 
-    The interpreter would wait for other threads forever. It would also keep daemon threads running while it is torn down: one that
-    spins an executor then crashes occasionally.
+    The interpreter would wait for other threads forever. It would also keep daemon threads running during its shutdown, in which a thread
+    that spins an executor sometimes crashes.
 
     Args:
         status: The exit status.
@@ -74,17 +74,17 @@ def end_after_program(status: int, name: str) -> None:
         flush()
         os._exit(status)
 
-    # `atexit` is too late: the interpreter waits for the threads before it.
+    # A function registered with `atexit` would be called too late, after the interpreter has waited for the threads.
     threading._register_atexit(end)  # type: ignore[attr-defined]  # noqa: SLF001
 
 
 def dependent_environment() -> dict[str, str]:
-    """Return the environment of a command that must end together with this process, however this one ends."""
+    """Return the environment variables for a command that must end when this process ends for any reason."""
     return {**os.environ, _PARENT: str(os.getpid())}
 
 
 def end_with_parent() -> None:
-    """End this process by SIGTERM when the parent that started it with `dependent_environment` has ended."""
+    """Let SIGTERM end this process when the parent process that started it with `dependent_environment` has ended."""
     parent = os.environ.pop(_PARENT, "")
     if not parent:
         return
@@ -98,19 +98,19 @@ def end_with_parent() -> None:
 
 
 def flush() -> None:
-    """Flush Python's streams; a blocked thread may hold the lock of one."""
+    """Flush standard output and standard error, with a time limit, because a blocked thread may hold the lock of a stream."""
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
             call_with_limit(_FLUSH_SEC, stream.flush)
 
 
 def end_at_once(status: int, cancel: Callable[[], int | None], limit_sec: float) -> NoReturn:
-    """End this process from any thread, regardless of the others.
+    """End this process from any thread, regardless of the state of other threads.
 
     Args:
-        status: The exit status, if cancelling returns none or takes too long.
+        status: The exit status if *cancel* returns None or takes too long.
         cancel: Prints the reason and cancels goals; returns the exit status, or None for *status*.
-        limit_sec: Time limit for it, seconds.
+        limit_sec: The time limit for *cancel*, seconds.
     """
     found: list[int | None] = []
     call_with_limit(limit_sec, lambda: found.append(cancel()))
@@ -119,7 +119,7 @@ def end_at_once(status: int, cancel: Callable[[], int | None], limit_sec: float)
 
 
 def call_with_limit(limit_sec: float, call: Callable[[], object]) -> None:
-    """Call a function in a separate thread, and wait for it up to a limit."""
+    """Call a function in a separate thread, ignoring its exceptions, and wait until it returns or a time limit expires."""
 
     def call_safely() -> None:
         with suppress(Exception):
@@ -128,14 +128,14 @@ def call_with_limit(limit_sec: float, call: Callable[[], object]) -> None:
     caller = threading.Thread(target=call_safely, name="end of the process", daemon=True)
     try:
         caller.start()
-    except RuntimeError:  # there is no memory for another thread
+    except RuntimeError:  # there is not enough memory for another thread
         call_safely()
         return
     caller.join(limit_sec)
 
 
 def _await_threads(name: str) -> None:
-    """Wait until non-daemon threads have ended, as the interpreter does, but up to a limit; name those that have not."""
+    """Wait until all non-daemon threads have ended or a time limit expires, and report the threads that are still running."""
     deadline = time.monotonic() + _THREADS_SEC
     if (pools := sys.modules.get("concurrent.futures.thread")) is not None:
         call_with_limit(_THREADS_SEC, pools._python_exit)  # noqa: SLF001 - idle threads of a pool end only on request
@@ -157,16 +157,16 @@ def _other_threads() -> Iterator[threading.Thread]:
 
 
 def is_program_file(file: str) -> bool:
-    """Return whether a source file belongs to a program or another package, not to Python's library or to this package."""
-    library = os.path.dirname(os.__file__) + os.sep  # noqa: PTH120 - of a module of the library
+    """Return whether a source file is user code: not a part of Python's standard library, of rclpy or of this package."""
+    library = os.path.dirname(os.__file__) + os.sep  # noqa: PTH120 - importing pathlib is slow
     ours = os.path.dirname(__file__) + os.sep  # noqa: PTH120
     is_packaged = f"{os.sep}site-packages{os.sep}" in file
-    ticks = file.startswith(ours) or (is_packaged and f"{os.sep}rclpy{os.sep}" in file)
-    return not ticks and (is_packaged or not file.startswith((library, "<frozen")))
+    is_engine = file.startswith(ours) or (is_packaged and f"{os.sep}rclpy{os.sep}" in file)
+    return not is_engine and (is_packaged or not file.startswith((library, "<frozen")))
 
 
 def thread_location(ident: int | None) -> str:
-    """Return the line of a program that a thread executes, with its function; empty if it is in none."""
+    """Return the file, line and function of user code that a thread is executing; an empty string if there is none."""
     import traceback
 
     frame = sys._current_frames().get(ident or 0)  # noqa: SLF001 - the only access to another thread's stack
@@ -176,19 +176,19 @@ def thread_location(ident: int | None) -> str:
     return ""
 
 
-def shut_down(status: int, take_down: Callable[[], object]) -> None:
-    """Shut down ROS; a crash or a hang in it ends the process with its status."""
+def shut_down(status: int, shutdown: Callable[[], object]) -> None:
+    """Shut down ROS, or end the process with *status* if the shutdown crashes or takes too long."""
     import ctypes
 
     libc = ctypes.CDLL(None)
     _flush(libc)
-    # Python's own handlers would run only after the crashing call has returned; this one runs in the crashing thread.
+    # Python's own handlers would only run after the crashing call has returned. This handler runs in the crashing thread.
     handler = ctypes.CFUNCTYPE(None, ctypes.c_int)(lambda _: os._exit(status))
     for number in (*_CRASHES, signal.SIGALRM):
         libc.signal(number, handler)
-    signal.setitimer(signal.ITIMER_REAL, _TAKING_DOWN_SEC)
+    signal.setitimer(signal.ITIMER_REAL, _SHUTDOWN_SEC)
     with suppress(Exception):
-        take_down()
+        shutdown()
     _flush(libc)
     signal.setitimer(signal.ITIMER_REAL, 0.0)
     for number in (*_CRASHES, signal.SIGALRM):
@@ -196,7 +196,7 @@ def shut_down(status: int, take_down: Callable[[], object]) -> None:
 
 
 def _flush(libc: "ctypes.CDLL") -> None:
-    """Flush Python's streams, and the files of ROS's log."""
+    """Flush standard output and standard error, and the log files of ROS."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(Exception):
             stream.flush()

@@ -1,4 +1,4 @@
-"""The files that ship with the package (trees, configuration, maps, worlds), and the folder for the user's files."""
+"""The files that ship with the package (trees, configuration, maps, worlds), and the folders for the user's state and cache."""
 
 import os
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from sar_compiler.opener import (
 )
 
 _PACKAGE = Path(__file__).resolve().parent
-# The file that marks the folder of shipped files, in a checkout and in an installation.
+# The file that identifies the folder of shipped files, in a checkout and in an installation.
 _MANIFEST = "package.xml"
 
 
@@ -26,7 +26,7 @@ class ResourceError(SarError):
 
 
 def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder for the user's state; a relative one is ignored, as the XDG base directory specification requires."""
+    """Return the folder for the user's state; a relative `XDG_STATE_HOME` is ignored, as the XDG base directory specification requires."""
     state = Path(environment.get("XDG_STATE_HOME", ""))
     return (state if state.is_absolute() else Path.home() / ".local" / "state") / "sar_compiler"
 
@@ -40,22 +40,22 @@ def cache_folder(environment: Mapping[str, str] = os.environ) -> Path:
 def shipped_root(package: Path = _PACKAGE) -> Path:
     """Return the folder of the shipped `trees/`, `config/`, `maps/`, `worlds/` and so on.
 
-    In a checkout (or an editable installation, or `colcon build --symlink-install`) this is the parent folder of the package. An installed package
-    has them in `share/sar_compiler` of the nearest folder above it that has one: the environment, the user's `~/.local`, `/usr/local`, the install
-    folder of a workspace.
+    In a checkout (or an editable installation, or `colcon build --symlink-install`) this is the parent folder of the package. For an installed
+    package it is `share/sar_compiler` in the nearest folder above the package that contains it, such as the environment, the user's
+    `~/.local`, `/usr/local`, or the install folder of a workspace.
 
     Args:
         package: The folder of the package's modules.
 
     Raises:
-        ResourceError: If neither exists.
+        ResourceError: If no such folder exists.
     """
-    places = [package.parent, *(above / "share" / "sar_compiler" for above in package.parents)]
-    found = next((place for place in places if (place / _MANIFEST).is_file()), None)
+    folders = [package.parent, *(above / "share" / "sar_compiler" for above in package.parents)]
+    found = next((folder for folder in folders if (folder / _MANIFEST).is_file()), None)
     if found is None:
         raise ResourceError(
-            f"the files of sar_compiler are missing: the package is in {package}, but no folder "
-            "above it has share/sar_compiler. Reinstall it with pip or colcon"
+            f"the files of sar_compiler are missing, because no folder above the package in {package} "
+            "contains share/sar_compiler. Reinstall sar_compiler with pip or colcon"
         )
     return found
 
@@ -64,27 +64,27 @@ def shared_file_path(kind: str, name: str) -> Path:
     """Return the path of a shipped file.
 
     Raises:
-        ResourceError: If there is no such file; the message lists the existing ones.
+        ResourceError: If the file does not exist; the message lists the existing files.
     """
     folder = shipped_root() / kind
     path = folder / name
     if path.is_file():
         return path
-    present = ", ".join(sorted(entry.name for entry in folder.glob("*") if entry.is_file())) or "nothing"
-    raise ResourceError(f"{folder} has no shipped file '{name}' (it has: {present})")
+    existing = ", ".join(sorted(entry.name for entry in folder.glob("*") if entry.is_file())) or "none"
+    raise ResourceError(f"{folder} has no shipped file '{name}' (existing files: {existing})")
 
 
 def find(kind: str, name: str, suffix: str) -> Path:
-    """Return the file for a path or the name of a shipped file.
+    """Return the path of a file, given its path or the name of a shipped file.
 
     Args:
         kind: The folder of the shipped files.
         name: A path, or a shipped file's name without its suffix.
-        suffix: The suffix of shipped files, for instance `.xml`.
+        suffix: The suffix of shipped files, such as `.xml`.
 
     Returns:
-        The shipped file if *name* is a bare word and there is one of this name; otherwise the path as written, even if it does not
-            exist.
+        The path of the shipped file if *name* has no folder and no suffix, is not an existing file, and names a shipped file;
+            otherwise the given path, even if it does not exist.
     """
     path = Path(name)
     if not is_shipped_name(name) or is_file(path):
@@ -107,20 +107,21 @@ def not_found_message(kind: str, name: str, suffix: str) -> str:
     names = sorted(entry.stem for entry in (shipped_root() / kind).glob(f"*{suffix}"))
     files = [f"{name}{each}" for each in (suffix, ".yaml", ".yml") if is_file(f"{name}{each}")]
     hint = did_you_mean(files[0] if files else nearest(name, names))
-    there = f"there {'is' if len(names) == 1 else 'are'}: {', '.join(names) or 'none'}"
-    return f"there is no {noun} file '{name}', nor a shipped {noun} of that name ({there}){hint}"
+    return f"there is no {noun} file '{name}', nor a shipped {noun} of that name (shipped: {', '.join(names) or 'none'}){hint}"
 
 
 def require_tree_file(name: str | Path, *, or_folder: bool = False) -> None:
-    """Check that a tree file exists, before the slow imports that read it.
+    """Check that a tree file exists, before the slow imports of the modules that read it.
 
     Raises:
-        UnreadableFileError: If *name* is a folder that is not allowed, or clearly a path, and nothing exists there.
+        UnreadableFileError: If *name* is a folder although *or_folder* is false, or clearly a path that does not exist.
     """
     path = find("trees", str(name), ".xml")
     if name and not or_folder and is_folder(path):
-        said = f"{name} is a folder: name a tree file in it, or check all its trees with sar-compile validate"
-        raise UnreadableFileError(path, "it is a folder", said)
+        message = (
+            f"{name} is a folder: name a tree file in it, or check all its trees with sar-compile validate"
+        )
+        raise UnreadableFileError(path, "it is a folder", message)
     if name and path != STANDARD_INPUT and not is_shipped_name(str(name)) and not is_there(path):
         try:
             read_file(path, TREE)

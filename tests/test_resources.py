@@ -14,7 +14,7 @@ def test_a_shipped_file_is_found_by_kind_and_name():
 def test_a_file_that_is_not_shipped_is_an_error_that_lists_those_that_are():
     with pytest.raises(
         ResourceError,
-        match=r"has no shipped file 'x\.xml' \(it has: failsafes\.xml, search_and_rescue\.xml",
+        match=r"has no shipped file 'x\.xml' \(existing files: failsafes\.xml, search_and_rescue\.xml",
     ):
         shared_file_path("trees", "x.xml")
 
@@ -43,7 +43,7 @@ def test_a_folder_in_the_current_folder_does_not_hide_a_shipped_file(tmp_path, m
 def test_a_name_that_means_nothing_gets_those_that_do():
     assert not_found_message("worlds", "emty", ".yaml") == (
         "there is no world file 'emty', nor a shipped world of that name "
-        "(there are: disaster_zone, empty, offices); did you mean 'empty'?"
+        "(shipped: disaster_zone, empty, offices); did you mean 'empty'?"
     )
 
 
@@ -77,7 +77,7 @@ def test_a_package_without_its_files_says_that_it_has_to_be_installed_again(tmp_
 
 
 def test_where_nothing_of_a_kind_is_shipped_the_error_says_so():
-    with pytest.raises(ResourceError, match="it has: nothing"):
+    with pytest.raises(ResourceError, match="existing files: none"):
         shared_file_path("moons", "luna.yaml")
 
 

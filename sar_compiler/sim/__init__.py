@@ -1,7 +1,7 @@
 """The simulated world that replaces a robot with `--sim`.
 
-The core (world, robot, lidar, map, planner, navigator) is plain Python and numpy, deterministic and seeded.
-Only :mod:`sar_compiler.sim.simulation` connects it to ROS 2; no other module here imports ROS.
+The core (world, robot, lidar, map, planner, navigator) uses only Python and numpy, and is deterministic for a given seed.
+The modules `simulation`, `robot_interface`, `amcl`, `bt_navigator` and `planner_server` connect the core to ROS 2.
 """
 
 PUBLIC_MODULES = (

@@ -1,4 +1,4 @@
-"""Substitute for Nav2's localiser and map server."""
+"""A substitute for Nav2's localiser and map server."""
 
 from typing import Any
 
@@ -15,26 +15,27 @@ from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.robot import Robot
 
 _MAP, _ODOM = "map", "odom"
-# One transform in this many steps (10 Hz at 0.05 s).
+# The number of steps between two transforms (10 Hz with steps of 0.05 s).
 _TF_EVERY = 2
-# A new pose is published after this much movement, as AMCL does: metres and radians.
+# The movement after which a new pose is published, as by AMCL: metres and radians.
 _UPDATE_MOVE, _UPDATE_TURN = 0.25, 0.2
-# A pose error above this makes the robot drive to wrong positions: metres, radians.
+# The pose error above which the robot drives to wrong positions: metres and radians.
 _NOTABLE_MOVE, _NOTABLE_TURN = 0.3, 0.3
 # Variances of x and y in m², and of yaw in rad².
 _VARIANCES = {0: 0.01, 7: 0.01, 35: 0.005}
 
 
 class Amcl:
-    """Node `amcl`: `initialpose` in; `amcl_pose`, `map` → `odom`, `amcl/get_state`, and the topic `map` of Nav2's map server out.
+    """The node `amcl`, which receives `initialpose` and publishes `amcl_pose`, the transform `map` → `odom`, and the topic `map`.
 
-    It does not match scans: a robot that received a wrong pose keeps the error, and misses its goals by it.
+    The node also serves `amcl/get_state`. It does not match scans: after a wrong initial pose the robot keeps the error, and misses its
+    goals by this error.
 
     Args:
         host: Creates the node.
         robot: The robot.
-        occupancy: The map; an initial pose outside it is refused.
-        localised: Whether it knows the robot's pose without an initial pose.
+        occupancy: The map; an initial pose outside the map is refused.
+        localised: Whether the node knows the robot's pose without an initial pose.
     """
 
     def __init__(
@@ -46,7 +47,7 @@ class Amcl:
         localised: bool = False,
     ) -> None:
         self._host, self._robot, self._map = host, robot, occupancy
-        # From the true pose to the estimated one, both in `map`; None before there is an estimate.
+        # The transform from the true pose to the estimated pose, both in `map`; None before there is an estimate.
         self._error: Pose2D | None = ORIGIN if localised else None
         self._published: Pose2D | None = None
         self._now_ns = 0
@@ -62,7 +63,7 @@ class Amcl:
         )
 
     def die(self) -> None:
-        """Disappear without notice."""
+        """Destroy the node without notice, as a fault."""
         self._node.get_logger().warning("Fault: amcl disappears.")
         self._host.destroy(self._node)
 
@@ -71,7 +72,7 @@ class Amcl:
         return None if self._error is None else self._error.compose(self._robot.state.pose)
 
     def step(self, step: int, now_ns: int) -> None:
-        """Publish the messages due at the simulated time *now_ns*, nanoseconds."""
+        """Publish the messages that are due at the simulated time *now_ns*, nanoseconds."""
         self._now_ns = now_ns
         pose = self.pose()
         if pose is None:
@@ -79,28 +80,28 @@ class Amcl:
         if step % _TF_EVERY == 0:
             offset = pose.compose(self._robot.state.odometry.inverse())
             self._tf.publish(TFMessage(transforms=[to_transform(_MAP, _ODOM, offset, to_stamp(now_ns))]))
-        if self._published is None or _is_away(pose, self._published, _UPDATE_MOVE, _UPDATE_TURN):
+        if self._published is None or _differs(pose, self._published, _UPDATE_MOVE, _UPDATE_TURN):
             self._publish(pose)
 
     def _on_initial_pose(self, message: Any) -> None:
         frame = message.header.frame_id
         if frame not in {_MAP, f"/{_MAP}"}:
             self._node.get_logger().error(
-                f"Initial pose in frame '{frame}' ignored: send it in frame '{_MAP}'."
+                f"Initial pose in frame '{frame}' ignored. Send the pose in the frame '{_MAP}'."
             )
             return
         pose = from_pose(message.pose.pose)
         if pose is None or self._map.cell_at(pose.x, pose.y) is None:
-            self._node.get_logger().error("Initial pose ignored: it is malformed or outside the map.")
+            self._node.get_logger().error("Initial pose ignored, because it is malformed or outside the map.")
             return
         self._set_estimate(pose)
 
     def _set_estimate(self, pose: Pose2D) -> None:
         truth = self._robot.state.pose
-        if _is_away(truth, pose, _NOTABLE_MOVE, _NOTABLE_TURN):
+        if _differs(truth, pose, _NOTABLE_MOVE, _NOTABLE_TURN):
             self._node.get_logger().warning(
                 f"The initial pose ({pose.x:.2f}, {pose.y:.2f}, yaw={pose.yaw:.2f}) differs from the robot's true pose "
-                f"({truth.x:.2f}, {truth.y:.2f}, yaw={truth.yaw:.2f}): the robot will miss its goals by this error."
+                f"({truth.x:.2f}, {truth.y:.2f}, yaw={truth.yaw:.2f}). The robot will miss its goals by this error."
             )
         self._error = pose.compose(truth.inverse())
         self._publish(pose)
@@ -115,5 +116,5 @@ class Amcl:
         self._published = pose
 
 
-def _is_away(here: Pose2D, there: Pose2D, move: float, turn: float) -> bool:
-    return here.distance_to(there) > move or abs(normalise_angle(here.yaw - there.yaw)) > turn
+def _differs(pose: Pose2D, other: Pose2D, move: float, turn: float) -> bool:
+    return pose.distance_to(other) > move or abs(normalise_angle(pose.yaw - other.yaw)) > turn

@@ -1,23 +1,23 @@
-"""A robot's battery: consumption by distance and time, and its swap at the robot's start or at a charging place."""
+"""A robot's battery, which is consumed by distance and time, and swapped at the robot's start or at a charging location."""
 
 from dataclasses import dataclass
 
 from sar_compiler.sim.geometry import Pose2D
 
-# Within this distance of its start a robot is back there, metres; below this speed it stands still, m/s.
+# The distance within which a robot is at a location for a swap, metres, and the speed below which it stands still, m/s.
 _BACK_M, _STANDS_MPS = 1.0, 0.01
 
 
 @dataclass(frozen=True)
 class BatteryKind:
-    """Properties of a battery, in shares of a full one.
+    """The properties of a battery; charges are fractions of a full charge.
 
     Attributes:
         per_m: Consumption per metre driven.
         per_sec: Consumption per second, driving or not; by default the battery lasts four hours.
         share: Charge at time zero.
-        swap_sec: How long a robot must stand at its start, or at one of the places, until it has a full battery, seconds;
-                None without a swap.
+        swap_sec: The time that a robot must stand at its start, or at one of *places*, until it has a full battery, seconds;
+                None if the battery is not swapped.
         places: Further positions for a swap: x and y in metres, frame `map`.
     """
 
@@ -32,11 +32,11 @@ class Battery:
     """The battery of a robot.
 
     Args:
-        kind: Its properties.
+        kind: The properties of the battery.
         start: The robot's pose at time zero, frame `map`.
 
     Attributes:
-        share: Its charge, 1 for a full battery.
+        share: The charge, 1 for a full battery.
     """
 
     def __init__(self, kind: BatteryKind, start: Pose2D) -> None:

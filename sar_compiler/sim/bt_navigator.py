@@ -1,4 +1,4 @@
-"""Substitute for Nav2's navigator: `navigate_to_pose` and `navigate_through_poses`, as served by Jazzy's bt_navigator."""
+"""A substitute for Nav2's navigator, which serves `navigate_to_pose` and `navigate_through_poses` like Jazzy's bt_navigator."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -43,31 +43,31 @@ NAVIGATE, THROUGH, FOLLOW = "navigate_to_pose", "navigate_through_poses", "follo
 """The actions of Nav2's navigator and of its controller."""
 
 _MAP = "map"
-# One feedback in this many steps (10 Hz at 0.05 s).
+# The number of steps between two feedback messages (10 Hz with steps of 0.05 s).
 _FEEDBACK_EVERY = 2
 # Simulated seconds between the first transform to `map` and the activation of the navigator.
 ACTIVATION_SEC = 1.0
-# Within this distance a pose on the way is regarded as passed, metres: `RemovePassedGoals` of Nav2's tree.
+# The distance within which an intermediate pose counts as passed, metres, as for `RemovePassedGoals` in Nav2's tree.
 _PASSED_M = 0.7
-# Nav2 adds this to a planner's error code for several poses.
+# The number that Nav2 adds to the planner's error codes for `navigate_through_poses`.
 _THROUGH_CODES = 100
-# Its code for an empty list of poses.
+# Nav2's error code for an empty list of poses.
 _NO_POSES = 309
-# A goal within this distance of a location is a goal for that location, metres.
+# The distance from a location within which a goal counts as a goal for this location, metres.
 _PLACE_REACH = 0.5
-# Delay on the way until a `die` or `starved` fault occurs, simulated seconds.
+# The driving time after which a `die` or `starved` fault occurs, simulated seconds.
 _DIES_AFTER_SEC = 1.0
-# Nav2's default of `default_server_timeout`, seconds: a fault that is shorter has no effect.
+# Nav2's default for `default_server_timeout`, seconds; a shorter delay of the response has no effect.
 _SERVER_TIMEOUT_SEC = 0.02
-# From rcl_interfaces/msg/Log, whose constants are bytes.
+# The value of a constant in rcl_interfaces/msg/Log, whose own constants are bytes.
 _LEVEL = LoggingSeverity.WARN.value
-# Loggers of the nodes through which the navigator calls the other servers, one for each of its actions.
+# The loggers of the nodes with which the navigator calls other servers, one for each of the navigator's actions.
 _CLIENT = "bt_navigator_{}_rclcpp_node"
-# How long a drive continues without a localisation, simulated seconds.
+# The time for which a drive continues without localisation, simulated seconds.
 _LOST_AFTER_SEC = 0.5
-# The reasons for which Nav2 tries to recover.
+# The error codes after which Nav2 starts a recovery.
 _RECOVERABLE = (NavCode.NO_VALID_PATH, NavCode.FAILED_TO_MAKE_PROGRESS)
-# How long results of ended goals are kept for late clients, seconds. Nav2 keeps them 900 s.
+# The time for which results of ended goals are stored for late clients, seconds. Nav2 stores them for 900 s.
 _RESULT_TIMEOUT_SEC = 60
 
 
@@ -95,9 +95,9 @@ class AcceptedGoal:
     """An accepted goal, from acceptance to its end.
 
     Args:
-        handle: Its handle.
-        began: Time of acceptance, simulated seconds.
-        action_type: The type of its action.
+        handle: The goal's handle.
+        began: The time of acceptance, simulated seconds.
+        action_type: The type of the goal's action.
     """
 
     def __init__(self, handle: ServerGoalHandle, began: float, action_type: Any = NavigateToPose) -> None:
@@ -127,8 +127,8 @@ class _Goal(AcceptedGoal):
     """A goal that the robot drives to.
 
     Attributes:
-        poses: The remaining poses, the next one first; a single one unless the goal leads through several.
-        tree: The file of the requested behaviour tree; empty for the default.
+        poses: The remaining poses in order; a goal of `navigate_to_pose` has a single pose.
+        tree: The file of the requested behaviour tree; empty for the default tree.
     """
 
     def __init__(
@@ -147,23 +147,23 @@ class _Goal(AcceptedGoal):
         self.drive: Drive | None = None
         self.progress: DriveProgress | None = None
         self.recovery: tuple[Recovery, float] | None = None
-        self.left = list(manner.recoveries)
+        self.recoveries_left = list(manner.recoveries)
         self.recoveries_begun = 0
         self.localised_at = began
-        self._looks_back_sec, self._looks_at = manner.looks_back_sec, began
+        self._check_interval_sec, self._next_check = manner.looks_back_sec, began
 
-    def has_passed(self, here: Pose2D, now: float) -> bool:
-        """Remove poses that the robot has passed, except for the last one; return whether there were any."""
-        if now < self._looks_at or self.handle.is_cancel_requested:
+    def remove_passed_poses(self, here: Pose2D, now: float) -> bool:
+        """Remove the intermediate poses that the robot has passed; return whether any were removed."""
+        if now < self._next_check or self.handle.is_cancel_requested:
             return False
-        self._looks_at = now + self._looks_back_sec
+        self._next_check = now + self._check_interval_sec
         before = len(self.poses)
-        while self.poses[1:] and _is_far_from(self.poses[0], here) < _PASSED_M:
+        while self.poses[1:] and _distance(self.poses[0], here) < _PASSED_M:
             del self.poses[0]
         return len(self.poses) < before
 
     def count_remaining_poses(self, message: Any) -> Any:
-        """Return feedback with the number of remaining poses, if the goal leads through several."""
+        """Add the number of remaining poses to a feedback message of `navigate_through_poses`; return the message."""
         if self.leads_through:
             message.number_of_poses_remaining = len(self.poses)
         return message
@@ -173,30 +173,30 @@ class _Goal(AcceptedGoal):
         return int(code) + (_THROUGH_CODES if of_planner else 0)
 
 
-def _refusal(goal: _Goal, under_way: _Goal | None) -> DriveOutcome | None:
-    """Return the immediate end of an accepted goal; None if the robot drives to it."""
-    if under_way is not None and under_way.action_type is not goal.action_type:
+def _refusal(goal: _Goal, active_goal: _Goal | None) -> DriveOutcome | None:
+    """Return the outcome of an accepted goal that is aborted at once; None if the robot drives to the goal."""
+    if active_goal is not None and active_goal.action_type is not goal.action_type:
         return DriveOutcome(DriveEnd.ABORTED, text="another navigator is processing")
     if not goal.poses:
         return DriveOutcome(DriveEnd.ABORTED, _NO_POSES, "there is no pose to drive through")
-    if under_way is not None and goal.tree != under_way.tree:
+    if active_goal is not None and goal.tree != active_goal.tree:
         return DriveOutcome(DriveEnd.ABORTED, text="another goal with another behaviour tree is active")
     return None
 
 
 def end_of_replaced_goal(goal: AcceptedGoal) -> DriveOutcome:
-    """Return the end of a goal that another one replaces: cancelled if that was requested before."""
+    """Return the outcome of a goal that another goal replaces: cancelled if its cancellation was requested before."""
     if goal.handle.is_cancel_requested:
         return DriveOutcome(DriveEnd.CANCELED)
     return DriveOutcome(DriveEnd.ABORTED, text="pre-empted by another goal")
 
 
-def _is_far_from(pose: Any, here: Pose2D) -> float:
+def _distance(pose: Any, here: Pose2D) -> float:
     return math.hypot(pose.pose.position.x - here.x, pose.pose.position.y - here.y)
 
 
 def poses_of(request: Any) -> list[Any]:
-    """Return the poses of a goal, of either action."""
+    """Return the poses of a goal of `navigate_to_pose` or `navigate_through_poses`."""
     return list(request.poses) if hasattr(request, "poses") else [request.pose]
 
 
@@ -207,8 +207,8 @@ class NavigationSetup:
     Attributes:
         occupancy: The map.
         planner: Plans the paths on the map.
-        places: Positions of locations, metres, frame `map`, for faults.
-        faults: The faults of navigation, the same for each robot.
+        places: The positions of the locations to which faults refer, metres, frame `map`.
+        faults: The faults to inject in the navigation of each robot.
     """
 
     occupancy: OccupancyMap
@@ -218,20 +218,20 @@ class NavigationSetup:
 
 
 class BtNavigator:
-    """Node `bt_navigator`: `navigate_to_pose`, `navigate_through_poses`, `bt_navigator/get_state`.
+    """The node `bt_navigator`, which serves `navigate_to_pose`, `navigate_through_poses` and `bt_navigator/get_state`.
 
-    It also serves `compute_path_to_pose` and publishes the topic `plan`, as Nav2's planner does.
+    The node also serves `compute_path_to_pose` and publishes the topic `plan`, like Nav2's planner.
 
-    A new goal pre-empts the current one, which ends aborted with error code 0. A new goal with another
-    behaviour tree than the current one, or of the other action, is aborted instead.
+    A new goal preempts the current goal, which is aborted with error code 0. A new goal with another
+    behaviour tree than the current goal, or of the other action, is aborted instead.
 
     Args:
         host: Creates the node.
-        rosbot: The robot to drive, by its topic `cmd_vel`.
-        navigation: The shared data.
-        localise: Returns the robot's pose in `map`, or None while there is no such transform.
+        rosbot: The robot to drive with velocity commands.
+        navigation: The data that the Nav2 substitutes of all robots share.
+        localise: Returns the robot's pose in `map`, or None while there is no transform.
         lose_localisation: Makes the localisation disappear, until a simulated time in seconds or permanently (None).
-        manner: Its manner of driving.
+        manner: The manner of driving.
 
     Attributes:
         node_name: The name of the node.
@@ -257,9 +257,9 @@ class BtNavigator:
         self._faults = navigation.faults.for_navigation()
         self._back_at: float | None = None
         self._goal: _Goal | None = None
-        # A drive that continues after its goal has ended, with its end time; and delayed acknowledgements.
-        self._loose: tuple[Drive, float] | None = None
-        self._late: list[tuple[float, Future]] = []
+        # A drive that continues after its goal has ended, with the time of its end, and the delayed goal responses with their times.
+        self._orphaned_drive: tuple[Drive, float] | None = None
+        self._delayed: list[tuple[float, Future]] = []
         self._server: ActionServer | None = None
         self._through: ActionServer | None = None
         self._planner_server: PlannerServer | None = None
@@ -271,7 +271,7 @@ class BtNavigator:
         return self._active_at is not None and self._now >= self._active_at
 
     def step(self, step: int, now_ns: int) -> None:
-        """Do the work due at the simulated time *now_ns*, nanoseconds."""
+        """Do the work that is due at the simulated time *now_ns*, nanoseconds."""
         self._now = now_ns / 1e9
         if self._server is None:
             if self._back_at is not None and self._now >= self._back_at:
@@ -279,14 +279,14 @@ class BtNavigator:
             return
         if self._active_at is None and self._localise() is not None:
             self._active_at = self._now + ACTIVATION_SEC
-        self._acknowledge()
+        self._send_delayed_responses()
         if self._goal is not None:
             self._update_goal(self._goal, feedback_due=step % _FEEDBACK_EVERY == 0)
-        elif self._loose is not None:
-            self._drive_on(*self._loose)
+        elif self._orphaned_drive is not None:
+            self._continue_orphaned_drive(*self._orphaned_drive)
 
     def stop(self) -> bool:
-        """End the current goal; return whether there was one, whose client must be notified."""
+        """End the current goal; return whether there was a goal, whose client must still be notified."""
         goal = self._goal
         if goal is not None and goal.handle.is_cancel_requested:
             self._end(DriveOutcome(DriveEnd.CANCELED))
@@ -295,7 +295,7 @@ class BtNavigator:
         return goal is not None
 
     def close(self) -> None:
-        """Destroy the server and the node, without notifying clients."""
+        """Destroy the servers and the node without notifying clients."""
         self._goal = None
         if self._server is not None:
             # A server that is not destroyed keeps its node in the graph.
@@ -325,7 +325,7 @@ class BtNavigator:
             f"{self.node_name}/get_state",
             lambda _, response: set_lifecycle_state(response, active=self.active),
         )
-        # Lets other nodes stop a drive that has no goal of theirs, as with Nav2's controller_server.
+        # Lets other nodes stop a drive without a goal, as with Nav2's controller_server.
         self._node.create_service(CancelGoal, f"{FOLLOW}/_action/cancel_goal", self._on_stop)
         self._server = serve_goals(self._node, NavigateToPose, NAVIGATE, self._on_goal, self._on_accepted)
         self._through = serve_goals(
@@ -340,28 +340,28 @@ class BtNavigator:
         """Disappear without notice, like a killed process."""
         self._node.get_logger().warning(f"Fault: {self.node_name} disappears.")
         self._back_at = None if back_sec is None else self._now + back_sec
-        # The goal's coroutine is never resumed: ending it would send its result.
+        # The goal's coroutine is never resumed, because ending the goal would send a result.
         self.close()
 
     def _on_stop(self, _: Any, response: Any) -> Any:
-        if self._goal is None and self._loose is not None:
-            self._loose = None
+        if self._goal is None and self._orphaned_drive is not None:
+            self._orphaned_drive = None
             self._rosbot.drive(STAND)
         return response
 
-    def _acknowledge(self) -> None:
-        """Send the acknowledgements that are due."""
-        due = [each for each in self._late if self._now >= each[0]]
-        self._late = [each for each in self._late if each not in due]
-        for _, answer in due:
-            answer.set_result(None)
+    def _send_delayed_responses(self) -> None:
+        """Send the delayed goal responses that are due."""
+        due = [each for each in self._delayed if self._now >= each[0]]
+        self._delayed = [each for each in self._delayed if each not in due]
+        for _, response in due:
+            response.set_result(None)
 
     async def _on_goal(self, _: Any) -> GoalResponse:
         if self._faults.delay_sec:
             self._node.get_logger().warning("Fault: the response to a goal is delayed.")
-            answer = Future()
-            self._late.append((self._now + self._faults.delay_sec, answer))
-            await answer
+            response = Future()
+            self._delayed.append((self._now + self._faults.delay_sec, response))
+            await response
         if not self.active:
             self._node.get_logger().warning(f"Goal rejected: {self.node_name} is not active.")
             return GoalResponse.REJECT
@@ -376,18 +376,18 @@ class BtNavigator:
         if target is not None:
             place = f"({target.x:.2f}, {target.y:.2f}, yaw {target.yaw:.2f})"
             self._node.get_logger().debug(f"Goal accepted: {place}.")
-        fault = self._faults.fault_for_goal(self._place_of(target))
+        fault = self._faults.fault_for_goal(self._nearest_location(target))
         goal = _Goal(handle, fault, self._now, self._manner, action_type)
         handle.execute(goal.run)
-        under_way = self._goal
-        refused = _refusal(goal, under_way)
+        active_goal = self._goal
+        refused = _refusal(goal, active_goal)
         if refused is not None:
             self._node.get_logger().warning(f"Goal aborted ({int(refused.code)}): {refused.text}.")
             goal.finish(refused)
             return
-        if under_way is not None:
-            under_way.finish(end_of_replaced_goal(under_way))
-        self._goal, self._loose = goal, None
+        if active_goal is not None:
+            active_goal.finish(end_of_replaced_goal(active_goal))
+        self._goal, self._orphaned_drive = goal, None
 
     def _update_goal(self, goal: _Goal, *, feedback_due: bool) -> None:
         is_first = goal.drive is None and goal.recovery is None
@@ -399,22 +399,22 @@ class BtNavigator:
         )
         if feedback_due and goal.progress is not None:
             goal.handle.publish_feedback(self._feedback(goal, goal.progress))
-        fault, is_under_way = goal.fault, goal.drive is not None and self._now - goal.began >= _DIES_AFTER_SEC
-        if fault is not None and fault.kind == "die" and is_under_way:
+        fault, is_driving = goal.fault, goal.drive is not None and self._now - goal.began >= _DIES_AFTER_SEC
+        if fault is not None and fault.kind == "die" and is_driving:
             goal.fault = None
             self._kill(fault)
         elif outcome is not None:
             self._end(outcome)
 
     def _kill(self, fault: Fault) -> None:
-        """Make the node named by a fault disappear."""
+        """Make the node that a fault names disappear."""
         if fault.target == LOCALISATION:
             self._lose_localisation(None if fault.back is None else self._now + fault.back)
         else:
             self._die(fault.back)
 
     def _end_by_fault(self, goal: _Goal) -> DriveOutcome | None:
-        """Return the end that a fault causes for a goal, if it is due."""
+        """Return the outcome that a fault causes for a goal; None if the fault is not due or causes no outcome."""
         fault = goal.fault
         if fault is None or fault.kind == "die":
             return None
@@ -433,12 +433,12 @@ class BtNavigator:
         return DriveOutcome(DriveEnd.ABORTED, code, "fault: the goal is aborted")
 
     def _end_late(self, goal: _Goal, fault: Fault) -> DriveOutcome | None:
-        """Abort a goal, as Nav2 does when `controller_server` accepts it too late and then drives; return the end."""
+        """Return the outcome of a goal that `controller_server` accepts too late, and let the robot drive without a goal."""
         if fault.seconds <= _SERVER_TIMEOUT_SEC:
             return None
-        outcome = self._set_out(goal)
+        outcome = self._start_drive(goal)
         if goal.drive is not None:
-            self._loose = goal.drive, self._now + fault.drives
+            self._orphaned_drive = goal.drive, self._now + fault.drives
         text = f"Timed out while waiting for action server to acknowledge goal request for {FOLLOW}"
         client = _CLIENT.format(THROUGH if goal.leads_through else NAVIGATE)
         namespace = self._node.get_namespace().strip("/").replace("/", ".")
@@ -455,8 +455,8 @@ class BtNavigator:
         self._node.get_logger().info(f"Fault, as {name}: {text}.")
 
     def _drive_step(self, goal: _Goal) -> DriveOutcome | None:
-        """Drive for a step; return the end unless a recovery follows."""
-        if goal.drive is None and (refused := self._set_out(goal)) is not None:
+        """Drive for a step; return the outcome if the goal ends."""
+        if goal.drive is None and (refused := self._start_drive(goal)) is not None:
             return self._recover_or_end(goal, refused)
         here = self._localise()
         if goal.drive is None or here is None:
@@ -467,8 +467,8 @@ class BtNavigator:
             goal.drive.brake()
         goal.progress = self._step(goal.drive, here)
         outcome = goal.progress.outcome
-        if outcome is None and goal.has_passed(here, self._now):
-            outcome = self._set_out(goal)
+        if outcome is None and goal.remove_passed_poses(here, self._now):
+            outcome = self._start_drive(goal)
         return None if outcome is None else self._recover_or_end(goal, outcome)
 
     def _step(self, drive: Drive, here: Pose2D) -> DriveProgress:
@@ -477,10 +477,10 @@ class BtNavigator:
         return progress
 
     def _recover_or_end(self, goal: _Goal, outcome: DriveOutcome) -> DriveOutcome | None:
-        """Start a recovery after a failed attempt; return the end if none is left."""
-        if outcome.code not in _RECOVERABLE or not goal.left:
+        """Start a recovery after a failed attempt, or return the outcome if no recovery is left or possible."""
+        if outcome.code not in _RECOVERABLE or not goal.recoveries_left:
             return outcome
-        recovery = goal.left.pop(0)
+        recovery = goal.recoveries_left.pop(0)
         goal.recoveries_begun += 1
         self._node.get_logger().info(f"{outcome.text}: the robot {recovery.name}.")
         goal.recovery, goal.drive = (recovery, self._now + recovery.duration_sec), None
@@ -498,27 +498,29 @@ class BtNavigator:
             goal.recovery = None
         return None
 
-    def _drive_on(self, drive: Drive, until: float) -> None:
+    def _continue_orphaned_drive(self, drive: Drive, until: float) -> None:
         """Follow the path of a goal that has already ended."""
         here = self._localise()
         if here is not None and self._now < until and self._step(drive, here).outcome is None:
             return
-        self._loose = None
+        self._orphaned_drive = None
         self._rosbot.drive(STAND)
 
-    def _set_out(self, goal: _Goal) -> DriveOutcome | None:
-        """Plan the path through the remaining poses; return the end if there is none."""
+    def _start_drive(self, goal: _Goal) -> DriveOutcome | None:
+        """Plan the path through the remaining poses of a goal; return the outcome if there is no path."""
         if goal.handle.is_cancel_requested:
             return DriveOutcome(DriveEnd.CANCELED)
         targets, here = [from_pose(each.pose) for each in goal.poses], self._localise()
         if goal.tree and not is_file(goal.tree):
             return DriveOutcome(DriveEnd.ABORTED, text=f"there is no behaviour tree '{goal.tree}'")
-        strange = next((each.header.frame_id for each in goal.poses if each.header.frame_id != _MAP), None)
+        wrong_frame = next(
+            (each.header.frame_id for each in goal.poses if each.header.frame_id != _MAP), None
+        )
         known = [each for each in targets if each is not None]
-        if strange is not None or here is None or len(known) < len(targets):
-            reason = (
-                "a pose is unknown" if strange is None else f"the goal's frame is '{strange}', not '{_MAP}'"
-            )
+        if wrong_frame is not None or here is None or len(known) < len(targets):
+            reason = "the robot's pose is unknown" if here is None else "a pose of the goal is malformed"
+            if wrong_frame is not None:
+                reason = f"the goal's frame is '{wrong_frame}', not '{_MAP}'"
             return DriveOutcome(DriveEnd.ABORTED, text=reason)
         *via, last = known
         limits = self._rosbot.limits
@@ -535,7 +537,7 @@ class BtNavigator:
             return
         if outcome.ending is DriveEnd.ABORTED and outcome.text:
             self._node.get_logger().warning(f"Goal aborted ({int(outcome.code)}): {outcome.text}.")
-        if self._loose is None:
+        if self._orphaned_drive is None:
             self._rosbot.drive(STAND)
         self._goal.finish(outcome)
         self._goal = None
@@ -552,9 +554,9 @@ class BtNavigator:
         message.current_pose.pose = to_pose(self._localise() or ORIGIN)
         return goal.count_remaining_poses(message)
 
-    def _place_of(self, goal: Pose2D | None) -> str | None:
+    def _nearest_location(self, goal: Pose2D | None) -> str | None:
         if goal is None or not self._places:
             return None
-        away = {name: goal.distance_to(Pose2D(*place)) for name, place in self._places.items()}
-        nearest = min(away, key=away.__getitem__)
-        return nearest if away[nearest] < _PLACE_REACH else None
+        distances = {name: goal.distance_to(Pose2D(*place)) for name, place in self._places.items()}
+        nearest = min(distances, key=distances.__getitem__)
+        return nearest if distances[nearest] < _PLACE_REACH else None

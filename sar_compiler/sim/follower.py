@@ -1,4 +1,4 @@
-"""Paths in the plane, and following them: turn towards one, pursue a point on it, turn to the final yaw."""
+"""Paths in the plane, and a path follower, which turns towards a path, pursues a point on the path, and turns to the final yaw."""
 
 import itertools
 import math
@@ -12,28 +12,28 @@ from sar_compiler.sim.geometry import Pose2D, normalise_angle
 from sar_compiler.sim.robot import STAND, Limits, RobotState, Twist2D
 from sar_compiler.sim.world import Floats
 
-# Largest distance along the path, in metres, that the robot can drive between two updates.
+# The maximum distance along the path that the robot can drive between two updates, metres.
 _WINDOW = 1.0
 
 
 @dataclass(frozen=True)
 class Path2D:
-    """A polyline.
+    """A path of straight segments.
 
     Attributes:
-        points: Metres, frame `map`, shape (n, 2), n at least 1; the last is the goal.
+        points: The ends of the segments, metres, frame `map`, shape (n, 2), n at least 1; the last point is the goal.
     """
 
     points: Floats
 
     @cached_property
     def remaining_lengths(self) -> Floats:
-        """Metres along the path from each point to the last, shape (n,)."""
+        """The lengths of the path from each point to the goal, metres, shape (n,)."""
         lengths = np.hypot(*np.diff(self.points, axis=0).T)
         return np.append(np.cumsum(lengths[::-1])[::-1], 0.0)
 
     def nearest(self, pose: Pose2D, since: int) -> int:
-        """Return the index of the point nearest to *pose*, not before *since* and not much after it."""
+        """Return the index of the point nearest to *pose* among the points up to `_WINDOW` metres after point *since*."""
         ahead = int(
             np.searchsorted(-self.remaining_lengths, _WINDOW - self.remaining_lengths[since], side="right")
         )
@@ -41,7 +41,7 @@ class Path2D:
         return since + int(np.argmin(np.hypot(part[:, 0] - pose.x, part[:, 1] - pose.y)))
 
     def carrot(self, index: int, ahead: float) -> tuple[float, float]:
-        """Return the point of the path *ahead* metres after point *index*, or its end."""
+        """Return the point of the path *ahead* metres after point *index*, or the goal if the path is shorter."""
         target = int(np.searchsorted(-self.remaining_lengths, ahead - self.remaining_lengths[index]))
         x, y = self.points[min(target, len(self.points) - 1)]
         return float(x), float(y)
@@ -63,10 +63,10 @@ class FollowerSettings:
     Attributes:
         look_ahead: Distance of the pursued point, metres.
         position_tolerance: Distance from the goal below which the robot stops driving, metres.
-        yaw_tolerance: Difference from the goal's yaw below which it stops turning, radians.
-        turn_first: Angle to the path above which it turns in place, radians.
+        yaw_tolerance: Difference from the goal's yaw below which the robot stops turning, radians.
+        turn_first: Angle to the path above which the robot turns in place, radians.
         turned: Angle to the path below which turning in place ends, radians.
-        braking: Fraction of the robot's acceleration that is used for planning.
+        braking: Fraction of the robot's maximum acceleration that the follower uses for braking.
     """
 
     look_ahead: float = 0.4
@@ -119,10 +119,10 @@ class Follower:
         return pose.distance_to(self._goal) if self._phase in {_Phase.ALIGN, _Phase.DONE} else left
 
     def command(self, state: RobotState) -> Twist2D:
-        """Return the next velocity command."""
+        """Return the velocity command for the robot's current state."""
         self._index = self._path.nearest(state.pose, self._index)
         away = state.pose.distance_to(self._goal)
-        # A path may pass close to its own goal on the way; only its end is the goal.
+        # A path may pass close to the goal before its end.
         ending = self._path.remaining_lengths[self._index] < self._settings.look_ahead
         near = ending and away < self._settings.position_tolerance
         if near and self._phase in {_Phase.TURN, _Phase.DRIVE}:
@@ -143,7 +143,7 @@ class Follower:
         return self._pursue(aside, reach, max(away, self.distance_remaining(state.pose)))
 
     def _pursue(self, aside: float, reach: float, left: float) -> Twist2D:
-        """Return the arc that leads to a point *reach* metres away and *aside* radians to the left."""
+        """Return the velocities of the arc to a point *reach* metres away and *aside* radians to the left."""
         curvature = 2.0 * math.sin(aside) / max(reach, self._settings.position_tolerance)
         speed = min(
             self._limits.speed,
@@ -161,6 +161,6 @@ class Follower:
         return STAND
 
     def _braked_turn_rate(self, error: float) -> float:
-        """Return a turning speed that can still be braked before *error* radians are turned."""
+        """Return the highest turning speed that allows the robot to stop after *error* radians."""
         fastest = math.sqrt(2.0 * self._settings.braking * self._limits.turn_acceleration * abs(error))
         return math.copysign(min(self._limits.turn, fastest), error)

@@ -9,7 +9,7 @@ class Pose2D:
     """A position and a heading.
 
     Attributes:
-        x: Metres, in the frame that the context names (`map` by default).
+        x: Metres, in the frame `map` unless stated otherwise.
         y: Metres.
         yaw: Radians, counter-clockwise from the x axis.
     """
@@ -19,11 +19,11 @@ class Pose2D:
     yaw: float = 0.0
 
     def distance_to(self, other: "Pose2D") -> float:
-        """Return the distance between the two positions in metres."""
+        """Return the distance to the position of another pose, metres."""
         return math.hypot(other.x - self.x, other.y - self.y)
 
     def compose(self, local: "Pose2D") -> "Pose2D":
-        """Return the pose *local*, relative to this one, in this one's frame."""
+        """Convert a pose relative to this pose to the frame of this pose."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return Pose2D(
             self.x + cos * local.x - sin * local.y,
@@ -32,13 +32,13 @@ class Pose2D:
         )
 
     def inverse(self) -> "Pose2D":
-        """Return the pose of this one's frame relative to this pose."""
+        """Return the inverse: the pose of the frame's origin relative to this pose."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return Pose2D(-cos * self.x - sin * self.y, sin * self.x - cos * self.y, normalise_angle(-self.yaw))
 
     @property
     def is_finite(self) -> bool:
-        """Whether all three numbers are finite."""
+        """Whether x, y and yaw are finite."""
         return math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.yaw)
 
 
@@ -52,9 +52,9 @@ class Box:
     Attributes:
         x: Centre, metres, frame `map`.
         y: Centre, metres.
-        size_x: Full length along its own x axis, metres.
-        size_y: Full length along its own y axis, metres.
-        yaw: Rotation of its own axes, radians.
+        size_x: Full length along the rectangle's own x axis, metres.
+        size_y: Full length along the rectangle's own y axis, metres.
+        yaw: Rotation of the rectangle's own axes, radians.
     """
 
     x: float
@@ -90,6 +90,6 @@ class Cylinder:
 
 
 def normalise_angle(angle: float) -> float:
-    """Return *angle* (radians) in (-pi, pi]."""
+    """Normalise an angle in radians to (-pi, pi]."""
     wrapped = math.remainder(angle, math.tau)
     return math.pi if wrapped == -math.pi else wrapped

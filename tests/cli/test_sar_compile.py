@@ -61,7 +61,7 @@ def test_a_word_that_names_neither_a_file_nor_a_shipped_tree_lists_those_there_a
     assert status == 2
     assert err == (
         "sar-compile: there is no tree file 'search_and_rescu', nor a shipped tree of that name "
-        "(there are: failsafes, search_and_rescue, search_and_rescue_guarded, search_and_rescue_resilient, search_areas, search_areas_guarded, search_sweeps, search_sweeps_guarded); did you mean 'search_and_rescue'?\n"
+        "(shipped: failsafes, search_and_rescue, search_and_rescue_guarded, search_and_rescue_resilient, search_areas, search_areas_guarded, search_sweeps, search_sweeps_guarded); did you mean 'search_and_rescue'?\n"
     )
 
 

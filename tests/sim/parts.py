@@ -159,7 +159,7 @@ class Controller(BtNavigator):
         if goal.poses[0].pose == before.poses[0].pose:  # the same drive, with a new path
             goal.began, goal.localised_at = before.began, before.localised_at
             goal.drive, goal.progress = before.drive, before.progress
-            goal.recovery, goal.left = before.recovery, before.left
+            goal.recovery, goal.recoveries_left = before.recovery, before.recoveries_left
             goal.recoveries_begun = before.recoveries_begun
 
 

@@ -115,7 +115,7 @@ def test_the_empty_world_has_no_map() -> None:
 
 
 def test_a_world_that_is_not_there_is_named_with_those_that_are() -> None:
-    with pytest.raises(WorldError, match=r"there are: disaster_zone, empty.*did you mean 'disaster_zone'"):
+    with pytest.raises(WorldError, match=r"shipped: disaster_zone, empty.*did you mean 'disaster_zone'"):
         find_world("disaster_zon")
 
 
