@@ -33,7 +33,7 @@ NO_BEHAVIOUR = {
         "Everyone in the ROS domain can call",
         "ROS 2 has no authentication",
         "Everyone in the domain can send",
-        "If the domain must leave the machine",
+        "If the domain must extend beyond",
         "`ROS_DOMAIN_ID` is not an access control",
         "Use SROS 2",
         "It restricts each participant",
@@ -77,7 +77,7 @@ HELD_BY = {
         ),
         "A file contains NaN": ("test_what_nobody_would_write_is_a_finding_or_an_error_in_words",),
         "Commands read pipes": ("test_the_pipe_of_a_shell_is_read_to_its_end",),
-        "Outside files are read by an agent": (
+        "An agent reads files outside": (
             "test_reads_nothing_outside_the_folders", "test_lists_no_folder_outside_the_folders",
             "test_a_file_that_is_exchanged_after_the_check_is_never_read_outside", "test_no_argument_of_any_tool_reads_what_lies_outside",
         ),
@@ -141,7 +141,7 @@ HELD_BY = {
         "It answers for another goal": (
             "test_what_is_answered_to_a_question_that_was_given_up_is_ignored", "test_the_late_answer_of_an_old_call_is_ignored",
         ),
-        "It gives `sar-run --serve` a goal": (
+        "It sends `sar-run --serve` a goal": (
             "test_a_client_starts_trees_by_their_names_one_after_the_other", "test_a_payload_that_is_none_is_refused",
             "test_the_payload_has_parameters_and_the_result_says_what_is_wrong_with_them",
         ),
@@ -198,8 +198,8 @@ HELD_BY = {
         "The run considers a goal ended when": (
             "test_a_result_that_is_lost_is_known_by_the_status_topic", "test_a_server_that_was_restarted_does_not_know_the_goal",
         ),
-        "If the run has not seen the end": ("test_a_run_that_is_stopped_while_its_goal_goes_on_says_so_and_ends_with_4",),
-        "A server that stops answering": (
+        "If the run cannot confirm the end": ("test_a_run_that_is_stopped_while_its_goal_goes_on_says_so_and_ends_with_4",),
+        "A server that stops responding": (
             "test_a_server_that_falls_silent_is_given_up_and_its_goal_canceled",
             "test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_not",
         ),
@@ -282,11 +282,11 @@ def test_the_numbers_on_the_page_are_those_of_the_code():
     mebibytes = 2**20
     for said, number in (
         ("a tree {} MiB", opener.TREE.limit / mebibytes),
-        ("a file beside a tree {} MiB", opener.DOCUMENT.limit / mebibytes),
+        ("a scenario, a world, a file of properties or a `sar.toml` {} MiB", opener.DOCUMENT.limit / mebibytes),
         ("areas {} MiB", areas_file._MOST_BYTES / mebibytes),
         ("the image of a map {} MiB", opener.IMAGE.limit / mebibytes),
         ("and {} million pixels", occupancy._MAX_CELLS / 1e6),
-        ("{} values in a file", MAX_VALUES),
+        ("{} values in a scenario", MAX_VALUES),
         ("{} names and values in a parameter file", parameter_file._MAX_EVENTS),
         ("Without a map the limit is {} km", message_values.FARTHEST_M / 1000.0),
         ("{} connections at once", page_server._CONNECTIONS),
