@@ -35,15 +35,15 @@ class Row(NamedTuple):
 
 
 ROWS = {
-    "it drives": Row(("driving",)),
-    "the operator has paused it": Row(("paused",)),
-    "Nav2 is not there": Row(("waiting for Nav2",)),
+    "the robot drives": Row(("driving",)),
+    "the operator has paused the mission": Row(("paused",)),
+    "Nav2 is not available": Row(("waiting for Nav2",)),
     "the localisation has stopped": Row(("no localisation",)),
-    "its process is frozen": Row(("driving",), signal.SIGSTOP),
-    "its process was killed": Row(("driving",), signal.SIGKILL),
-    "it is complete": Row(("complete",)),
-    "it has failed": Row(("failed",)),
-    "the operator has aborted it": Row(("aborted",)),
+    "the mission's process is frozen": Row(("driving",), signal.SIGSTOP),
+    "the mission's process was killed": Row(("driving",), signal.SIGKILL),
+    "the mission is complete": Row(("complete",)),
+    "the mission has failed": Row(("failed",)),
+    "the operator has aborted the mission": Row(("aborted",)),
     "replay": Row(("driving",), seen="replay"),
     "replay of a killed run, at its end": Row(("driving",), signal.SIGKILL, "replay"),
     "`watch`, and the process was killed": Row(("driving",), signal.SIGKILL, "watch"),
