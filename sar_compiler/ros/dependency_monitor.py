@@ -299,7 +299,9 @@ class _Localisation:
         if missing:
             yield from self._report_missing(missing)
             # Nav2 is inactive until every node that has returned has responded.
-            self._inactive = f"the navigation (Nav2) is not active: {'; '.join(missing)}" if self._is_lost else ""
+            self._inactive = (
+                f"the navigation (Nav2) is not active: {'; '.join(missing)}" if self._is_lost else ""
+            )
         elif not any(each.is_awaited() for each in self._nodes):
             self._lost_since = None
             if self._is_lost:

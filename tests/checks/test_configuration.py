@@ -138,7 +138,11 @@ def test_a_mistake_is_found_where_it_stands(tree, name):
             'write strings in quotes: "4.8.2"',
         ),
         ("nodes = leaves", "not valid TOML: Invalid value", 'write strings in quotes: "leaves"'),
-        ("nodes = [true]", "an item of 'nodes' must be a string, but true without quotes is true or false", None),
+        (
+            "nodes = [true]",
+            "an item of 'nodes' must be a string, but true without quotes is true or false",
+            None,
+        ),
     ],
 )
 def test_missing_quotes_are_told_as_what_is_missing(tree, text, message, advice):

@@ -44,7 +44,8 @@ def why(tree, tmp_path, capsys):
 
 def test_it_tells_people_what_would_have_succeeded(why):
     assert (
-        "\nThe mission would have succeeded with another outcome:\n  0:00  Look SUCCESS instead of FAILURE  (" in why()
+        "\nThe mission would have succeeded with another outcome:\n  0:00  Look SUCCESS instead of FAILURE  ("
+        in why()
     )
 
 

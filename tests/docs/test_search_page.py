@@ -33,7 +33,9 @@ def test_the_page_has_the_zones_of_the_shipped_parameters() -> None:
 def test_the_page_names_every_order_and_how_far_it_is_exact() -> None:
     (spec,) = [spec for spec in SPECS if spec.tag == "ChooseZone"]
     order = spec.parameters["order"]
-    told = [codes(cells[0])[0] for heading, _, cells in tables(PAGE) if heading == "Use `ChooseZone` in a tree"]
+    told = [
+        codes(cells[0])[0] for heading, _, cells in tables(PAGE) if heading == "Use `ChooseZone` in a tree"
+    ]
     assert set(told) == set(order.value_type.choices)
     assert f"Up to {EXACT_UP_TO} zones" in PAGE.read_text(encoding="utf-8")
 

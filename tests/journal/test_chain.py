@@ -357,7 +357,10 @@ def test_what_waits_in_the_reserve_is_said_and_chained_by_the_next_run(tmp_path,
         journal.close()
         other.execute("ROLLBACK")
     assert main(["check", str(place)]) == 0
-    assert "1 event in the journal's reserve file will be added to the chain by the next run" in capsys.readouterr().out
+    assert (
+        "1 event in the journal's reserve file will be added to the chain by the next run"
+        in capsys.readouterr().out
+    )
     found = verdict(place, fly(place))
     assert (found.state, found.chain.entries, len(found.chain.heads)) == ("whole", 17, 2)
 

@@ -237,7 +237,9 @@ def test_a_node_that_is_back_and_has_not_answered_yet_is_lacked_still(scene: Sce
     robot = scene.watch._localisation._robot  # type: ignore[union-attr]
     scene.nav2.stop_amcl()
     scene.nav2.navigator = "active"
-    scene.until(lambda: robot.lacks.startswith("the navigation (Nav2) is not active: node amcl: missing"), "the loss")
+    scene.until(
+        lambda: robot.lacks.startswith("the navigation (Nav2) is not active: node amcl: missing"), "the loss"
+    )
     scene.nav2.start_amcl()
     lacks: list[str] = []
 

@@ -260,8 +260,18 @@ WORDS = {
         "U+00A0 (no-break space) looks like a space",
         "replace it by a space",
     ),
-    "a comma behind a tag": ("<B, c='1'/>", 3, "a , is not allowed between the attributes", "replace it by a space"),
-    "a comma behind an attribute": ("<B c='1', d='2'/>", 9, "a , is not allowed between", "replace it by a space"),
+    "a comma behind a tag": (
+        "<B, c='1'/>",
+        3,
+        "a , is not allowed between the attributes",
+        "replace it by a space",
+    ),
+    "a comma behind an attribute": (
+        "<B c='1', d='2'/>",
+        9,
+        "a , is not allowed between",
+        "replace it by a space",
+    ),
     "a blank behind the sign": ("< B/>", 1, "a tag's name must directly follow the <", ""),
 }
 

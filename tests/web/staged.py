@@ -193,7 +193,9 @@ def stop(robot: Robot) -> None:
 
 
 def wait_for_nav2(robot: Robot) -> None:
-    robot.journal.record_observation("lacks", text="the navigation (Nav2) is not active: bt_navigator is inactive")
+    robot.journal.record_observation(
+        "lacks", text="the navigation (Nav2) is not active: bt_navigator is inactive"
+    )
 
 
 CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {

@@ -298,7 +298,10 @@ def test_what_is_computed_is_what_is_played(seed):
         ("A: [{outcome: SUCCESS, p: 0.7}, {outcome: FAILURE, p: 0.6}]", "add up to 1.3, not to 1"),
         ("A: [{outcome: SUCCESS, p: 0.2}, {outcome: FAILURE, p: 0.6}]", "add up to at most 0.8"),
         ("A: [{outcome: SUCCESS, p: [0.7, 0.6]}]", "the lower number of an interval must come first"),
-        ("A: [{outcome: SUCCESS, p: 0.7}, {outcome: SUCCESS, p: 0.3}]", "'SUCCESS' of this leaf is listed twice"),
+        (
+            "A: [{outcome: SUCCESS, p: 0.7}, {outcome: SUCCESS, p: 0.3}]",
+            "'SUCCESS' of this leaf is listed twice",
+        ),
         ("A: [{outcome: SUCCES, p: 0.7}]", "never returns 'SUCCES'"),
         ("P: [{outcome: SUCCESS, sec: 3}]", "none of these outcomes is RUNNING"),
         ("A: [{outcome: SUCCESS, when: f == 1}]", "'outcome' refers to a declared outcome"),
