@@ -121,7 +121,6 @@ def has_entry_point(module: str, group: str, checkout: Path | None = None) -> bo
 
 
 def _is_parent_package(package: str, modules: Iterable[str]) -> bool:
-    """Return whether at least one of some modules is a package or is in it."""
     return any(f"{module}.".startswith(f"{package}.") for module in modules)
 
 

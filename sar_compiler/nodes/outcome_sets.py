@@ -184,8 +184,7 @@ def _count_all(children: Sequence[int], at_once: Decision, at_the_end: Decision)
 
     Args:
         children: The sets of the children.
-        at_once: Function that returns the result for the numbers of children that have succeeded, failed and been
-            skipped so far; 0 if the node continues.
+        at_once: Function that returns the result for the numbers of succeeded, failed and skipped children; 0 to continue.
         at_the_end: Function that returns the result for these numbers after all children were ticked.
     """
     found, counts = 0, {(0, 0, 0)}

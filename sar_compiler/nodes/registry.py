@@ -151,12 +151,10 @@ def load_registry(
     """Create the registry of all installed and all requested nodes.
 
     Args:
-        named: The leaves that the user names: classes, modules, or import paths of modules, which may be in the current
-            folder.
+        named: The leaves that the user names: classes, modules, or import paths, which may be in the current folder.
         configured: Import paths of modules from a configuration, which are installed or trusted.
         checkout: A folder whose content is not regarded as installed.
-        palettes: Names of installed palettes (`nav2:jazzy`). A class that is registered for a tag of a palette replaces
-            the palette's node.
+        palettes: Names of installed palettes (`nav2:jazzy`). A class registered for a palette's tag replaces the palette's node.
 
     Raises:
         RegistryError: If a module cannot be imported or has no leaves. The message names the module and the reason.

@@ -117,8 +117,7 @@ def generated_type(kind: str, written: str) -> Any:
         raise InterfaceError(message, suggestion=f"{package}/{kind}/{name}")
     if given != kind or not name.isidentifier():
         raise InterfaceError(
-            f"'{written}' is not an interface type",
-            hint=f"write package/{kind}/Name, such as {_EXAMPLES[kind]}",
+            f"'{written}' is not a ROS type", hint=f"write package/{kind}/Name, such as {_EXAMPLES[kind]}"
         )
     require_generated(package)
     try:
@@ -128,9 +127,7 @@ def generated_type(kind: str, written: str) -> Any:
         raise InterfaceError(message, hint="use another package", is_certain=False) from None
     except ImportError as error:
         message = f"{written} cannot be imported ({error})"
-        raise InterfaceError(
-            message, hint="source the workspace that contains it", is_certain=False
-        ) from error
+        raise InterfaceError(message, hint="source the type's workspace", is_certain=False) from error
     found = getattr(module, name, None)
     if isinstance(found, type):
         return found

@@ -203,7 +203,7 @@ _SPECS = (
     ),
     leaf_spec(
         f"{_HERE}:RosPublish",
-        "Publishes a message. Returns RUNNING until there is a subscriber, and SUCCESS when the message is sent.",
+        "Publishes a message. Returns RUNNING until there is a subscriber, SUCCESS when the message is sent, and FAILURE after `timeout_sec`.",
         input_port("topic", str, "The topic's name."),
         attribute("type_", str, "The topic's type, such as `std_msgs/msg/String`."),
         input_port("message", FIELDS, _SENDS.format("message", "data: hello"), None),
@@ -219,12 +219,7 @@ _SPECS = (
             "Whether to return RUNNING until there is a subscriber. With `transient_local`, the leaf never waits.",
             default=True,
         ),
-        attribute(
-            "timeout_sec",
-            Seconds,
-            "Time to wait for a subscriber before FAILURE is returned, in seconds.",
-            5.0,
-        ),
+        attribute("timeout_sec", Seconds, "Maximum time to wait for a subscriber, in seconds.", 5.0),
         _SCOPE,
         effects="publishes a message",
         outcomes=(
@@ -236,18 +231,13 @@ _SPECS = (
     ),
     leaf_spec(
         f"{_HERE}:RosTransform",
-        "Looks up the pose of a frame in another frame. Returns SUCCESS if `/tf` has the transforms, otherwise RUNNING.",
+        "Looks up the pose of a frame in another frame. Returns SUCCESS if `/tf` has the transforms, RUNNING while it does not, and FAILURE after `timeout_sec`.",
         input_port("target_frame", str, "The reference frame, such as `map`."),
         input_port("source_frame", str, "The frame to locate, such as `base_link`."),
         attribute(
             "max_age_sec", Seconds, "Maximum age of the transforms, in seconds of the node's clock.", 5.0
         ),
-        attribute(
-            "timeout_sec",
-            Seconds,
-            "Time to wait for the transforms before FAILURE is returned, in seconds.",
-            5.0,
-        ),
+        attribute("timeout_sec", Seconds, "Maximum time to wait for the transforms, in seconds.", 5.0),
         *(output_port(axis, float, f"The key to write {axis} to, in metres.", None) for axis in "xyz"),
         output_port("yaw", float, "The key to write the rotation about z to, in radians.", None),
         *(

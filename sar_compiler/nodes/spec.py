@@ -286,8 +286,7 @@ class SkipSupport(NamedTuple):
     Attributes:
         possible: Whether a tick of the node can be skipped.
         replacement: The spec of the node that replaces this node if a child can be skipped.
-        only_if: The attribute and value required for the node itself to skip a tick; None if there is no such
-            requirement.
+        only_if: The attribute and value required for the node itself to skip a tick; None if neither is required.
         advice: An equivalent node that supports skipped children; empty if there is none.
         is_handled: Whether the node supports skipped children although it is never skipped itself.
     """

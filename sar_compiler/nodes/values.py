@@ -153,9 +153,7 @@ class ValueType(NamedTuple):
         return (self.least is None or self.least <= number) and (self.most is None or number <= self.most)
 
     def _as_python(self, value: object) -> object:
-        if self.python is None or (
-            isinstance(value, self.python) and not _is_bool_as_number(value, self.python)
-        ):
+        if self.python is None or (isinstance(value, self.python) and not _is_odd_bool(value, self.python)):
             return value
         if isinstance(value, str):
             return self.convert(value)
@@ -194,7 +192,7 @@ def as_text(value: bool | float) -> str:
     return str(value) if isinstance(value, int) else f"{value:f}"
 
 
-def _is_bool_as_number(value: object, wanted: type) -> bool:
+def _is_odd_bool(value: object, wanted: type) -> bool:
     """Return whether a value is a bool, which Python accepts as a number, and the wanted type is another one."""
     return isinstance(value, bool) and wanted is not bool
 

@@ -12,8 +12,7 @@ class CommandLineSettings(NamedTuple):
 
     Attributes:
         nodes: The leaves: classes, modules, or import paths of modules, which may be in the current folder.
-        models: The palettes, which describe nodes that are not installed: paths of files, or names of installed palettes
-            (`nav2:jazzy`).
+        models: The palettes, which describe nodes that are not installed: paths, or names of installed palettes (`nav2:jazzy`).
         include_path: Further folders from which files may be included.
         trust: Whether the modules beside configurations may run, now and until they change.
         registry: The registered nodes; None for the installed nodes and those in *nodes*.

@@ -202,8 +202,7 @@ class ProjectTree:
 
         Args:
             parameters: The values of the mission parameters, by key of the root blackboard.
-            context: Objects that leaves require in their constructors, by type. Without a `Clock`, the steady clock is
-                used.
+            context: Objects that leaves require in their constructors, by type; the default `Clock` is the steady clock.
             tree_id: The ID of the tree; by default the main tree.
 
         Raises:

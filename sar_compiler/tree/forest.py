@@ -352,11 +352,9 @@ class _Loader:
     def _read(self, element: Element, target: Path, around: tuple[Path, ...]) -> None:
         if len(around) > MAX_INCLUDE_DEPTH or len(self.files) + len(around) >= MAX_FILES:
             if not self.full:  # one such finding is enough
-                deep = f"includes are nested more than {MAX_INCLUDE_DEPTH} files deep"
-                message = (
-                    deep if len(around) > MAX_INCLUDE_DEPTH else f"there are more than {MAX_FILES} files"
-                )
-                self._report("too-many-includes", message, element)
+                is_deep = len(around) > MAX_INCLUDE_DEPTH
+                limit = f"{MAX_INCLUDE_DEPTH} nested files" if is_deep else f"{MAX_FILES} files"
+                self._report("too-many-includes", f"includes exceed the limit of {limit}", element)
             self.full = True
             return
         try:
@@ -428,8 +426,7 @@ class _Loader:
         if any(target.is_relative_to(folder) for folder in self.folders):
             return True
         message = f"'{element.attributes['path']}' is outside the folders from which files may be included"
-        hint = f"allow its folder: --include-path {target.parent}"
-        self._report("include-outside", message, element, hint=hint)
+        self._report("include-outside", message, element, hint=f"add --include-path {target.parent}")
         return False
 
     def _report_pathless(self, element: Element) -> None:

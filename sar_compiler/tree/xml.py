@@ -216,9 +216,7 @@ class _XmlReader:
         if (self._open or self._levels[0]) and not self._instructions:
             start = self._offset()
             span = self._source.span(start, start + len(target) + 2)
-            message = (
-                f"BehaviorTree.CPP accepts a processing instruction such as <?{target}?> only before <root>"
-            )
+            message = f"BehaviorTree.CPP accepts processing instructions only before <root>: <?{target}?>"
             hint, severity = "put it in a comment, or delete it", Severity.WARNING
             self._instructions.append(
                 Diagnostic(

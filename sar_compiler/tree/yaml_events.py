@@ -29,8 +29,7 @@ _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _UNREADABLE = re.compile(
     "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
 )
-# An element has three levels: its list, the mapping with its tag, and the mapping with its attributes. Deeper nesting only
-# costs parser time.
+# An element has three levels: its list, the mapping with its tag, and its attributes. Deeper nesting only costs time.
 _MAX_NESTING = 3 * (MAX_DEPTH + 2)
 _COMMENT = re.compile(r"#([^\r\n]*)")
 _COMMENT_BEHIND = re.compile(r"[ \t]+#[^\r\n]*")

@@ -27,10 +27,9 @@ def write_yaml(tree_file: TreeFile) -> str:
     Raises:
         TreeError: If an attribute is named `children`.
     """
-    elements = tree_file.root.iterate()
-    wrong = [_children_attribute(element) for element in elements if CHILDREN_KEY in element.attributes]
-    if wrong:
-        raise TreeError(wrong)
+    elements = [each for each in tree_file.root.iterate() if CHILDREN_KEY in each.attributes]
+    if elements:
+        raise TreeError(map(_children_attribute, elements))
     lines: list[str] = []
     before = [comment for comment in tree_file.comments if comment.index == 0]
     for index, comment in enumerate(before):

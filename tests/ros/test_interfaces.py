@@ -517,7 +517,7 @@ class TestPaths:
     [
         ("srv", "std_srvs/srv/SetBol", "std_srvs/srv/SetBol is not installed; did you mean 'std_srvs/srv/SetBool'?", True),
         ("srv", "std_srvs/msg/SetBool", "is a type for topics, but a type for services is expected; did you mean 'std_srvs/srv/SetBool'?", True),
-        ("srv", "std_srvs", "'std_srvs' is not an interface type; write package/srv/Name, such as std_srvs/srv/Trigger", True),
+        ("srv", "std_srvs", "'std_srvs' is not a ROS type; write package/srv/Name, such as std_srvs/srv/Trigger", True),
         ("action", "std_srvs/action/Go", "the package 'std_srvs' has no action types", False),
         ("srv", "no_such_msgs/srv/X", "there is no interface package 'no_such_msgs' on this machine", False),
         ("action", "nav2_msgs/action/Teleport", "nav2_msgs/action/Teleport is not installed; install", False),

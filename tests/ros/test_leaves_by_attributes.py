@@ -249,7 +249,7 @@ def test_a_run_tells_a_mistake_before_it_waits_for_a_server_that_nobody_has(
 def test_a_file_has_nothing_imported_but_interfaces(ros: Ros, written: str) -> None:
     leaf = made(attribute_leaves.RosService, "Call", "call", written)
     with pytest.raises(
-        LeafDefinitionError, match=r"'Call': (there is no interface package '|'.*' is not an interface type)"
+        LeafDefinitionError, match=r"'Call': (there is no interface package '|'.*' is not a ROS type)"
     ):
         leaf.setup(node=ros.node())
 

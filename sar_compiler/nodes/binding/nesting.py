@@ -62,7 +62,7 @@ def check_size_limits(main: BoundTree, collector: FindingCollector, others: int 
     if heights[main] > MAX_LEVELS:
         node = _first_too_deep(main, heights)
         message = (
-            f"with its subtrees expanded, the tree '{main.name}' is {heights[main]} levels deep at this node"
+            f"with subtrees expanded, the tree '{main.name}' is {heights[main]} levels deep at this node"
         )
         hint = f"reduce it to {MAX_LEVELS} levels, the maximum that can be ticked and halted"
         collector.add("too-deep", message, node.element, hint=hint)

@@ -126,9 +126,7 @@ def _loop(tag: str, kind: type, item: str, items: str, example: str) -> NodeSpec
             "from a deque.",
         ),
         output_port("value", require_value_type(kind), f"The key to which each {items} is written.", None),
-        input_port(
-            "if_empty", _OUTCOME, "The status to return when no item is left.", ReturnedStatus.SUCCESS
-        ),
+        input_port("if_empty", _OUTCOME, "The status when no item is left.", ReturnedStatus.SUCCESS),
         fixed={"kind": kind},
         semantics=Semantics(outcome_sets.loop, keys={"queue": KeyRole(AccessKind.PEEK)}),
         skipping=SkipSupport(SkipPossibility.ALWAYS, only_if=("if_empty", ReturnedStatus.SKIPPED)),
@@ -242,9 +240,7 @@ PY_TREES = [
     _stock(
         "OneShot",
         "Ticks its child until it has completed once. Afterwards, returns the same status without ticking the child.",
-        attribute(
-            "policy", ONESHOT_TYPE, "The results that count as completion: any result, or only success."
-        ),
+        attribute("policy", ONESHOT_TYPE, "Which results count as completion: any result, or only success."),
         semantics=Semantics(
             outcome_sets.passing_results,
             once=True,

@@ -42,8 +42,7 @@ def _variable(text: str) -> str:
         hint = "write the name of a key, without a leading slash and without spaces"
         raise ConversionError(f"'{text}' is not a key", hint=hint)
     if name.startswith("."):
-        message = f"'{text}' is not a key, because it begins with a dot"
-        raise ConversionError(message, hint="write key.attribute")
+        raise ConversionError(f"'{text}' is not a key, but begins with a dot", hint="write key.attribute")
     return text
 
 
@@ -192,9 +191,7 @@ def expression(variable: str, operator: str, value: Input[object]) -> "Compariso
     if value.entry is None:
         return ComparisonExpression(variable, constant(value), compare)
     # Since py_trees 2.4, a function could be passed as the value.
-    return ComparisonExpression(
-        variable, _CurrentValue(value), lambda left, right: compare(left, right.get())
-    )
+    return ComparisonExpression(variable, _KeyValue(value), lambda left, right: compare(left, right.get()))
 
 
 def constant(port: Input[object]) -> object:
@@ -205,7 +202,7 @@ def constant(port: Input[object]) -> object:
     return {"true": True, "false": False}.get(value, literal_value(value))
 
 
-class _CurrentValue:
+class _KeyValue:
     """The current value of a key, for an expression that py_trees builds only once."""
 
     def __init__(self, port: Input[object]) -> None:

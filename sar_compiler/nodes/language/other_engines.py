@@ -85,7 +85,4 @@ REPLACEMENTS = {
         Concurrence='write <Parallel success_count="-1" failure_count="1">',
     ),
 }
-"""The replacements for well-known nodes of other engines, by tag.
-
-The names of built-in nodes in BehaviorTree.CPP 3 are in `former_tags` of their specs.
-"""
+"""The replacements for other engines' nodes, by tag. `former_tags` of a spec contains the node's names in BehaviorTree.CPP 3."""
