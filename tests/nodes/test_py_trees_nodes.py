@@ -562,8 +562,8 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
 @pytest.mark.parametrize(
     ("body", "code", "column", "said"),
     [
-        ('<SuccessEveryN n="0"/>', "wrong-value", 19, "write 1 to succeed in every tick"),
-        ('<UnsetBlackboardVariable key="{a b}"/>', "wrong-value", 32, "without spaces"),
+        ('<SuccessEveryN n="0"/>', "wrong-value", 19, "the number must not be 0"),
+        ('<UnsetBlackboardVariable key="{a b}"/>', "wrong-value", 32, "'a b' is not a key"),
         ('<StatusQueue queue="RUNNING; SUCESS"/>', "wrong-value", 30, "'SUCESS' is not one of"),
         (
             '<CheckBlackboardVariableValues checks="x gt 1;y" operator="or"/>',
@@ -608,8 +608,8 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
         ),
         ('<ProbabilisticBehaviour weights="2;-1;1"/>', "wrong-value", 36, "'-1' is negative"),
         ('<WaitForBlackboardVariable variable_name=""/>', "wrong-value", 43, "is not a key"),
-        ('<WaitForBlackboardVariable variable_name="/x"/>', "wrong-value", 43, "without a leading slash"),
-        ('<WaitForBlackboardVariable variable_name="a b"/>', "wrong-value", 43, "without spaces"),
+        ('<WaitForBlackboardVariable variable_name="/x"/>', "wrong-value", 43, "'/x' is not a key"),
+        ('<WaitForBlackboardVariable variable_name="a b"/>', "wrong-value", 43, "'a b' is not a key"),
         ('<WaitForBlackboardVariable variable_name=".x"/>', "wrong-value", 43, "begins with a dot"),
         ('<WaitForBlackboardVariable variable_name="json:3"/>', "wrong-value", 43, "'json:3' is not a key"),
         ('<UnsetBlackboardVariable key="a.b"/>', "wrong-value", 31, "contains a dot"),
@@ -629,7 +629,7 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
             '<CheckBlackboardVariableValues checks="x;y" operator="and"/>',
             "wrong-value",
             40,
-            "battery gt 20",
+            "'x' is not a comparison",
         ),
         (
             '<CheckBlackboardVariableValues checks="x is 1;y eq 2" operator="and"/>',
