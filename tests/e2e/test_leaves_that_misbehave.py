@@ -87,8 +87,8 @@ def test_a_leaf_that_returns_no_status_ends_the_run_and_its_time_out(fly):
     run = fly('<Timeout duration="600"><Forgetful name="Out"/></Timeout>')
     assert run.end() == 1, run.output
     assert (
-        "'Out' (Forgetful) failed: update() returned None, which is not a status: "
-        "return Status.SUCCESS, FAILURE or RUNNING (" in run.output
+        "'Out' (Forgetful) failed: update() returned None, which is not a status. "
+        "Return Status.SUCCESS, FAILURE or RUNNING (" in run.output
     )
     assert "tree.xml:3). The tree is stopped." in run.output
 

@@ -547,8 +547,8 @@ class TestFailing:
         ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert (runner.failed_behaviour, probe.updates, probe.ends) == (probe, 1, [Status.INVALID])
         assert said.has(
-            f"'Out' (Probe) failed: update() returned {returned!r}, which is not a status: "
-            "return Status.SUCCESS, FAILURE or RUNNING. The tree is stopped."
+            f"'Out' (Probe) failed: update() returned {returned!r}, which is not a status. "
+            "Return Status.SUCCESS, FAILURE or RUNNING. The tree is stopped."
         )
 
     def test_a_leaf_that_forgets_its_status_later_on_ends_its_time_out_too(self, ros: Ros) -> None:
