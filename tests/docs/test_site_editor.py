@@ -147,7 +147,7 @@ def test_on_the_site_a_tree_is_broken_mended_verified_stopped_and_carried_by_a_l
         browser.js("window.studio.replace('name=\"Patrol\"', 'name=\"Carried\"')")
         browser.wait_for("#state", "No findings", _LOADED_SEC)
         browser.click("#link")
-        browser.wait_for("#state", "The address of this page contains the tree")
+        browser.wait_for("#state", "The address of this page now contains the tree")
         carried = browser.js("return location.href")
         browser.js("window.studio.saved()")
         browser.open(carried, _LOADED_SEC)
