@@ -1,7 +1,7 @@
 """Comparison of a recorded run with all possible runs of its tree.
 
 The comparison finds the tree's possible runs that match the record, and tracks the state of the properties in each of
-them. So it determines whether all, some or none of the matching runs violate a property.
+them. So it can tell them. So it determines whether all, some or none of the matching runs violate a property.
 """
 
 from collections import deque
@@ -142,8 +142,7 @@ def conform(
         simulated: The tree with stub leaves, whose facts start as in the recorded run; not usable afterwards.
         file: The properties file; None for no properties.
         tags: The tags of all leaves that a tree may contain.
-        record: The events of leaves, which are read several times. Repeated outcomes may be missing, and so may ticks
-            without other events.
+        record: The events of leaves; iterated several times. Repeated outcomes, and ticks without other events, may be missing.
         names: The names of the nodes that ran, in pre-order.
         is_over: Whether the run met its own end condition. If it was stopped or continues, obligations stay pending.
         earlier: The earlier runs of the same program, which has halted the tree after each. What nodes and the blackboard remember of
@@ -360,14 +359,19 @@ class _ReplayedRun:
         wrong = [(each, option) for option in fitting if (each := option.other_status(recorded)) is not None]
         (number, status), _ = wrong[0]
         name = self.runs.names[number]
-        possible = [
-            f"{name} {option.statuses[number] or 'idle'}" for (node, _), option in wrong if node == number
-        ]
+        possible = [f"{name} {option.statuses[number] or 'idle'}" for (node, _), option in wrong if node == number]
         return number, f"{name} {status}", possible, ""
 
 
 class _Attempt(NamedTuple):
-    """The state before a possible tick, the tick, and the result of `PossibleTick.common` with a recorded tick."""
+    """A possible tick that was compared with a recorded one.
+
+    Attributes:
+        state: The state before the tick.
+        way: The possible tick.
+        common: The number of recorded outcomes that the possible tick has in common; see `PossibleTick.common`.
+        place: The number of its own outcomes in this common part.
+    """
 
     state: bytes
     option: PossibleTick
