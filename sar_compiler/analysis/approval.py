@@ -1,7 +1,7 @@
 """A person's approval of an exact version of a tree and its parts.
 
-The parts are the tree files, the ID of the tree to run, the mission's parameters, the files that the parameters name, and
-the properties file. The approvals are stored in the user's state folder, in a readable file for each tree. If they were
+The parts are the tree files, the ID of the tree to run, the mission's parameters, the files that the parameters name,
+and the properties file. Approvals are stored in the user's state folder, in a readable file for each tree. If they were
 stored next to the tree, an author of trees could write them.
 """
 
@@ -184,8 +184,7 @@ class ApprovalCheck:
         properties: The properties file in the command line, for the messages.
 
     Raises:
-        ApprovalError: If this version of the tree is not approved. The message contains the changes and the command that
-            approves the version.
+        ApprovalError: If this version of the tree is not approved. The message names the changes and the remedy.
         TreeError: If the tree file is malformed.
     """
 

@@ -33,12 +33,7 @@ from sar_compiler.tree.model import TreeFile
 
 # Tolerance for the sum of rounded probabilities.
 _ROUNDING = 1e-3
-_TYPE_NAMES: Mapping[type, str] = {
-    bool: "true or false",
-    int: "an integer",
-    float: "a number",
-    str: "a string",
-}
+_TYPES: Mapping[type, str] = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
 
 
 @dataclass(frozen=True)
@@ -110,7 +105,7 @@ def _read_facts(
             if type(fact) is kind or (kind is float and type(fact) is int):
                 facts[name] = kind(fact)
             else:
-                message = f"the fact '{name}' is {_TYPE_NAMES[kind]}, but this is {inner.kind}"
+                message = f"the fact '{name}' is {_TYPES[kind]}, but this is {inner.kind}"
                 document.report("wrong-value", message, inner)
     return facts
 

@@ -36,7 +36,7 @@ _TICK_COST, _NODE_COST = 200, 4000
 class SearchBudget:
     """A search budget: an amount of work and a processor time.
 
-    The unit of work is a node of a tick. A tick also has a fixed cost, and preparing a tree costs as much as many ticks.
+    Work is counted in ticked nodes. A tick also has a fixed cost, and preparing a tree costs as much as many ticks.
 
     Args:
         work: The maximum amount of work; None for no limit.
@@ -60,11 +60,7 @@ class SearchBudget:
         self._end_of_share = self._end
 
     def allot(self, trees: int) -> None:
-        """Allot a share of the remaining budget to the next tree to the next tree.
-
-        Args:
-            trees: The number of remaining trees, including the next one.
-        """
+        """Allot a share of the remaining budget to the next tree to the next tree, given the number of remaining trees."""
         if self._work is not None:
             self._share = self.spent + (self._work - self.spent) // trees
         if self._end is not None:

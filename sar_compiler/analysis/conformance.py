@@ -142,7 +142,8 @@ def conform(
         simulated: The tree with stub leaves, whose facts start as in the recorded run; not usable afterwards.
         file: The properties file; None for no properties.
         tags: The tags of all leaves that a tree may contain.
-        record: The events of leaves; iterated several times. Repeated outcomes, and ticks without other events, may be missing.
+        record: The events of leaves, which are read several times. Repeated outcomes may be missing, and so may ticks
+            without other events.
         names: The names of the nodes that ran, in pre-order.
         is_over: Whether the run met its own end condition. If it was stopped or continues, obligations stay pending.
         earlier: The earlier runs of the same program, which has halted the tree after each. What nodes and the blackboard remember of
@@ -364,14 +365,7 @@ class _ReplayedRun:
 
 
 class _Attempt(NamedTuple):
-    """A possible tick that was compared with a recorded one.
-
-    Attributes:
-        state: The state before the tick.
-        way: The possible tick.
-        common: The number of recorded outcomes that the possible tick has in common; see `PossibleTick.common`.
-        place: The number of its own outcomes in this common part.
-    """
+    """The state before a possible tick, the tick, and the result of `PossibleTick.common` with a recorded tick."""
 
     state: bytes
     option: PossibleTick

@@ -26,10 +26,7 @@ LeafClasses = Mapping[str, LeafClass]
 
 
 def possible_classes(simulated: SimulatedTree) -> Iterator[LeafClasses]:
-    """Yield assumptions about the classes of leaves with conditions or scripts.
-
-    First a single leaf is not of the usual class, then all leaves are of class `THREADED`.
-    """
+    """Yield the assumptions that one leaf tag with conditions or scripts has a class, or that all are `THREADED`."""
     has_while: dict[str, bool] = {}
     for each in pre_order(simulated.root):
         leaf = each.decorated if isinstance(each, Conditions) else None

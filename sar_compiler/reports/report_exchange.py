@@ -42,7 +42,7 @@ def geojson_report(state: MissionState) -> str:
     """
     import geojson
 
-    _required_reference(state)
+    _reference(state)
     data = report_data(state)
     simulated = {"simulated": data["simulated"]}
 
@@ -91,7 +91,7 @@ def kml_report(state: MissionState) -> str:
         ReportError: If the map has no georeference.
         ImportError: If a library is not installed.
     """
-    reference, situation = _required_reference(state), state.situation
+    reference, situation = _reference(state), state.situation
     document = _E.Document(
         _E.name(_text(state.title)),
         _description(
@@ -168,7 +168,7 @@ def cot_report(state: MissionState, now: datetime | None = None) -> str:
         ReportError: If the map has no georeference.
         ImportError: If a library is not installed.
     """
-    reference, listed = _required_reference(state), detections_to_visit(state)
+    reference, listed = _reference(state), detections_to_visit(state)
     made = now or datetime.now(timezone.utc)
     # The index among all detections identifies a detection even after a review or a new name.
     events = (
@@ -191,7 +191,7 @@ def cap_report(state: MissionState) -> str:
     from xsdata.formats.dataclass.serializers.config import SerializerConfig
     from xsdata.models.datatype import XmlDateTime
 
-    reference, sent = _required_reference(state), _moment(state.now)
+    reference, sent = _reference(state), _moment(state.now)
     alert = Alert(
         # A report of a later state of the mission is another alert.
         identifier=f"{_mission_id(state)}-{sent:{_STAMP}}",
@@ -293,7 +293,7 @@ def _remarks(find: Landmark) -> str:
     return "; ".join((found, *_details(find)))
 
 
-def _required_reference(state: MissionState) -> Georeference:
+def _reference(state: MissionState) -> Georeference:
     reference = georeference(state)
     if reference is None:
         raise ReportError("the georeference of the map is unknown")
