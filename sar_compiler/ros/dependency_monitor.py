@@ -85,7 +85,9 @@ class UnrequestedMotion:
             if seconds >= _BRAKES_SEC:
                 self._handle_motion()
             elif seconds >= _ABORTED_SEC and self._cancels_early and self._is_ours:
-                self._cancels_early = False  # only once: a robot that still moves afterwards is reported
+                self._cancels_early = (
+                    False  # only once, because a robot that continues to move must be reported
+                )
                 self._cancel_all_goals()
         elif self._robot.moves is None:
             self._report_missing_odometry()
