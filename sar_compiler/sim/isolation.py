@@ -1,4 +1,4 @@
-"""Isolation of a simulated robot from real ones."""
+"""Isolation of a simulated robot from real robots and from other simulations."""
 
 import os
 import time
@@ -16,11 +16,11 @@ from sar_compiler.ros.graph_queries import UNKNOWN_NODE, services_by_node
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _CLOCK = "/clock"
 _ACTION = "navigate_to_pose"
-# The service by which an action server is found in the graph.
+# The suffix of the service that identifies an action server in the graph.
 _GOALS = "/_action/send_goal"
-# How long to wait before concluding that no other node exists, seconds. Half of the participants on one machine discover each other within
-# 0.3 s. If the first announcements are lost, they meet with the next periodic one, which Fast DDS sends every 3 s (at most 3.1 s were seen).
-# The wait is skipped if no other process can be heard at all.
+# The time to wait before concluding that no other node exists, seconds. Half of the participants on one machine discover each other within
+# 0.3 s. If the first announcements are lost, participants discover each other by the next periodic announcement, which Fast DDS sends every
+# 3 s (3.1 s was the longest observed delay). The wait is skipped if this process can hear no other process.
 LOOK_AROUND_SEC = 4.0
 _LOOK_EVERY_SEC = 0.02
 
@@ -33,20 +33,20 @@ class IsolationError(SarError):
     """Another simulation or a robot's navigation is running on the same ROS names.
 
     Attributes:
-        node: The other node: `node '/its/full/name'` if known.
-        what: The resource that it provides.
+        node: The other node, such as `node '/its/full/name'` if its name is known.
+        what: The topic or action that the other node provides.
     """
 
     def __init__(self, node: str, what: str) -> None:
         self.node, self.what = node, what
         super().__init__(
-            f"{node} already provides {what} here: a simulated robot must not mix with another one. "
-            f"Stop it, or set another ROS_DOMAIN_ID."
+            f"{node} already provides {what} here: a simulated robot must not mix with another robot. "
+            f"Stop that node, or set another ROS_DOMAIN_ID."
         )
 
 
 def stay_on_this_machine() -> None:
-    """Restrict ROS to this machine, unless the user has set otherwise. Call it before rclpy is initialised."""
+    """Restrict discovery to this machine, unless the user has set another range; call this before rclpy is initialised."""
     os.environ.setdefault(_RANGE, "LOCALHOST")
 
 
@@ -63,37 +63,37 @@ def require_no_other_nodes(
 
     Args:
         context: An initialised context; the default context if None.
-        namespace: Namespace of relative names; that of the command line if None.
-        actions: Names of the navigation actions of all robots.
-        look_around_sec: How long to search, seconds; ends early when another node is found, or if none can exist.
+        namespace: The namespace of relative names; None for the namespace of the command line.
+        actions: The names of the navigation actions of all robots.
+        look_around_sec: The time of the search, seconds; the search ends early if another node is found, or if none can exist.
         on_waiting: Called before the wait for other nodes.
         should_stop: Returns whether to stop searching; the function then returns.
 
     Raises:
-        IsolationError: If another node does; names the node.
+        IsolationError: If another node provides one of them; the error names the node.
     """
     node = Node("require_isolation", context=context, namespace=namespace, start_parameter_services=False)
     try:
         # This process's own entities are already in the graph.
-        if _foreign_nodes(node, actions) is None and _is_alone(node.context.get_domain_id()):
+        if _find_foreign_node(node, actions) is None and _is_alone(node.context.get_domain_id()):
             return
-        # Only waiting can show that no other node exists: discovery has no end to wait for.
+        # Only waiting can show that no other node exists, because discovery does not report its completion.
         on_waiting()
         deadline = time.monotonic() + look_around_sec
         while time.monotonic() < deadline and not should_stop():
-            found = _foreign_nodes(node, actions)
+            found = _find_foreign_node(node, actions)
             if found is not None and found.node != _ANOTHER:
                 raise found
             time.sleep(_LOOK_EVERY_SEC)
-        found = _foreign_nodes(node, actions)
+        found = _find_foreign_node(node, actions)
         if found is not None:
             raise found
     finally:
         node.destroy_node()
 
 
-# Environment settings that make DDS use other ways of discovery than those checked by `_is_alone`.
-_OTHER_WAYS = (
+# The environment variables with which DDS discovers participants in ways that `_is_alone` does not check.
+_DISCOVERY_VARIABLES = (
     "CYCLONEDDS_URI",
     "FASTDDS_BUILTIN_TRANSPORTS",
     "FASTDDS_DEFAULT_PROFILES_FILE",
@@ -103,7 +103,7 @@ _OTHER_WAYS = (
 )
 _PROFILES = Path("DEFAULT_FASTRTPS_PROFILES.xml")  # in the current folder
 _SOCKETS = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
-# The ports of a domain, by the standard (DDSI-RTPS, 9.6.1.1); each participant has two of its own among them.
+# The ports of a domain according to the standard (DDSI-RTPS, 9.6.1.1), two of which belong to each participant.
 _FIRST_PORT, _PORTS_OF_A_DOMAIN = 7400, 250
 _PORTS_OF_A_PARTICIPANT = 2
 
@@ -111,9 +111,9 @@ _PORTS_OF_A_PARTICIPANT = 2
 def _is_alone(domain: int) -> bool:
     """Return whether no other participant in a ROS domain can be heard from this process; False if unknown.
 
-    With discovery limited to this machine, every participant listens at the domain's ports here, as the standard requires.
+    If discovery is limited to this machine, every participant listens at the domain's ports on this machine, as the standard requires.
     """
-    here_only = os.environ.get(_RANGE) == "LOCALHOST" and not any(map(os.environ.get, _OTHER_WAYS))
+    here_only = os.environ.get(_RANGE) == "LOCALHOST" and not any(map(os.environ.get, _DISCOVERY_VARIABLES))
     by_dds = get_rmw_implementation_identifier().startswith(("rmw_fastrtps", "rmw_cyclonedds"))
     if not here_only or not by_dds or _PROFILES.exists():
         return False
@@ -137,17 +137,17 @@ def _sockets_of(domain: int) -> Iterator[str]:
 def _own_sockets() -> Iterator[str]:
     """Yield the numbers of the sockets of this process."""
     for descriptor in Path("/proc/self/fd").iterdir():
-        with suppress(FileNotFoundError):  # the socket of this loop
+        with suppress(FileNotFoundError):  # the descriptor of the folder itself is closed by now
             yield str(descriptor.readlink()).removeprefix("socket:[").removesuffix("]")
 
 
 def require_no_rival_servers(node: Node, actions: Sequence[str] = (_ACTION,)) -> None:
     """Check, while a simulation runs, that no other node provides `/clock` or `navigate_to_pose`.
 
-    Discovery can miss a node at the start, and others may appear later.
+    Discovery can miss a node at the start, and further nodes may appear later.
 
     Raises:
-        IsolationError: If another node does; names the node.
+        IsolationError: If another node provides one of them.
     """
     if node.count_publishers(_CLOCK) > 1:
         raise IsolationError(_ANOTHER, _CLOCK)
@@ -157,16 +157,16 @@ def require_no_rival_servers(node: Node, actions: Sequence[str] = (_ACTION,)) ->
             raise IsolationError(_ANOTHER, _title(goals))
 
 
-def _foreign_nodes(node: Node, actions: Sequence[str]) -> IsolationError | None:
+def _find_foreign_node(node: Node, actions: Sequence[str]) -> IsolationError | None:
     for publisher in node.get_publishers_info_by_topic(_CLOCK):
         return IsolationError(_full_name(publisher.node_name, publisher.node_namespace), _CLOCK)
-    found = (_server(node, node.resolve_service_name(action + _GOALS)) for action in actions)
+    found = (_find_server(node, node.resolve_service_name(action + _GOALS)) for action in actions)
     return next((error for error in found if error is not None), None)
 
 
-def _server(node: Node, goals: str) -> IsolationError | None:
-    """Return a description of the server of the service *goals*, if there is one."""
-    # The name of a mere client is also in the graph.
+def _find_server(node: Node, goals: str) -> IsolationError | None:
+    """Return the error about the server of the service *goals*; None if there is no server."""
+    # The graph also contains services that only have clients.
     if not node.count_services(goals):
         return None
     what = _title(goals)

@@ -16,16 +16,16 @@ from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 NANOSECONDS = 1_000_000_000
-# A quaternion whose length is off by more than this is no rotation.
+# The maximum deviation from 1 of the length of a quaternion that is accepted as a rotation.
 _UNIT_TOLERANCE = 0.1
-# A quaternion whose imaginary parts are below this turns by at most a degree.
+# The maximum of the imaginary parts of a quaternion that rotates by about a degree at most.
 _STRAIGHT = 0.01
-# Thresholds of a published map, in percent, as in nav2_map_server.
+# The thresholds of a published map, in percent, as in nav2_map_server.
 _FREE_BELOW, _OCCUPIED_ABOVE = 20, 65
 
 
 def to_stamp(now_ns: int) -> Time:
-    """Return simulated nanoseconds as a message."""
+    """Convert simulated nanoseconds to a message."""
     return Time(sec=now_ns // NANOSECONDS, nanosec=now_ns % NANOSECONDS)
 
 
@@ -37,13 +37,13 @@ def set_lifecycle_state(response: Any, *, active: bool) -> Any:
 
 
 def to_duration(seconds: float) -> Duration:
-    """Return seconds as a message."""
+    """Convert seconds to a message."""
     nanoseconds = round(seconds * NANOSECONDS)
     return Duration(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
 
 
 def to_pose(pose: Pose2D) -> Pose:
-    """Return a planar pose as a message."""
+    """Convert a planar pose to a message."""
     message = Pose()
     turn_by(message.orientation, pose.yaw)
     message.position.x, message.position.y = pose.x, pose.y
@@ -51,7 +51,7 @@ def to_pose(pose: Pose2D) -> Pose:
 
 
 def to_transform(parent: str, child: str, pose: Pose2D, stamp: Time) -> TransformStamped:
-    """Return the transform that puts the frame *child* at *pose* in *parent*."""
+    """Return the transform message for a frame *child* whose pose in the frame *parent* is *pose*."""
     message = TransformStamped(child_frame_id=child)
     message.header.frame_id, message.header.stamp = parent, stamp
     message.transform.translation.x, message.transform.translation.y = pose.x, pose.y
@@ -60,7 +60,7 @@ def to_transform(parent: str, child: str, pose: Pose2D, stamp: Time) -> Transfor
 
 
 def from_pose(message: Any) -> Pose2D | None:
-    """Return a pose message as a planar pose, or None if it is not finite or its quaternion is not a rotation."""
+    """Convert a pose message to a planar pose, or to None if it is not finite or its quaternion is not a rotation."""
     turn = message.orientation
     if not abs(math.hypot(turn.x, turn.y, turn.z, turn.w) - 1.0) < _UNIT_TOLERANCE:
         return None
@@ -69,7 +69,7 @@ def from_pose(message: Any) -> Pose2D | None:
 
 
 def to_grid(occupancy: OccupancyMap) -> OccupancyGrid:
-    """Return an occupancy map as a message."""
+    """Convert an occupancy map to a message."""
     message = OccupancyGrid()
     message.header.frame_id = "map"
     message.info.resolution = occupancy.resolution
@@ -81,7 +81,7 @@ def to_grid(occupancy: OccupancyMap) -> OccupancyGrid:
 
 
 def to_path(path: Path2D, stamp: Time) -> Path:
-    """Return a path as a message; its poses have no direction."""
+    """Convert a path to a message, whose poses all have yaw 0."""
     message = Path()
     message.header.frame_id, message.header.stamp = "map", stamp
     for x, y in path.points.tolist():
@@ -90,9 +90,9 @@ def to_path(path: Path2D, stamp: Time) -> Path:
 
 
 def from_grid(message: OccupancyGrid) -> OccupancyMap | None:
-    """Return a map message as an occupancy map; None if it is empty, rotated, or inconsistent.
+    """Convert a map message to an occupancy map, or to None if it is empty, rotated, or inconsistent.
 
-    Cells between free and occupied are regarded as unknown.
+    Cells between the thresholds for free and occupied become unknown.
     """
     info, turn = message.info, message.info.origin.orientation
     cells = np.array(message.data, dtype=np.int8)

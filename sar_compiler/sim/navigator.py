@@ -1,4 +1,4 @@
-"""The execution of one goal like Nav2's, without ROS: planning, driving, progress checks and braking."""
+"""The execution of a goal as by Nav2, but without ROS: planning, driving, progress checks and braking."""
 
 import math
 from collections.abc import Sequence
@@ -21,12 +21,12 @@ from sar_compiler.sim.robot import STAND, Limits, RobotState, Twist2D
 
 @dataclass(frozen=True)
 class Recovery:
-    """An action before a goal is attempted again.
+    """A recovery, which precedes another attempt to reach a goal.
 
     Attributes:
-        name: The robot's action, in words.
-        command: The velocity meanwhile.
-        duration_sec: Its duration, simulated seconds.
+        name: The robot's action as a verb, such as `spins`.
+        command: The velocity command during the recovery.
+        duration_sec: The duration of the recovery, simulated seconds.
     """
 
     name: str
@@ -43,10 +43,10 @@ class DrivingManner:
         turn: The highest speed of a turn, rad/s.
         follower: The parameters of path following.
         tolerance: Distance from an occupied goal at which a path may end, metres.
-        recoveries: The recoveries in order; each is followed by a new attempt before the goal is aborted.
-        knows_distance_at_once: Whether the first feedback has the distance; otherwise it has 0.
-        server_timeout_sec: How long the controller, as a separate process, may take to accept a goal; seconds.
-        looks_back_sec: Interval of checks for passed poses of a goal through several, simulated seconds.
+        recoveries: The recoveries in order; a new attempt follows each recovery before the goal is aborted.
+        knows_distance_at_once: Whether the first feedback contains the remaining distance, or 0.
+        server_timeout_sec: The maximum time in which the controller, as a separate process, must accept a goal; seconds.
+        looks_back_sec: The interval of checks for passed poses of `navigate_through_poses`, simulated seconds.
     """
 
     speed: float = math.inf
@@ -59,32 +59,32 @@ class DrivingManner:
     looks_back_sec: float = 0.0
 
     def limits(self, limits: Limits) -> Limits:
-        """Return a drive's limits for a robot with the given ones."""
+        """Return the limits of a drive, given the limits of the robot."""
         return replace(limits, speed=min(limits.speed, self.speed), turn=min(limits.turn, self.turn))
 
 
 QUICK = DrivingManner()
-"""Accurate, and without recoveries, as required in rehearsals and tests."""
+"""The manner for rehearsals and tests, which is accurate and has no recoveries."""
 
 _CLEAR = Recovery("clears its costmaps", STAND, 1.0)
 _SPIN = Recovery("spins", Twist2D(0.0, 1.0), math.pi / 2)
 _WAIT = Recovery("waits", STAND, 5.0)
 _BACK_UP = Recovery("backs up", Twist2D(-0.15, 0.0), 2.0)
 
-# The recoveries of navigate_to_pose_w_replanning_and_recovery.xml of 1.3.13, as observed in a run.
+# The recoveries of navigate_to_pose_w_replanning_and_recovery.xml in Nav2 1.3.13, as observed in a run.
 _RECOVERIES = (_CLEAR, _SPIN, _WAIT, _BACK_UP, _CLEAR, _SPIN)
-# Interval at which navigate_through_poses_w_replanning_and_recovery.xml removes passed poses and plans again, seconds.
+# The interval at which navigate_through_poses_w_replanning_and_recovery.xml removes passed poses and plans again, seconds.
 _REPLANS_SEC = 3.0
 
 
 @cache
 def manner(name: str) -> DrivingManner:
-    """Return the manner with a name, one of `placement.MANNER_NAMES`."""
+    """Return the manner of driving with a name in `placement.MANNER_NAMES`."""
     return like_nav2(resources.shared_file_path("config", "nav2_params.yaml")) if name == NAV2_NAME else QUICK
 
 
 def like_nav2(parameters: Path) -> DrivingManner:
-    """Return Nav2's manner of driving with a parameter file; missing parameters have Nav2's defaults.
+    """Return the manner in which Nav2 drives with a parameter file; missing parameters have Nav2's defaults.
 
     Raises:
         ParameterFileError: If the file has errors.
@@ -111,7 +111,7 @@ def like_nav2(parameters: Path) -> DrivingManner:
 
 
 def _plugin(parameters: dict[str, object], name: str, default: str) -> str:
-    """Return the first of a server's plugins."""
+    """Return the name of a server's first plugin."""
     plugins = parameters.get(name)
     return str(plugins[0]) if isinstance(plugins, Sequence) and plugins else default
 
@@ -121,14 +121,14 @@ def _number(parameters: dict[str, object], name: str, default: float) -> float:
     return float(value) if isinstance(value, (int, float)) else default
 
 
-# Without this much movement in this much simulated time the robot is regarded as stuck.
+# The minimum movement (metres, radians) in a simulated time (seconds) without which the robot counts as stuck.
 _MOVE, _TURN, _PATIENCE_SEC = 0.2, 0.4, 10.0
 # The speed that time estimates assume for a standing robot, m/s.
 _CRUISE = 0.4
 
 
 class DriveEnd(Enum):
-    """The end of a goal."""
+    """The way in which a goal ended."""
 
     SUCCEEDED = "succeeded"
     CANCELED = "canceled"
@@ -137,12 +137,12 @@ class DriveEnd(Enum):
 
 @dataclass(frozen=True)
 class DriveOutcome:
-    """The end of a goal with its reason.
+    """The outcome of a goal.
 
     Attributes:
-        ending: The kind of end.
-        code: Nav2's error code, one of `NavCode` unless a fault sets another.
-        text: The reason in words, or "".
+        ending: The way in which the goal ended.
+        code: Nav2's error code, a `NavCode` unless a fault sets another code.
+        text: The reason in words; empty if there is none.
     """
 
     ending: DriveEnd
@@ -156,9 +156,9 @@ class DriveProgress:
 
     Attributes:
         command: The next velocity command.
-        distance_remaining: Remaining distance, metres.
-        time_remaining_sec: Estimate, simulated seconds.
-        outcome: The end of the goal; None until then.
+        distance_remaining: The remaining distance, metres.
+        time_remaining_sec: The estimated remaining time, simulated seconds.
+        outcome: The outcome of the goal; None until the goal ends.
     """
 
     command: Twist2D
@@ -175,9 +175,9 @@ class Drive:
         limits: The limits of the robot's drive.
         goal: The goal pose, frame `map`.
         start: The robot's pose, frame `map`.
-        now: Simulated time, seconds.
-        manner: How it is driven.
-        via: Positions that the path leads through, frame `map`.
+        now: The simulated time, seconds.
+        manner: The manner of driving.
+        via: The positions through which the path leads, frame `map`.
 
     Raises:
         PlanningError: If there is no path.
@@ -193,14 +193,14 @@ class Drive:
         manner: DrivingManner = QUICK,
         via: Sequence[Pose2D] = (),
     ) -> None:
-        ways = [planner.plan(*each, manner.tolerance) for each in pairwise([start, *via, goal])]
-        self.path = Path2D(np.concatenate([way.points for way in ways]))
+        paths = [planner.plan(*each, manner.tolerance) for each in pairwise([start, *via, goal])]
+        self.path = Path2D(np.concatenate([path.points for path in paths]))
         self._follower = Follower(self.path, goal.yaw, manner.limits(limits), manner.follower)
         self._mark, self._mark_time = start, now
         self._braking = False
 
     def brake(self) -> None:
-        """Stop the robot and end as canceled."""
+        """Let the robot brake; when it stands still, the goal ends as canceled."""
         self._braking = True
 
     def step(self, state: RobotState, now: float) -> DriveProgress:
@@ -224,7 +224,7 @@ class Drive:
         if state.pose.distance_to(self._mark) > _MOVE or turned > _TURN:
             self._mark, self._mark_time = state.pose, now
         if now - self._mark_time > _PATIENCE_SEC:
-            reason = ": an obstacle that is not on the map blocks it" if state.touching else ""
+            reason = ", because an obstacle that is not on the map blocks it" if state.touching else ""
             text = f"the robot has not moved for {_PATIENCE_SEC:g} s{reason}"
             return DriveOutcome(DriveEnd.ABORTED, NavCode.FAILED_TO_MAKE_PROGRESS, text)
         return None

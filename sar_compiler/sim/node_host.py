@@ -15,9 +15,9 @@ from rclpy.executors import (
 )
 from rclpy.node import Node
 
-# QoS events, which only cause warnings, are half of all entities in the wait set: checked only once in this many rounds.
+# The number of rounds between two checks of QoS events, which are half of the entities in the wait set and only cause warnings.
 _ROUNDS_PER_EVENT = 20
-# Largest number of messages in a chain between two steps: a response comes one step after its request.
+# The maximum length of a chain of messages between two steps. A response arrives one step after its request.
 _HOPS = 2
 
 
@@ -25,8 +25,8 @@ class PacedExecutor(SingleThreadedExecutor):
     """An executor that serves callbacks until a time of the monotonic clock.
 
     `spin_once` with a time-out that differs from call to call starts a new round each time. A waiting coroutine (an action goal
-    being executed) comes first in each round, so that nothing else would ever be served. The same time-out object, changed in
-    place, continues the round.
+    being executed) comes first in each round, so that no other callback would ever be served. This class changes the same time-out object
+    in place, which continues the round.
     """
 
     def __init__(self, *, context: Context, interrupted: Callable[[], bool]) -> None:
@@ -45,7 +45,7 @@ class PacedExecutor(SingleThreadedExecutor):
     def serve_until(
         self, deadline: float, *, enough: Callable[[], bool] | None = None, to_the_end: bool = False
     ) -> None:
-        """Serve callbacks until *deadline*, but at least one round.
+        """Serve callbacks until *deadline*, but for at least one round.
 
         Args:
             deadline: On the clock of `time.monotonic()`, seconds.
@@ -60,7 +60,7 @@ class PacedExecutor(SingleThreadedExecutor):
             try:
                 handler, _, _ = self.wait_for_ready_callbacks(self._remaining, None, self._is_over)
             except TimeoutException:
-                # The time-out of an interrupted round was computed at that time.
+                # The time-out of a continued round was computed when the round started.
                 if time.monotonic() >= deadline:
                     return
             except (ConditionReachedException, ShutdownException):
@@ -70,7 +70,7 @@ class PacedExecutor(SingleThreadedExecutor):
                 handler.result()
 
     def _is_over(self) -> bool:
-        # The same object for every call: a different condition starts a new round, as a different time-out does.
+        # The same condition for every call, because a different condition starts a new round, like a different time-out.
         return self._over()
 
 
@@ -79,19 +79,19 @@ def _never_stop() -> bool:
 
 
 class SteppedExecutor:
-    """Serves a mission and its simulation in one thread: all pending work is completed between two steps.
+    """Serves a mission and its simulation in one thread, and completes all pending work between two steps.
 
-    It is based on rclpy's `EventsExecutor`, which calls callbacks in the order of their causes. Within a process, a message
+    The class uses rclpy's `EventsExecutor`, which calls callbacks in the order of their causes. Within a process, a message
     reaches its subscribers when it is published.
 
     Args:
         context: The nodes' context.
 
     Attributes:
-        step: Makes the next step of the simulation, once there is one.
+        step: Makes the next step of the simulation; None before the simulation starts and after it stops.
 
     Raises:
-        ImportError: If this rclpy has no such executor.
+        ImportError: If this version of rclpy has no `EventsExecutor`.
     """
 
     def __init__(self, context: Context) -> None:
@@ -100,13 +100,13 @@ class SteppedExecutor:
         self.context = context
         self.step: Callable[[], object] | None = None
         self._events = EventsExecutor(context=context)
-        self._apart = PacedExecutor(context=context, interrupted=_never_stop)
+        self._wait_set_executor = PacedExecutor(context=context, interrupted=_never_stop)
         self.add_node, self.remove_node = self._events.add_node, self._events.remove_node
 
     def serve_apart(self, node: Node) -> None:
-        """Serve a node with a wait-set executor, for entities that the events executor cannot serve."""
+        """Serve a node with a wait-set executor, because the events executor cannot serve its entities."""
         self.remove_node(node)
-        self._apart.add_node(node)
+        self._wait_set_executor.add_node(node)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """Make a step, and call all pending callbacks; the time-out is ignored."""
@@ -114,20 +114,20 @@ class SteppedExecutor:
             self.step()
         for _ in range(_HOPS):
             served: list[str] = []
-            # After all callbacks that are pending by now.
+            # The executor runs this task after all callbacks that are pending now.
             self._events.create_task(served.append, "all")
             while not served:
                 self._events.spin_once(timeout_sec=timeout_sec)
-            if self._apart.get_nodes():
-                self._apart.serve_until(time.monotonic())
+            if self._wait_set_executor.get_nodes():
+                self._wait_set_executor.serve_until(time.monotonic())
 
     def spin_until_future_complete(self, _: Any, timeout_sec: float | None = None) -> None:
         """Spin once; callers check their future after each step."""
         self.spin_once(timeout_sec)
 
     def shutdown(self) -> None:
-        """Stop serving."""
-        self._apart.shutdown()
+        """Shut down both executors."""
+        self._wait_set_executor.shutdown()
         self._events.shutdown()
 
 
@@ -135,10 +135,10 @@ class NodeHost:
     """Creates nodes in one context and namespace, all served by one executor.
 
     Args:
-        executor: Serves them.
-        context: Their context.
-        namespace: Their namespace, or None for the one of the command line.
-        cli_args: ROS arguments of their own; they override those of the command line.
+        executor: Serves the nodes.
+        context: The context of the nodes.
+        namespace: The namespace of the nodes; None for the namespace of the command line.
+        cli_args: ROS arguments for these nodes, which override those of the command line.
     """
 
     def __init__(
@@ -153,8 +153,8 @@ class NodeHost:
         self._nodes: list[Node] = []
 
     def create(self, name: str) -> Node:
-        """Return a new node."""
-        # Parameters of these nodes are never set, and their services would slow down every round.
+        """Create a node."""
+        # The nodes have no parameter services, because their parameters are never set, and the services would slow down every round.
         node = Node(
             name,
             context=self._context,
@@ -167,12 +167,12 @@ class NodeHost:
         return node
 
     def destroy(self, node: Node) -> None:
-        """Destroy a node created here."""
+        """Destroy a node that this host has created."""
         self._nodes.remove(node)
         self._executor.remove_node(node)
         node.destroy_node()
 
     def destroy_all(self) -> None:
-        """Destroy all remaining nodes created here."""
+        """Destroy all remaining nodes that this host has created."""
         while self._nodes:
             self.destroy(self._nodes[-1])

@@ -1,4 +1,4 @@
-"""Occupancy maps, read and written like `nav2_map_server` does."""
+"""Occupancy maps, and their files in the format of `nav2_map_server`."""
 
 import io
 import math
@@ -19,11 +19,11 @@ UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 # The grey values that map_saver writes for the three states.
 _PIXELS = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}
 _OCCUPIED_THRESH = 0.65
-# Below the darkness of 205 (50/255 = 0.19608): with map_saver's own 0.25, map_server reads unknown cells as free.
+# Below the darkness of grey value 205 (50/255 = 0.19608), because with map_saver's 0.25 map_server reads unknown cells as free.
 _FREE_THRESH = 0.196
-# 70 m x 70 m with cells of 5 cm: about the limit of the planner within a gigabyte.
+# The number of cells that the planner can process with about a gigabyte of memory: 70 m x 70 m with cells of 5 cm.
 _MAX_CELLS = 2_000_000
-# The formats that map_saver and drawing programs write. Other decoders of Pillow start programs, or are less tested.
+# The image formats that map_saver and drawing programs write. Other decoders of Pillow start programs, or are less tested.
 _FORMATS = ("BMP", "JPEG", "PNG", "PPM")
 
 
@@ -33,13 +33,13 @@ class _ImageError(SarError):
 
 @dataclass(frozen=True)
 class OccupancyMap:
-    """The occupancy of the ground, cell by cell.
+    """A map whose cells are free, occupied or unknown.
 
     Attributes:
         cells: -1 unknown, 0 free, 100 occupied; shape (height, width), int8, row 0 at the lowest y.
-        resolution: Edge of a cell, metres.
+        resolution: The edge length of a cell, metres.
         origin_x: The x of the lower left corner of cell (0, 0), metres, frame `map`.
-        origin_y: The y of the same corner.
+        origin_y: The y of the same corner, metres, frame `map`.
     """
 
     cells: NDArray[np.int8]
@@ -51,57 +51,57 @@ class OccupancyMap:
         self.cells.setflags(write=False)
 
     def cell_at(self, x: float, y: float) -> tuple[int, int] | None:
-        """Return (row, column) of the cell that contains (x, y) in metres, or None outside the map."""
+        """Return (row, column) of the cell that contains (x, y) in metres, frame `map`; None outside the map."""
         row = math.floor((y - self.origin_y) / self.resolution)
         column = math.floor((x - self.origin_x) / self.resolution)
         inside = 0 <= row < self.cells.shape[0] and 0 <= column < self.cells.shape[1]
         return (row, column) if inside else None
 
     def centre_of(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the centres of cells in metres, shape (n, 2)."""
+        """Return the centres of cells in metres, frame `map`, shape (n, 2)."""
         x = self.origin_x + (columns + 0.5) * self.resolution
         y = self.origin_y + (rows + 0.5) * self.resolution
         return np.stack((x, y), axis=1)
 
 
 def read_map(path: Path) -> OccupancyMap:
-    """Read a map's description and its image, by `nav2_map_server`'s rules.
+    """Read the description and the image of a map by the rules of `nav2_map_server`.
 
     Args:
         path: The `.yaml` file; its `image` is looked up in the same folder.
 
     Raises:
         UnreadableFileError: If the description or its image does not exist or cannot be read.
-        TreeError: If the description has errors, or requires unsupported features, or its image is invalid, damaged, too
-                large, or outside the repository; carries all findings.
+        TreeError: If the description has errors or requires unsupported features, or if the image is invalid, damaged, too
+                large, or outside the repository; the error contains all findings.
     """
     document = read_yaml(path, MAP, "write the keys of nav2_map_server: image, resolution, origin, ...")
-    said = document.validate("map").data
+    values = document.validate("map").data
     named = document.root.mapping.get("image")
-    image = path_inside(document, path.parent, named, "image") if named and "image" in said else None
+    image = path_inside(document, path.parent, named, "image") if named and "image" in values else None
     document.raise_findings()
     assert named is not None and image is not None  # noqa: S101, PT018 - otherwise there are findings
     try:
-        sums, most = _brightness(image)
+        sums, white = _brightness(image)
     except _ImageError as error:
         document.report("wrong-value", f"{image}: {error}", named)
         document.raise_findings()
-    # Pixels have one of few values, so that even a large image takes little memory.
-    shade = np.arange(most + 1) / most
-    dark = shade if said["negate"] else 1.0 - shade
-    cell_of = np.full(most + 1, UNKNOWN, dtype=np.int8)
-    cell_of[dark < said["free_thresh"]] = FREE
-    cell_of[dark > said["occupied_thresh"]] = OCCUPIED
+    # The state of a cell is looked up by the brightness of its pixel, so that even a large image needs little memory.
+    shade = np.arange(white + 1) / white
+    dark = shade if values["negate"] else 1.0 - shade
+    cell_of = np.full(white + 1, UNKNOWN, dtype=np.int8)
+    cell_of[dark < values["free_thresh"]] = FREE
+    cell_of[dark > values["occupied_thresh"]] = OCCUPIED
     upright = np.ascontiguousarray(np.flipud(cell_of[sums]))
-    return OccupancyMap(upright, said["resolution"], *said["origin"][:2])
+    return OccupancyMap(upright, values["resolution"], *values["origin"][:2])
 
 
 def map_files(occupancy: OccupancyMap, prefix: Path) -> dict[Path, bytes]:
-    """Return the image and the description of a map, as `nav2_map_server` writes them: their paths and contents.
+    """Return the contents of the image and the description of a map, by path, in the format of `nav2_map_server`.
 
     Args:
         occupancy: The map.
-        prefix: The files' path without suffix; `.pgm` and `.yaml` are added.
+        prefix: The path of the files without suffix, to which `.pgm` and `.yaml` are appended.
     """
     image, description = prefix.with_name(f"{prefix.name}.pgm"), prefix.with_name(f"{prefix.name}.yaml")
     pixels: NDArray[np.uint8] = np.full(occupancy.cells.shape, _PIXELS[UNKNOWN], dtype=np.uint8)
@@ -124,7 +124,7 @@ def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
-        _ImageError: If it is not an image of these formats, is damaged, or too large.
+        _ImageError: If the file is not an image in one of `_FORMATS`, is damaged, or is too large.
     """
     data = read_file(path, IMAGE).data
     if len(data) > IMAGE.limit:
@@ -132,19 +132,19 @@ def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # checked below
-            # The size is known at this point, before the image is decoded.
+            # Pillow knows the size before it decodes the image.
             with Image.open(io.BytesIO(data), formats=_FORMATS) as image:
                 _require_size(*image.size)
                 bands = np.asarray(image.convert("RGBA" if "A" in image.getbands() else "RGB"))
     except (_ImageError, MemoryError):
         raise
     except Exception as error:
-        # A decoder of damaged data may raise anything: ValueError, SyntaxError, struct.error, ...
+        # The decoder of damaged data may raise any exception: ValueError, SyntaxError, struct.error, ...
         raise _ImageError(f"it is not a readable image ({error})") from error
     return bands.sum(axis=2, dtype=np.uint16), 255 * bands.shape[2]
 
 
 def _require_size(width: int, height: int) -> None:
     if not 0 < width * height <= _MAX_CELLS:
-        message = f"the image has {width} x {height} pixels: reduce it to {_MAX_CELLS:,} at most"
+        message = f"the image has {width} x {height} pixels. Reduce it to at most {_MAX_CELLS:,} pixels"
         raise _ImageError(message)

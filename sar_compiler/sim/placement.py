@@ -13,7 +13,7 @@ from sar_compiler.opener import POSES, MissingFileError, UnreadableFileError, re
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
 
 _FORM = "NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians, frame map)"
-# The valid parts of a ROS namespace; rmw allows about 240 characters for all of it.
+# A valid part of a ROS namespace; rmw allows about 240 characters for a complete namespace.
 _NAME = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,99}")
 
 QUICK_NAME, NAV2_NAME = "quick", "nav2"
@@ -25,8 +25,7 @@ class PlacementError(SarError):
     """Robots cannot be placed as requested.
 
     Attributes:
-        robot: The name of the robot concerned, or the invalid text; "" for the robot
-            without a name.
+        robot: The name of the robot, or the text of an invalid placement; empty for the robot without a name.
     """
 
     def __init__(self, robot: str, problem: str) -> None:
@@ -39,12 +38,12 @@ class Placement:
     """One robot in a world.
 
     Attributes:
-        name: Its name; the robot's nodes are in the namespace `/name`. Without a name ("") they are in the
+        name: The robot's name; the robot's nodes are in the namespace `/name`. If the name is empty, the nodes are in the
             namespace of the simulation, with the global `/tf`.
-        start: Its pose at time zero, frame `map`; the world's start if None.
-        odometry: Its pose at time zero by its odometry.
-        localised: Whether its localisation knows its pose without an initial pose.
-        like: The manner of driving of its Nav2 substitute, one of `MANNER_NAMES`.
+        start: The robot's pose at time zero, frame `map`; the world's start if None.
+        odometry: The pose at time zero according to the robot's odometry.
+        localised: Whether the localisation knows the robot's pose without an initial pose.
+        like: The manner of driving of the robot's Nav2 substitute, one of `MANNER_NAMES`.
     """
 
     name: str
@@ -60,32 +59,32 @@ class Placement:
 
     @property
     def ros_arguments(self) -> list[str]:
-        """The ROS arguments that put the robot's nodes and transforms into its namespace."""
+        """The ROS arguments that put the robot's nodes and transforms into the robot's namespace."""
         if not self.name:
             return []
         return ["--ros-args", "-r", f"__ns:=/{self.name}", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
 
 
 def parse_placement(text: str) -> Placement:
-    """Read `NAME[:X,Y[,YAW]]`.
+    """Parse `NAME[:X,Y[,YAW]]`.
 
     Raises:
-        PlacementError: If the form is wrong, ROS rejects the name, or a number is not finite.
+        PlacementError: If the text has another form, ROS rejects the name, or a number is not finite.
     """
     name, colon, pose = text.partition(":")
     if not name:
-        raise PlacementError(text, f"has no name; expected {_FORM}")
+        raise PlacementError(text, f"has no name. Write {_FORM}")
     if not _NAME.fullmatch(name):
         problem = (
-            f"'{name}' is not a valid namespace: use letters, digits and single underscores, at most 100 and no "
-            f"digit first; expected {_FORM}"
+            f"'{name}' is not a valid namespace. Use at most 100 letters, digits and single underscores, without a "
+            f"digit at the start, and write {_FORM}"
         )
         raise PlacementError(text, problem)
     if not colon:
         return Placement(name)
     numbers = [_number(text, part) for part in pose.split(",")]
     if len(numbers) not in {2, 3}:
-        problem = f"'{pose}' has {len(numbers)} number{'s' * (len(numbers) != 1)}; expected {_FORM}"
+        problem = f"'{pose}' has {len(numbers)} number{'s' * (len(numbers) != 1)}. Write {_FORM}"
         raise PlacementError(text, problem)
     return Placement(name, Pose2D(*numbers))
 
@@ -96,19 +95,19 @@ def _number(text: str, part: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise PlacementError(text, f"'{part}' is not a finite number; expected {_FORM}")
+        raise PlacementError(text, f"'{part}' is not a finite number. Write {_FORM}")
     return value
 
 
 RobotPlaces = Mapping[str, tuple[Pose2D, Pose2D]]
-"""The pose in `map` and the odometry pose of each robot, by its name."""
+"""The pose in `map` and the odometry pose of each robot, by the robot's name."""
 
 
 class PoseFileError(SarError):
-    """The file cannot be read or written, or has another purpose.
+    """A pose file cannot be read or written, or is not a valid pose file of the world.
 
     Attributes:
-        path: The file.
+        path: The path of the file.
     """
 
     def __init__(self, path: Path, problem: str) -> None:
@@ -117,10 +116,10 @@ class PoseFileError(SarError):
 
 
 class PoseFile:
-    """The poses of the robots of one world in a file.
+    """A file with the poses of the robots in a world.
 
     Args:
-        path: The file; it need not exist.
+        path: The path of the file, which need not exist.
         world: The world's name.
     """
 
@@ -128,46 +127,46 @@ class PoseFile:
         self._path, self._world = path, world
 
     def read(self) -> RobotPlaces:
-        """Return the last written poses; empty if there is no file.
+        """Return the last written poses; empty if the file does not exist.
 
         Raises:
-            PoseFileError: If the file is invalid, or for another world.
+            PoseFileError: If the file is invalid, or contains poses of another world.
         """
         try:
-            said: Any = json.loads(read_file(self._path, POSES).decode())
+            data: Any = json.loads(read_file(self._path, POSES).decode())
             places = {
                 str(name): (Pose2D(*map(float, pose)), Pose2D(*map(float, odometry)))
-                for name, (pose, odometry) in said["robots"].items()
+                for name, (pose, odometry) in data["robots"].items()
             }
-            world = said["world"]
+            world = data["world"]
         except MissingFileError:
             return {}
         except UnreadableFileError as error:
-            raise PoseFileError(self._path, f"cannot be read: {error.reason}") from error
+            raise PoseFileError(self._path, f"the file cannot be read: {error.reason}") from error
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-            raise PoseFileError(self._path, "has no poses of robots: name another file") from error
+            raise PoseFileError(self._path, "the file has no poses of robots. Name another file") from error
         if world != self._world:
             raise PoseFileError(
-                self._path, f"has poses of another world, {world!r}: delete it, or name another file"
+                self._path, f"the file has poses of another world, {world!r}. Delete it, or name another file"
             )
         if not all(pose.is_finite for pair in places.values() for pose in pair):
-            raise PoseFileError(self._path, "has a pose that is not finite: delete it")
+            raise PoseFileError(self._path, "the file has a pose that is not finite. Delete the file")
         return places
 
     def restore(self, robots: Sequence[Placement]) -> list[Placement]:
-        """Return the robots at their last written poses; other robots at their starts.
+        """Return the robots at their last written poses, or at their start if the file has no pose of them.
 
         Raises:
-            PoseFileError: As `read`.
+            PoseFileError: As for `read`.
         """
         places = self.read()
         return [Placement(each.name, *places.get(each.name, (each.start,))) for each in robots]
 
     def write(self, places: RobotPlaces) -> None:
-        """Replace the file atomically.
+        """Replace the content of the file atomically.
 
         Raises:
-            PoseFileError: If it cannot be written.
+            PoseFileError: If the file cannot be written.
         """
         robots = {name: [_numbers(pose) for pose in pair] for name, pair in places.items()}
         beside = self._path.with_name(f"{self._path.name}.new")
@@ -175,7 +174,7 @@ class PoseFile:
             beside.write_text(json.dumps({"world": self._world, "robots": robots}), encoding="utf-8")
             beside.replace(self._path)
         except OSError as error:
-            raise PoseFileError(self._path, f"cannot be written: {error.strerror}") from error
+            raise PoseFileError(self._path, f"the file cannot be written: {error.strerror}") from error
 
 
 def _numbers(pose: Pose2D) -> list[float]:

@@ -19,21 +19,21 @@ from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import FREE, OccupancyMap
 from sar_compiler.sim.world import Floats
 
-# A cell into which the body just fits costs this many times more than open ground …
+# The cost of a cell into which the body just fits, relative to the cost of a cell far from obstacles.
 _NEAR_COST = 8.0
-# … and the surcharge falls to 1/e over this many metres.
+# The distance over which the additional cost near an obstacle falls to 1/e, metres.
 _FALL_OFF = 0.25
-# Largest distance of a start from ground where the body fits, metres: a robot that touches a wall can drive away from it.
+# The maximum distance of a start from a position at which the body fits, metres, so that a robot can drive away from a wall that it touches.
 _START_SLACK = 0.15
-# Length of path that is averaged to round its corners, metres.
+# The length of the path section over which positions are averaged to round corners, metres.
 _SMOOTHING = 0.45
-# Number of goals for which the paths from everywhere are cached.
-_PLACES_KEPT = 32
-# Unreachable parts of an area below this size are room corners or ground behind furniture.
-_LEAST_TOLD_M2 = 0.25
+# The number of goals for which the paths from all cells are cached.
+_CACHED_GOALS = 32
+# The minimum size of a reported unreachable part, square metres. Smaller parts are room corners or floor behind furniture.
+_MIN_REPORTED_M2 = 0.25
 _TOUCHING = np.ones((3, 3), dtype=int)
 # scipy's value for a node without a path.
-_NO_WAY = -9999
+_NO_PATH = -9999
 _NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
@@ -54,7 +54,7 @@ class PlanningError(SarError):
     """There is no path.
 
     Attributes:
-        code: The reason, by Nav2's error codes.
+        code: Nav2's error code for the reason.
     """
 
     def __init__(self, code: NavCode, message: str) -> None:
@@ -65,11 +65,11 @@ class PlanningError(SarError):
 class Planner:
     """Plans paths for a round robot.
 
-    The body must be on ground known to be free: unknown cells count as occupied.
+    All cells below the robot must be known to be free; unknown cells count as occupied.
 
     Args:
         occupancy: The map.
-        robot_radius: Metres.
+        robot_radius: The radius of the robot, metres.
     """
 
     def __init__(self, occupancy: OccupancyMap, robot_radius: float) -> None:
@@ -81,8 +81,8 @@ class Planner:
         near = np.exp(-(self.clearance - robot_radius) / _FALL_OFF)
         self._graph, self._node_of = _grid_graph(self.fits, 1.0 + (_NEAR_COST - 1.0) * near)
         self._cells = np.argwhere(self.fits)
-        # Comparing locations requires many paths to each of them.
-        self._ways_to = lru_cache(_PLACES_KEPT)(partial(_ways, self._graph))
+        # Cached, because a comparison of locations requires many paths to each location.
+        self._next_nodes_to = lru_cache(_CACHED_GOALS)(partial(_next_nodes, self._graph))
 
     def plan(self, start: Pose2D, goal: Pose2D, tolerance: float = 0.0) -> Path2D:
         """Return a path between two positions, frame `map`.
@@ -90,17 +90,17 @@ class Planner:
         Args:
             start: The start.
             goal: The goal.
-            tolerance: Distance from an occupied goal at which the path may end, metres. If there is no such position, the error is
-                    `NO_VALID_PATH` instead of an occupied goal, as with Nav2's planner.
+            tolerance: The distance from an occupied goal at which the path may end, metres. If there is no free position within this
+                    distance, the error is `NO_VALID_PATH` instead of `GOAL_OCCUPIED`, as with Nav2's planner.
 
         Raises:
-            PlanningError: If there is no path; its code is the reason.
+            PlanningError: If there is no path; the error's code is the reason.
         """
         goal = self._nearest_free(goal, tolerance) if tolerance else goal
         goal_node = self._goal_node(goal)
         start_node = self._start_node(start)
-        next_to_goal = self._ways_to(goal_node)
-        if start_node != goal_node and next_to_goal[start_node] == _NO_WAY:
+        next_to_goal = self._next_nodes_to(goal_node)
+        if start_node != goal_node and next_to_goal[start_node] == _NO_PATH:
             message = f"no path leads from ({start.x:.2f}, {start.y:.2f}) to ({goal.x:.2f}, {goal.y:.2f})"
             raise PlanningError(NavCode.NO_VALID_PATH, message)
         nodes = [start_node]
@@ -110,19 +110,19 @@ class Planner:
         return Path2D(self._smooth(self.occupancy.centre_of(cells[:, 0], cells[:, 1]), goal))
 
     def ground_from(self, start: Pose2D) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which cells are free, and which of them the robot can cover from a position.
+        """Return which cells are free, and which cells the robot's body can cover when it starts at a position.
 
         Raises:
-            PlanningError: If the robot cannot start there.
+            PlanningError: If the robot cannot start at the position.
         """
         parts, _ = label(self.fits, structure=_TOUCHING)
         reached = parts == parts[tuple(self._cells[self._start_node(start)])]
-        # One cell more: a body is not made of cells.
+        # One cell is added, because a body does not consist of whole cells.
         near = distance_transform_edt(~reached) * self.occupancy.resolution
         return self.occupancy.cells == FREE, near <= self._radius + self.occupancy.resolution
 
     def _nearest_free(self, goal: Pose2D, tolerance: float) -> Pose2D:
-        """Return the position nearest to a goal at which the robot fits."""
+        """Return the position nearest to a goal, within a distance in metres, at which the robot fits."""
         cell = self.occupancy.cell_at(goal.x, goal.y)
         if cell is None or self.fits[cell]:
             return goal
@@ -146,13 +146,13 @@ class Planner:
     def _start_node(self, start: Pose2D) -> int:
         cell = self.occupancy.cell_at(start.x, start.y)
         if cell is None:
-            message = f"the robot, at ({start.x:.2f}, {start.y:.2f}), is outside the map"
+            message = f"the robot at ({start.x:.2f}, {start.y:.2f}) is outside the map"
             raise PlanningError(NavCode.START_OUTSIDE_MAP, message)
         if self.fits[cell]:
             return int(self._node_of[cell])
         node = self._nearest_node(start, _START_SLACK)
         if node is None:
-            message = f"the robot, at ({start.x:.2f}, {start.y:.2f}), does not fit on the ground there"
+            message = f"the robot does not fit on free ground at its position ({start.x:.2f}, {start.y:.2f})"
             raise PlanningError(NavCode.START_OCCUPIED, message)
         return node
 
@@ -174,31 +174,31 @@ class Planner:
 
 
 def clearance(occupancy: OccupancyMap) -> Floats:
-    """Return the distance in metres from each cell's centre to the nearest cell not known to be free.
+    """Return the distance in metres from each cell's centre to the nearest cell that is not known to be free.
 
-    The area outside the map is regarded as unknown. The shape is that of the map's cells.
+    The area outside the map counts as unknown. The array has the shape of the map's cells.
     """
     free = np.pad(occupancy.cells == FREE, 1)
     distance: Floats = distance_transform_edt(free)[1:-1, 1:-1] * occupancy.resolution
     return distance
 
 
-def _ways(graph: csr_array, goal: int) -> NDArray[np.int32]:
-    """Return the next node on the path to a goal from each node; `_NO_WAY` if there is none, and at the goal."""
-    # Path costs are not stored: they would take twice as much memory.
+def _next_nodes(graph: csr_array, goal: int) -> NDArray[np.int32]:
+    """Return the next node on the path from each node to a goal; `_NO_PATH` for a node without a path, and for the goal."""
+    # The costs of the paths are not stored, because they would need twice as much memory.
     following: NDArray[np.int32] = dijkstra(graph, indices=goal, return_predecessors=True)[1]
     return following
 
 
 def _grid_graph(passable: NDArray[np.bool_], cost: Floats) -> tuple[csr_array, NDArray[np.int32]]:
-    """Return the graph of the passable cells and their eight neighbours.
+    """Return the graph that connects each passable cell to its passable neighbours, of which it has up to eight.
 
     Args:
-        passable: Shape (height, width).
-        cost: Cost of a cell per edge length travelled in it, same shape.
+        passable: Whether each cell is passable, shape (height, width).
+        cost: The cost of each cell per edge length travelled in the cell, same shape.
 
     Returns:
-        The adjacency matrix with costs in cell edges, and the node number of each cell (-1: none).
+        The adjacency matrix with costs in cell edges, and the node number of each cell, -1 for impassable cells.
     """
     node_of = np.full(passable.shape, -1, dtype=np.int32)
     node_of[passable] = np.arange(np.count_nonzero(passable), dtype=np.int32)
@@ -217,7 +217,7 @@ def _grid_graph(passable: NDArray[np.bool_], cost: Floats) -> tuple[csr_array, N
     return coo_array((np.concatenate((price, price)), pairs), shape=(count, count)).tocsr(), node_of
 
 
-_WORDS = {
+_PROBLEMS = {
     NavCode.START_OUTSIDE_MAP: "the robot's start is outside the map",
     NavCode.START_OCCUPIED: "the robot does not fit on free ground at its start",
     NavCode.GOAL_OUTSIDE_MAP: "it is outside the map",
@@ -227,13 +227,13 @@ _WORDS = {
 
 
 class RouteLeg(NamedTuple):
-    """The path to one stop.
+    """The path to a stop of a route.
 
     Attributes:
-        name: The stop.
-        x: Its position in the frame `map`, metres.
-        y: The same.
-        distance: Metres along the path from the previous reachable stop; None if it is unreachable.
+        name: The name of the stop.
+        x: Position of the stop in the frame `map`, metres.
+        y: Position of the stop in the frame `map`, metres.
+        distance: The length of the path from the previous reachable stop, metres; None if the stop is unreachable.
         trouble: The problem with the path; empty if there is none.
     """
 
@@ -249,10 +249,10 @@ class ReachableArea(NamedTuple):
 
     Attributes:
         area_m2: The size of the area, square metres.
-        reached_m2: The reachable part: free ground that the robot's body covers somewhere on its paths.
-        cut_off_m2: The free but unreachable part, without negligible pieces.
-        cut_off_at: A position inside the largest unreachable piece: x and y in metres, frame `map`; None if there is none.
-        off_map_m2: The part beyond the map.
+        reached_m2: The size of the reachable part, whose free cells the robot's body can cover, square metres.
+        cut_off_m2: The size of the free but unreachable parts, without negligible parts, square metres.
+        cut_off_at: A position in the largest unreachable part: x and y in metres, frame `map`; None if there is none.
+        off_map_m2: The size of the part outside the map, square metres.
     """
 
     area_m2: float
@@ -274,7 +274,7 @@ def reachable_areas(
 
     Raises:
         ImportError: If shapely is not installed.
-        PlanningError: If the robot cannot start there.
+        PlanningError: If the robot cannot start at *start*.
     """
     import shapely
 
@@ -292,17 +292,16 @@ def reachable_areas(
         inside = free & shapely.contains_xy(outline, centres).reshape(free.shape)
         parts, count = label(inside & ~covered, structure=_TOUCHING)
         sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:] * cell_m2
-        told = sizes[sizes >= _LEAST_TOLD_M2]
-        at = _innermost_position(parts == 1 + int(sizes.argmax()), occupancy) if len(told) else None
+        reported = sizes[sizes >= _MIN_REPORTED_M2]
+        at = _innermost_position(parts == 1 + int(sizes.argmax()), occupancy) if len(reported) else None
         reached = float(np.count_nonzero(inside & covered)) * cell_m2
-        found.append(
-            ReachableArea(outline.area, reached, float(told.sum()), at, float(outline.difference(whole).area))
-        )
+        off_map = float(outline.difference(whole).area)
+        found.append(ReachableArea(outline.area, reached, float(reported.sum()), at, off_map))
     return found
 
 
 def _innermost_position(part: NDArray[np.bool_], occupancy: OccupancyMap) -> tuple[float, float]:
-    """Return the position in a part that is farthest from its edge: x and y in metres, frame `map`."""
+    """Return the position that is farthest from the edge of a part of the map: x and y in metres, frame `map`."""
     depth = distance_transform_edt(np.pad(part, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(int(depth.argmax()), depth.shape)
     ((x, y),) = occupancy.centre_of(np.array([row]), np.array([column]))
@@ -322,7 +321,7 @@ def plan_route(
         planner: The planner, with the map and the robot's size.
         start: The robot's start: x and y in metres, frame `map`.
         stops: The names and positions of the stops, in order.
-        allowed: Whether the robot may be at a position.
+        allowed: Returns whether the robot may be at a position.
         budget: The budget for the whole route.
     """
     here, legs, budget = Pose2D(*start), [], budget or Budget()
@@ -333,18 +332,18 @@ def plan_route(
         try:
             path = planner.plan(here, there)
         except PlanningError as error:
-            legs.append(RouteLeg(name, x, y, None, _WORDS[error.code]))
+            legs.append(RouteLeg(name, x, y, None, _PROBLEMS[error.code]))
             continue
         if not allowed(x, y):
             legs.append(RouteLeg(name, x, y, None, "it is outside the geofence"))
             continue
         steps = np.hypot(*np.diff(np.vstack(([here.x, here.y], path.points)), axis=0).T)
-        legs.append(RouteLeg(name, x, y, float(steps.sum()), _leaves_allowed_area(path.points, allowed)))
+        legs.append(RouteLeg(name, x, y, float(steps.sum()), _geofence_problem(path.points, allowed)))
         here = there
     return legs
 
 
-def _leaves_allowed_area(points: Floats, allowed: Callable[[float, float], bool]) -> str:
-    """Return an error if a path leaves the allowed area; otherwise an empty string."""
+def _geofence_problem(points: Floats, allowed: Callable[[float, float], bool]) -> str:
+    """Return a message if a path leaves the allowed area; otherwise an empty string."""
     inside = all(allowed(float(x), float(y)) for x, y in points)
     return "" if inside else "the path there leaves the geofence"

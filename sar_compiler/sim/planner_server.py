@@ -1,4 +1,4 @@
-"""Substitute for Nav2's planner: the action `compute_path_to_pose`, as served by Jazzy's planner_server."""
+"""A substitute for Nav2's planner, which serves the action `compute_path_to_pose` like Jazzy's planner_server."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,9 +17,9 @@ PLAN = "compute_path_to_pose"
 """The action of Nav2's planner."""
 
 _MAP = "map"
-# One of this many points of a path is published.
+# Only every fourth point of a path is published.
 _EVERY = 4
-# How long results are kept for late clients, seconds.
+# The time for which results are stored for late clients, seconds.
 _RESULT_TIMEOUT_SEC = 60
 
 
@@ -27,9 +27,9 @@ class PlannerServer:
     """Serves paths on the map without moving the robot.
 
     Args:
-        node: The node that serves them.
-        planner: Plans them.
-        localise: Returns the robot's pose in `map`, the default start of a path; None while it is unknown.
+        node: The node that serves the action.
+        planner: Plans the paths.
+        localise: Returns the robot's pose in `map`, the default start of a path; None while the pose is unknown.
         is_active: Returns whether goals are accepted.
         tolerance: Distance from an occupied goal at which a path may end, metres.
     """
@@ -71,13 +71,13 @@ class PlannerServer:
         start = self._pose(request.start, "start") if request.use_start else self._localise()
         if start is None:
             raise PlanningError(NavCode.TF_ERROR, "the robot's pose is unknown")
-        way = self._planner.plan(start, self._pose(request.goal, "goal"), self._tolerance)
-        # Writing a point for each cell takes Python longer than planning; the last point is the goal.
-        return Path2D(way.points[::-1][::_EVERY][::-1])
+        path = self._planner.plan(start, self._pose(request.goal, "goal"), self._tolerance)
+        # The points are thinned, because writing a point for each cell takes longer than planning. The goal remains the last point.
+        return Path2D(path.points[::-1][::_EVERY][::-1])
 
-    def _pose(self, message: Any, what: str) -> Pose2D:
+    def _pose(self, message: Any, name: str) -> Pose2D:
         pose, frame = from_pose(message.pose), message.header.frame_id
         if pose is None or frame != _MAP:
-            reason = f"is in the frame '{frame}', not '{_MAP}'" if frame != _MAP else "is not a pose"
-            raise PlanningError(NavCode.TF_ERROR, f"the {what} {reason}")
+            reason = f"is in the frame '{frame}', not '{_MAP}'" if frame != _MAP else "is not a valid pose"
+            raise PlanningError(NavCode.TF_ERROR, f"the {name} {reason}")
         return pose

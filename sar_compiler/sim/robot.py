@@ -1,4 +1,4 @@
-"""The differential-drive robot: speed and acceleration limits, contact, odometry."""
+"""The robot with a differential drive: speed and acceleration limits, contact, and odometry."""
 
 import math
 from collections.abc import Iterable
@@ -9,9 +9,9 @@ import numpy as np
 from sar_compiler.sim.geometry import ORIGIN, Cylinder, Pose2D, normalise_angle
 from sar_compiler.sim.world import Solid, World
 
-# Standard deviation of each step's odometry, as a fraction of the distance driven.
+# The standard deviation of each step's odometry, as a fraction of the distance or angle.
 _ODOMETRY_NOISE = 0.01
-# Below this speed the robot is regarded as standing: m/s and rad/s.
+# The speed below which the robot counts as standing still, m/s and rad/s.
 _STILL = 0.02
 
 
@@ -71,15 +71,15 @@ class RobotState:
 
 
 class Robot:
-    """A disc that follows commands within its limits, and never enters an obstacle or another robot.
+    """A disc that follows commands within limits, and never enters an obstacle or another robot.
 
     Args:
-        world: Its world.
-        start: Its pose at time zero, frame `map`; the world's start if None.
-        odometry: Its pose at time zero by its odometry.
-        seed: Seed of the odometry's noise.
-        limits: The limits of its drive.
-        command_timeout: Age of a command after which the robot stops, seconds of simulated time.
+        world: The world that contains the robot.
+        start: The robot's pose at time zero, frame `map`; the world's start if None.
+        odometry: The pose at time zero according to the robot's odometry.
+        seed: The seed of the odometry's noise.
+        limits: The limits of the robot's drive.
+        command_timeout: The age of a command after which the robot stops, seconds of simulated time.
     """
 
     def __init__(
@@ -115,14 +115,14 @@ class Robot:
         )
 
     def command(self, twist: Twist2D) -> None:
-        """Set the commanded velocity; clip large values, and replace non-finite ones by zero."""
+        """Set the commanded velocity; clip values that exceed the limits, and replace values that are not finite by zero."""
         self._command = Twist2D(_clip(twist.v, self.limits.speed), _clip(twist.w, self.limits.turn))
         self._command_age = 0.0
 
     def step(self, duration: float) -> RobotState:
         """Advance by *duration* seconds and return the new state.
 
-        Other robots do not move meanwhile: the robots of a world take their steps one after the other.
+        Other robots do not move during the step, because the robots of a world take their steps one after the other.
         """
         wanted = self._command if self._command_age < self._timeout else STAND
         self._command_age += duration
@@ -147,14 +147,14 @@ class Robot:
 
     def _measure(self, odometry: Pose2D, moved: float, turned: float) -> Pose2D:
         """Return the odometry after a step of *moved* metres and *turned* radians."""
-        typo, skid = self._random.standard_normal(2)
-        moved *= 1.0 + _ODOMETRY_NOISE * float(typo)
+        slip, skid = self._random.standard_normal(2)
+        moved *= 1.0 + _ODOMETRY_NOISE * float(slip)
         turned *= 1.0 + _ODOMETRY_NOISE * float(skid)
         return _move_along_arc(odometry, moved, turned)
 
 
 def _move_along_arc(pose: Pose2D, length: float, turned: float) -> Pose2D:
-    """Return a pose after a step along the chord of an arc: metres, radians."""
+    """Return the pose after a step of *length* metres along the chord of an arc that turns by *turned* radians."""
     heading = pose.yaw + turned / 2
     x, y = pose.x + length * math.cos(heading), pose.y + length * math.sin(heading)
     return Pose2D(x, y, normalise_angle(pose.yaw + turned))
@@ -169,5 +169,5 @@ def _limit_change(value: float, target: float, most: float) -> float:
 
 
 def _sinc(half_turn: float) -> float:
-    """Return chord over arc for an arc of twice *half_turn* radians."""
+    """Return the ratio of chord to arc length for an arc of twice *half_turn* radians."""
     return math.sin(half_turn) / half_turn if abs(half_turn) > 1e-9 else 1.0  # noqa: PLR2004

@@ -1,4 +1,4 @@
-"""One robot's topics, those of a rosbot stack."""
+"""The topics of a robot, which are those of a ROSbot."""
 
 from array import array
 from collections import deque
@@ -18,30 +18,30 @@ from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.robot import Robot, RobotState, Twist2D
 from sar_compiler.sim.world import Lidar
 
-# One scan in this many steps (5 Hz at 0.05 s).
+# The number of steps between two scans (5 Hz with steps of 0.05 s).
 _SCAN_EVERY = 4
-# One state of the battery in this many steps (1 Hz).
+# The number of steps between two messages about the battery (1 Hz).
 _BATTERY_EVERY = 20
 _ODOM, _BASE = "odom", "base_link"
-# Largest number of its own commands that are on their way back to it.
+# The maximum number of published commands that the node recognises as its own when it receives them.
 _OWN_COMMANDS = 100
 _CommandKey = tuple[str, int, int]
 
 
 class RobotInterface:
-    """Connects a robot to its topics: `cmd_vel` in; `odometry/filtered`, `scan`, `battery_state` and `/tf` out.
+    """Connects a robot to the topic `cmd_vel`, and publishes `odometry/filtered`, `scan`, `battery_state` and `/tf`.
 
-    Its own navigation drives it by `drive`, which takes effect in the same step and also publishes on `cmd_vel` for other
-    subscribers.
+    The simulated navigation commands the robot with `drive`, which takes effect in the same step and also publishes the command on
+    `cmd_vel` for other subscribers.
 
     Args:
         host: Creates the node.
-        robot: The robot, which is sent the latest command.
-        battery: Its battery.
-        seed: Seed of its scanner's noise.
+        robot: The robot, which follows the latest command.
+        battery: The robot's battery.
+        seed: The seed of the scanner's noise.
 
     Attributes:
-        limits: The limits of its drive.
+        limits: The limits of the robot's drive.
     """
 
     def __init__(self, host: NodeHost, robot: Robot, battery: Battery, *, seed: int = 0) -> None:
@@ -52,7 +52,7 @@ class RobotInterface:
         self._odometry = self._node.create_publisher(Odometry, "odometry/filtered", 10)
         self._scan = self._node.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
         self._battery_state = self._node.create_publisher(BatteryState, "battery_state", 10)
-        # Absolute, as in tf2; a namespace remaps it, as Nav2 does.
+        # The name is absolute, as in tf2; for a robot with a namespace it is remapped, as in Nav2.
         self._tf = self._node.create_publisher(TFMessage, "/tf", 100)
         self._node.create_subscription(TwistStamped, "cmd_vel", self._on_command, 10)
         self._commands = self._node.create_publisher(TwistStamped, "cmd_vel", 10)
@@ -71,8 +71,8 @@ class RobotInterface:
         """Publish the robot's sensor data at the end of a step.
 
         Args:
-            step: The step's number.
-            now_ns: The simulated time at its end, nanoseconds.
+            step: The number of the step.
+            now_ns: The simulated time at the end of the step, nanoseconds.
         """
         state = self._robot.state
         stamp = self._stamp = to_stamp(now_ns)
@@ -84,10 +84,10 @@ class RobotInterface:
         self._odometry.publish(message)
         self._tf.publish(TFMessage(transforms=[to_transform(_ODOM, _BASE, state.odometry, stamp)]))
         if step % _BATTERY_EVERY == 0:
-            told = BatteryState(percentage=self._battery.share, present=True)
-            told.header.stamp = stamp
-            self._battery_state.publish(told)
-        # The noise depends on the step alone, not on subscribers.
+            battery_state = BatteryState(percentage=self._battery.share, present=True)
+            battery_state.header.stamp = stamp
+            self._battery_state.publish(battery_state)
+        # The noise is seeded by the step, so that it does not depend on subscribers.
         if step % _SCAN_EVERY == 0 and self._scan.get_subscription_count():
             random = np.random.default_rng([self._seed, 3, step])
             ranges = self._lidar.scan(self._robot.surroundings(), state.pose, random)
@@ -100,13 +100,13 @@ class RobotInterface:
         self._robot.command(twist)
         if self._commands.get_subscription_count() == 1:
             return
-        message = _command(twist, self._stamp)
+        message = _command_message(twist, self._stamp)
         self._own_commands.append(_key_of(message))
         self._commands.publish(message)
 
     def _on_command(self, message: Any) -> None:
         if _key_of(message) in self._own_commands:
-            return  # already executed before it was published
+            return  # `drive` has already executed the command
         self._robot.command(Twist2D(message.twist.linear.x, message.twist.angular.z))
 
     def _empty_scan(self) -> LaserScan:
@@ -122,7 +122,7 @@ class RobotInterface:
         return message
 
 
-def _command(twist: Twist2D, stamp: Time) -> TwistStamped:
+def _command_message(twist: Twist2D, stamp: Time) -> TwistStamped:
     message = TwistStamped()
     message.header.frame_id, message.header.stamp = _BASE, stamp
     message.twist.linear.x, message.twist.angular.z = twist.v, twist.w

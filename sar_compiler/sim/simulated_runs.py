@@ -19,17 +19,17 @@ from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE
 from sar_compiler.errors import SarError
 from sar_compiler.process_end import dependent_environment
 
-# Ports of higher domains overlap with the range that Linux assigns to any process.
+# The ports of higher domains overlap with the range of ports that Linux assigns to any process.
 _DOMAINS = range(1, 102)
-# Runs that were killed, or had other nodes in their domain, are repeated.
-_MOST_ATTEMPTS = 4
-# Part of the message of `sim.isolation` about other nodes.
-_COMPANY = "must not mix with another one"
+# The maximum number of attempts for a run that was killed, or that had other nodes in its domain.
+_MAX_ATTEMPTS = 4
+# A part of the message of `sim.isolation` about other nodes.
+_OTHER_NODES = "must not mix with another robot"
 
-# A process is replaced after this many runs, which also frees whatever they leave behind.
-_MOST_FLIGHTS = 50
+# The number of runs after which a process is replaced, which also frees the resources that the runs have leaked.
+_MAX_RUNS = 50
 
-_over = threading.Event()
+_is_stopping = threading.Event()
 
 
 class SimulatedRunError(SarError):
@@ -41,9 +41,9 @@ class SimulatedRuns:
     """Runs a mission with given seeds.
 
     Attributes:
-        program: The command of a process that runs one mission after the other.
-        arguments: The arguments of `sar-run` before the faults: the tree and the world among them.
-        faults: The faults, as written.
+        program: The command line of a process that runs missions one after the other.
+        arguments: The arguments of `sar-run` before the faults, including the tree and the world.
+        faults: The faults, as the user has written them.
         ros: The ROS arguments.
     """
 
@@ -59,56 +59,56 @@ class SimulatedRuns:
         return [*self.arguments, *faults, "--seed", str(seed), *ros]
 
     def __call__(self, seeds: Sequence[int]) -> list[RunResultSample]:
-        """Return the result of a mission for each seed.
+        """Run the mission with each seed, and return the results.
 
         Raises:
-            SimulatedRunError: If it cannot be run.
-            CancelledError: If the caller no longer waits for it.
+            SimulatedRunError: If the mission cannot be run.
+            CancelledError: If the caller no longer waits for the results.
         """
-        return [self._outcome(seed) for seed in seeds]
+        return [self._run_seed(seed) for seed in seeds]
 
-    def _outcome(self, seed: int) -> RunResultSample:
+    def _run_seed(self, seed: int) -> RunResultSample:
         problem = ""
-        for _ in range(_MOST_ATTEMPTS):
+        for _ in range(_MAX_ATTEMPTS):
             status, output, problem = _execute_run(
                 self.program, ["--format", "json", "--journal", "none", *self.command(seed)]
             )
-            if _over.is_set() or status == INTERRUPTED:
+            if _is_stopping.is_set() or status == INTERRUPTED:
                 raise CancelledError
-            # A process that ends before it responds may also have such a status.
+            # A process that ends without a result may also have one of these statuses.
             if status in (OK, FINDINGS) and output:
-                said = json.loads(output.splitlines()[-1])
-                reason = "" if status == OK else said["reason"] or "failed"
-                size = (len(self.faults), said["ticks"])
-                return RunResultSample(seed, reason, said["duration"], said["figures"], size)
-            if status == USAGE and _COMPANY not in problem:
+                result = json.loads(output.splitlines()[-1])
+                reason = "" if status == OK else result["reason"] or "failed"
+                size = (len(self.faults), result["ticks"])
+                return RunResultSample(seed, reason, result["duration"], result["figures"], size)
+            if status == USAGE and _OTHER_NODES not in problem:
                 break
         raise SimulatedRunError(f"sar-run {shlex.join(self.command(seed))}: {problem or f'status {status}'}")
 
 
 class SimulatedRunResult(NamedTuple):
-    """A mission that was run.
+    """The result of a run of `sar-run`.
 
     Attributes:
-        status: The exit status of `sar-run`; that of the process if it ended before.
-        output: Its standard output.
-        words: The end of its standard error.
+        status: The exit status of `sar-run`, or of the process if it ended without a result.
+        output: The standard output of `sar-run`.
+        problem: The reason of a failure, from standard error.
     """
 
     status: int
     output: str = ""
-    words: str = ""
+    problem: str = ""
 
 
 class RunProcessSlot:
     """A process that runs missions one after the other, in a reserved ROS domain.
 
     Args:
-        program: Its command.
+        program: The command line of the process.
     """
 
     def __init__(self, program: Sequence[str]) -> None:
-        self._left = _MOST_FLIGHTS
+        self._runs_left = _MAX_RUNS
         with _free_domain() as (domain, lock):
             self._process = subprocess.Popen(  # noqa: S603 - the project's own command
                 program,
@@ -122,67 +122,67 @@ class RunProcessSlot:
 
     @property
     def is_usable(self) -> bool:
-        """Whether it can run another mission."""
-        return self._left > 0 and self._process.poll() is None
+        """Whether the process can run another mission."""
+        return self._runs_left > 0 and self._process.poll() is None
 
-    def fly(self, arguments: Sequence[str]) -> SimulatedRunResult:
+    def execute(self, arguments: Sequence[str]) -> SimulatedRunResult:
         """Run a mission."""
-        self._left -= 1
-        asked, answers = self._process.stdin, self._process.stdout
-        assert asked is not None  # noqa: S101 - they are pipes
-        assert answers is not None  # noqa: S101
+        self._runs_left -= 1
+        requests, results = self._process.stdin, self._process.stdout
+        assert requests is not None  # noqa: S101 - they are pipes
+        assert results is not None  # noqa: S101
         with suppress(BrokenPipeError):
-            asked.write(json.dumps(arguments) + "\n")
-            asked.flush()
-        answer = answers.readline()
-        if not answer:
+            requests.write(json.dumps(arguments) + "\n")
+            requests.flush()
+        line = results.readline()
+        if not line:
             _, log = self._process.communicate()
-            return SimulatedRunResult(self._process.returncode, words=log.strip().rpartition("\n")[2])
-        flown = SimulatedRunResult(*json.loads(answer))
-        if _COMPANY in flown.words:
-            self._left = 0
-        return flown
+            return SimulatedRunResult(self._process.returncode, problem=log.strip().rpartition("\n")[2])
+        result = SimulatedRunResult(*json.loads(line))
+        if _OTHER_NODES in result.problem:
+            self._runs_left = 0
+        return result
 
     def stop(self) -> None:
         """Stop the running mission gracefully."""
         self._process.terminate()
 
     def close(self) -> None:
-        """End the idle process."""
+        """End the process, which must be idle."""
         with suppress(BrokenPipeError):
             self._process.communicate()
 
 
-_flying: set[RunProcessSlot] = set()
-_waiting: list[RunProcessSlot] = []
+_busy_processes: set[RunProcessSlot] = set()
+_idle_processes: list[RunProcessSlot] = []
 
 
 def _execute_run(program: Sequence[str], arguments: Sequence[str]) -> SimulatedRunResult:
-    """Run a mission in an existing process if possible."""
-    pilot = _usable_process(program)
-    _flying.add(pilot)
+    """Run a mission, in an existing process if one is idle."""
+    process = _usable_process(program)
+    _busy_processes.add(process)
     try:
-        return pilot.fly(arguments)
+        return process.execute(arguments)
     finally:
-        _flying.discard(pilot)
-        if pilot.is_usable:
-            _waiting.append(pilot)
+        _busy_processes.discard(process)
+        if process.is_usable:
+            _idle_processes.append(process)
         else:
-            pilot.close()
+            process.close()
 
 
 def _usable_process(program: Sequence[str]) -> RunProcessSlot:
-    while _waiting:
-        pilot = _waiting.pop()
-        if pilot.is_usable:
-            return pilot
-        pilot.close()
+    while _idle_processes:
+        process = _idle_processes.pop()
+        if process.is_usable:
+            return process
+        process.close()
     return RunProcessSlot(program)
 
 
 @contextmanager
 def _free_domain() -> Iterator[tuple[int, IO[str]]]:
-    """Reserve a ROS domain that no other sweep of this machine uses."""
+    """Reserve a ROS domain that no other sweep on this machine uses."""
     import fcntl
 
     for domain in random.sample(_DOMAINS, len(_DOMAINS)):
@@ -192,13 +192,13 @@ def _free_domain() -> Iterator[tuple[int, IO[str]]]:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 yield domain, lock
                 return
-        except OSError:  # reserved, or another user's file
+        except OSError:  # the domain is reserved, or the file belongs to another user
             continue
-    raise SimulatedRunError("all ROS domains of this machine are used by other sweeps: wait until one ends")
+    raise SimulatedRunError("other sweeps use all ROS domains of this machine. Wait until one of them ends")
 
 
 def minimize_faults(runs: SimulatedRuns, seed: int) -> SimulatedRuns:
-    """Return the runs with a minimal set of faults that still makes the mission of a seed fail."""
+    """Return the runs with a minimal set of faults with which the mission still fails for a seed."""
     for fault in runs.faults:
         fewer = replace(runs, faults=tuple(each for each in runs.faults if each != fault))
         if fewer([seed])[0].failure:
@@ -207,16 +207,16 @@ def minimize_faults(runs: SimulatedRuns, seed: int) -> SimulatedRuns:
 
 
 def mission_threads(count: int) -> ReplaceableExecutor:
-    """Return threads that each wait for a mission, and stop running missions at the end."""
-    _over.clear()
+    """Return an executor of threads that each wait for a run; when the executor is stopped, it stops the current runs."""
+    _is_stopping.clear()
 
     def stop(executor: Executor) -> None:
-        _over.set()
-        for pilot in list(_flying):
-            pilot.stop()
+        _is_stopping.set()
+        for process in list(_busy_processes):
+            process.stop()
         executor.shutdown(cancel_futures=True)
-        while _waiting:
-            _waiting.pop().close()
-        _over.clear()
+        while _idle_processes:
+            _idle_processes.pop().close()
+        _is_stopping.clear()
 
     return ReplaceableExecutor(lambda: ThreadPoolExecutor(count), count, stop)

@@ -65,7 +65,7 @@ class TestNames:
     @pytest.mark.parametrize(
         ("text", "problem"),
         [
-            ("", "the robot has no name; expected NAME"),
+            ("", "the robot has no name. Write NAME"),
             ("1st", "'1st' is not a valid namespace"),
             ("/robot1", "'/robot1' is not a valid namespace"),
             ("robot-1:0,0", "'robot-1' is not a valid namespace"),
