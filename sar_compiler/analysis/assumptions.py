@@ -105,7 +105,7 @@ def _read_facts(
             if type(fact) is kind or (kind is float and type(fact) is int):
                 facts[name] = kind(fact)
             else:
-                message = f"the fact '{name}' is {_TYPES[kind]}, but this is {inner.kind}"
+                message = f"the fact '{name}' must be {_TYPES[kind]}, but is {inner.kind}"
                 document.report("wrong-value", message, inner)
     return facts
 

@@ -60,7 +60,7 @@ class SearchBudget:
         self._end_of_share = self._end
 
     def allot(self, trees: int) -> None:
-        """Allot a share of the remaining budget to the next tree to the next tree, given the number of remaining trees."""
+        """Allot a share of the remaining budget to the next tree, given the number of remaining trees."""
         if self._work is not None:
             self._share = self.spent + (self._work - self.spent) // trees
         if self._end is not None:

@@ -1,7 +1,7 @@
 """Comparison of a recorded run with all possible runs of its tree.
 
 The comparison finds the tree's possible runs that match the record, and tracks the state of the properties in each of
-them. So it can tell them. So it determines whether all, some or none of the matching runs violate a property.
+them. So it determines whether all, some or none of the matching runs violate a property.
 """
 
 from collections import deque
@@ -360,7 +360,9 @@ class _ReplayedRun:
         wrong = [(each, option) for option in fitting if (each := option.other_status(recorded)) is not None]
         (number, status), _ = wrong[0]
         name = self.runs.names[number]
-        possible = [f"{name} {option.statuses[number] or 'idle'}" for (node, _), option in wrong if node == number]
+        possible = [
+            f"{name} {option.statuses[number] or 'idle'}" for (node, _), option in wrong if node == number
+        ]
         return number, f"{name} {status}", possible, ""
 
 

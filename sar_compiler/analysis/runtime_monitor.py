@@ -305,7 +305,7 @@ class RuntimeMonitor:
     def _select_outcome(
         self, number: int, numbers: Sequence[tuple[int, Outcome | None]]
     ) -> tuple[tuple[int, Outcome | None], tuple[str, str] | None]:
-        """Return the first outcome that is first now that is; if no outcome is possible, the first outcome and the reason."""
+        """Return the first outcome that is possible now; if no outcome is possible, the first one and the reason."""
         leaf = self._leaves[number]
         try:
             for event, outcome in numbers:

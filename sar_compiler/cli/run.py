@@ -302,7 +302,7 @@ _RARE = (
 """The options that only `--help-all` shows."""
 _SHORT = {
     "tree": "a tree file or shipped tree (default: the mission's)",
-    "until": "the condition that ends the run (default: see --help-all)",
+    "until": "the end condition (default: see --help-all)",
     "sim": "simulate a world, Nav2 and the mission's servers",
     "speed": "with --sim: simulated seconds per second (default 1)",
     "fault": "with --sim: inject navigate_to_pose:reject=1, ...",

@@ -117,7 +117,7 @@ def _status_after_end(state: MissionState, run: RunState) -> StatusLine:
 
 
 def _crash_reason(state: MissionState) -> str:
-    """Describe the time and location of a crash, and whether a goal was active."""
+    """Describe the time and place of a crash, and whether the robot may still be driving."""
     place = f"on the way {_drive(state)}" if state.drive is not None else state.situation.phase.place
     where = ", ".join(filter(None, (f"at {clock_text(state.now.time)}", place)))
     return f"{where}: the robot {'may still be' if state.goals else 'was not'} driving"

@@ -430,7 +430,7 @@ class _ExplainedFailure:
         return True
 
     def _reason(self, node: NodeState, status: str, message: str) -> str:
-        """Return a node's message with the value of the attribute that it names, or the code of a false condition."""
+        """Return a node's message with the value of the attribute that it names, or a condition's code with its value."""
         for name, value in node.attributes.items():
             if message.endswith(f" {name}"):
                 return f"{message}: {value}"

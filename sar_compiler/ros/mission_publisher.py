@@ -193,7 +193,7 @@ class MissionPublisher(RunExtension):
 
     def _diagnose(self, tree: BehaviourTree) -> None:
         running = [node for node in self._tree.nodes if self._log.statuses[node.uid] == RUNNING]
-        inner = {node.around for node in running}
+        inner = {node.parent for node in running}
         leaves = [node.behaviour for node in running if node.uid not in inner]
         doing = "; ".join(f"{each.name}: {each.feedback_message}".rstrip(": ") for each in leaves)
         failed = tree.root.status is Status.FAILURE

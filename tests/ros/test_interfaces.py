@@ -346,7 +346,7 @@ def test_a_mistake_is_told_with_its_place_and_the_remedy(name: str) -> None:
     with pytest.raises(InterfaceError) as raised:
         MessageFiller().fill(part_of(kind, written)(), read_fields(text))
     place = raised.value.place
-    assert (str(raised.value).partition(", but there is ")[0], place and text[slice(*place)]) == (said, part)
+    assert (str(raised.value).partition("; there is ")[0], place and text[slice(*place)]) == (said, part)
 
 
 class Oddities:
