@@ -74,14 +74,14 @@ def test_a_process_flies_one_mission_after_the_other_and_each_as_if_it_was_the_f
     assert outcomes[0].counts == outcomes[2].counts
     # A tick is half a second.
     assert outcomes[0].time_sec == pytest.approx(outcomes[2].time_sec, abs=1.0)
-    assert len(simulated_runs._waiting) == 1
+    assert len(simulated_runs._idle_processes) == 1
 
 
 def test_a_process_that_ends_before_it_answers_has_flown_nothing(monkeypatch):
     monkeypatch.setattr(
         simulated_runs,
         "_execute_run",
-        lambda _program, _: simulated_runs.SimulatedRunResult(1, words="it broke"),
+        lambda _program, _: simulated_runs.SimulatedRunResult(1, problem="it broke"),
     )
     with pytest.raises(simulated_runs.SimulatedRunError, match="it broke"):
         simulated_runs.SimulatedRuns(PROGRAM, ("a_tree",))([0])
@@ -127,11 +127,11 @@ def test_a_process_that_has_died_between_two_missions_is_replaced():
     dead = simulated_runs.RunProcessSlot(PROGRAM)
     dead.stop()
     dead._process.wait()
-    simulated_runs._waiting.append(dead)
+    simulated_runs._idle_processes.append(dead)
     flown = simulated_runs._execute_run(PROGRAM, ["--tee"])
     assert flown.status == 2
-    assert flown.words == "sar-run: error: unrecognized arguments: --tee; did you mean '--tree'?"
-    assert dead not in simulated_runs._waiting
+    assert flown.problem == "sar-run: error: unrecognized arguments: --tee; did you mean '--tree'?"
+    assert dead not in simulated_runs._idle_processes
 
 
 @pytest.mark.ros
