@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from sar_compiler.tree.diagnostic import Diagnostic
 
 _SGR = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cyan": "36"}
-"""Terminal codes of the words of a style."""
+"""The terminal codes for the words of a style."""
 
 
 def has_colours(stream: TextIO) -> bool:
     """Return whether to colour the output to a stream: on a terminal, unless the environment disables it.
 
-    `NO_COLOR` (not empty), `CLICOLOR=0` and `TERM=dumb` mean no; `CLICOLOR_FORCE` (not 0) means yes, in files as well.
+    `NO_COLOR` (not empty), `CLICOLOR=0` and `TERM=dumb` disable colours; `CLICOLOR_FORCE` (not 0) enables them, in files as well.
     """
     environment = os.environ
     if environment.get("NO_COLOR"):
@@ -30,7 +30,7 @@ def has_colours(stream: TextIO) -> bool:
 
 
 def draws_in_place(stream: TextIO | None) -> bool:
-    """Return whether output to a stream can be overwritten: on a terminal, except for a `dumb` one.
+    """Return whether output to a stream can be overwritten: on any terminal except a `dumb` terminal.
 
     Programs that pass on a process's output, such as launch, use a `dumb` terminal.
     """
@@ -38,7 +38,7 @@ def draws_in_place(stream: TextIO | None) -> bool:
 
 
 def painter(stream: TextIO) -> Callable[[str, str], str]:
-    """Return a function that colours a text by its kind (a key of `TERMINAL`), if the stream shows colours."""
+    """Return a function that colours a text by the text's kind (a key of `TERMINAL`) if the stream shows colours."""
     if not has_colours(stream):
         return lambda text, _part: text
     from sar_compiler.style import TERMINAL
@@ -59,23 +59,23 @@ def findings_as_text(findings: "Iterable[Diagnostic]", stream: TextIO) -> str:
 
 
 class ProgressLine:
-    """Progress on standard error: a line that is overwritten on a terminal; nothing elsewhere, such as in a log.
+    """A progress line on standard error, which is updated in place on a terminal and not shown elsewhere, such as in a log.
 
-    Work of less than a second shows nothing.
+    For work of less than a second, no line is shown.
     """
 
     _PATIENCE_SEC = 1.0
     _EVERY_SEC = 0.25
 
     def __init__(self) -> None:
-        self.is_shown = draws_in_place(sys.stderr)
+        self.is_possible = draws_in_place(sys.stderr)
         self._due = time.monotonic() + self._PATIENCE_SEC
         self._is_shown = False
 
     def show(self, text: Callable[[], str]) -> None:
-        """Show a text if an update is due; the text is created only then."""
+        """Show a text if an update is due; *text* is only called if it is."""
         now = time.monotonic()
-        if now < self._due or not self.is_shown:
+        if now < self._due or not self.is_possible:
             return
         self._due, self._is_shown = now + self._EVERY_SEC, True
         width = (columns(sys.stderr) or 80) - 1
@@ -89,7 +89,7 @@ class ProgressLine:
 
 
 class RunOutput:
-    """The output of a run for people; the run continues when its reader ends (`| head`).
+    """The output of a run for people; the run continues even if the program that reads the output ends (`| head`).
 
     Attributes:
         lost: Whether standard output is closed.
@@ -101,17 +101,17 @@ class RunOutput:
         self.leave: Callable[[], object] = lambda: None
 
     def print_momentary(self, text: str) -> None:
-        """Print a text of momentary interest; nothing once standard output is closed."""
+        """Print a text of momentary interest, unless standard output is closed."""
         if not self.lost:
             self._try(lambda: print_text(text, flush=True))
 
     def draw(self, text: str) -> None:
-        """Write control sequences to a terminal; nothing once standard output is closed."""
+        """Write control sequences to a terminal, unless standard output is closed."""
         if not self.lost:
             self._try(lambda: _write(text))
 
     def print_important(self, text: str) -> None:
-        """Print an important text; on standard error once standard output is closed."""
+        """Print an important text, on standard error if standard output is closed."""
         self.print_momentary(text)
         if self.lost:
             print_error(text)
@@ -131,7 +131,7 @@ class RunOutput:
 
 
 def _write(text: str) -> None:
-    """Write a text immediately and in one piece; characters missing in the encoding become question marks."""
+    """Write a text immediately and in one piece; characters that the encoding cannot represent become question marks."""
     stream = sys.stdout.buffer
     sys.stdout.flush()
     stream.write(text.encode(sys.stdout.encoding, "replace"))

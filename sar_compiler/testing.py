@@ -1,14 +1,14 @@
 """Helpers for tests of your trees.
 
-A golden test compares a compiled tree with a committed file, so that a review shows every change of the tree, of the registry
-or of the compiler::
+A golden test compares a compiled tree with a committed file, so that a review shows every effect of a change to the tree, the
+registered nodes or the compiler::
 
     from sar_compiler.testing import assert_matches_golden
 
     def test_my_mission_compiles_as_reviewed():
         assert_matches_golden("trees/my_mission.xml", "tests/golden/my_mission.json")
 
-`SAR_RENEW_GOLDEN=1 pytest` rewrites the files.
+`SAR_RENEW_GOLDEN=1 pytest` rewrites the committed files.
 
 A scripted run tests a tree's behaviour for given outcomes of its leaves, without ROS::
 
@@ -51,9 +51,9 @@ def compile_for_test(
     """Compile a tree file with placeholders for the objects of a mission.
 
     Args:
-        tree: The file, or the name of a shipped tree.
-        tree_id: The tree in it; by default the main tree.
-        registry: The registered nodes; by default the installed ones and *nodes*.
+        tree: The tree file, or the name of a shipped tree.
+        tree_id: The ID of a tree in the file; by default the main tree.
+        registry: The known nodes; by default the installed nodes and *nodes*.
         nodes: Your own leaves: classes, modules, or import paths of modules.
 
     Raises:
@@ -73,14 +73,14 @@ def assert_matches_golden(
 
     Args:
         tree: The tree file, or the name of a shipped tree.
-        golden: The committed file: with the suffix `.json` the output of `sar-compile show --format json`,
-            with any other that of `--format ascii`.
-        tree_id: The tree in the file; by default the main tree.
-        registry: The registered nodes; by default the installed ones and *nodes*.
+        golden: The committed file. It contains the output of `sar-compile show --format json` if its suffix is `.json`, otherwise
+            the output of `--format ascii`.
+        tree_id: The ID of a tree in the file; by default the main tree.
+        registry: The known nodes; by default the installed nodes and *nodes*.
         nodes: Your own leaves: classes, modules, or import paths of modules.
 
     Raises:
-        AssertionError: If they differ, with the difference; or if there is no committed file yet.
+        AssertionError: If the tree differs from the committed file, with the difference, or if the committed file does not exist.
     """
     result = compile_for_test(tree, tree_id, registry, nodes)
     as_json = Path(golden).suffix == ".json"
@@ -91,7 +91,7 @@ def assert_matches_golden(
     )
     different = compare_golden(Path(golden), text, f"{tree} (compiled now)")
     if different is not None:
-        raise AssertionError(f"the compiled tree differs from the committed one:\n{different}")
+        raise AssertionError(f"the compiled tree differs from the committed file:\n{different}")
 
 
 def simulate(
@@ -106,15 +106,15 @@ def simulate(
     """Return a tree with scripted leaves, for ticking on a manual clock.
 
     Args:
-        tree: The file, or the name of a shipped tree.
-        registry: The registered nodes; by default the installed ones and *nodes*.
+        tree: The tree file, or the name of a shipped tree.
+        registry: The known nodes; by default the installed nodes and *nodes*.
         nodes: Your own leaves: classes, modules, or import paths of modules.
         leaves: The outcomes of leaves, as for `LoadedTree.simulate`.
         scenario: The other keys of a scenario, as for `LoadedTree.simulate`.
         **scripts: The outcomes of leaves whose names are Python identifiers.
 
     Raises:
-        TreeError: If the tree is invalid, or the script has an impossible outcome of a leaf.
+        TreeError: If the tree is invalid, or an argument contains an outcome that a leaf cannot have.
     """
     return load(tree, nodes=nodes, registry=registry).simulate(leaves=leaves, scenario=scenario, **scripts)
 
@@ -122,12 +122,12 @@ def simulate(
 def assert_scenario_holds(
     tree: str | Path, scenario: str | Path, registry: Registry | None = None, nodes: Iterable[Named] = ()
 ) -> None:
-    """Run a scenario file, and compare the result with its expectations.
+    """Run a scenario file, and compare the result with the expectations in the file.
 
     Args:
         tree: The tree file, or the name of a shipped tree.
         scenario: The scenario file.
-        registry: The registered nodes; by default the installed ones and *nodes*.
+        registry: The known nodes; by default the installed nodes and *nodes*.
         nodes: Your own leaves: classes, modules, or import paths of modules.
 
     Raises:

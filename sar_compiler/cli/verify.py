@@ -209,7 +209,7 @@ class SearchProgress:
         """Update the progress line if an update is due, and report properties that were violated since the last call."""
         if self._is_closed:
             return
-        is_new = self._line.is_shown and len(progress.broken) > self._broken
+        is_new = self._line.is_possible and len(progress.broken) > self._broken
         if is_new and time.monotonic() - self._started > self._PATIENCE_SEC:
             self._line.clear()
             for name in progress.broken[self._broken :]:

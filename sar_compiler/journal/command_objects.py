@@ -31,9 +31,9 @@ def parse_seen(text: str) -> dict[str, str]:
     except (ValueError, RecursionError):
         seen = None
     if not isinstance(seen, dict) or len(seen) > _MAX_OBJECTS:
-        raise ValueError(f"not a JSON object with at most {_MAX_OBJECTS} keys")
+        raise ValueError(f"not a JSON object of at most {_MAX_OBJECTS} strings")
     if any(not isinstance(value, str) or len(value) > _MAX_LENGTH for value in seen.values()):
-        raise ValueError(f"a value is not a string of at most {_MAX_LENGTH} characters")
+        raise ValueError(f"not a JSON object of strings of at most {_MAX_LENGTH} characters")
     return seen
 
 

@@ -1,4 +1,4 @@
-"""The whole simulator on ROS 2: the world, its robots with their Nav2 substitutes, and the clock."""
+"""The complete simulator on ROS 2: the world, the robots with their Nav2 substitutes, and the clock."""
 
 import itertools
 import logging
@@ -41,37 +41,37 @@ if TYPE_CHECKING:
 
 
 def check_placements(world: World, placements: Sequence[Placement]) -> None:
-    """Check that robots can start as they are placed.
+    """Check that robots can start at their placements.
 
     Raises:
-        PlacementError: If two have the same name, or if one would start in contact with an obstacle or another
+        PlacementError: If two robots have the same name, or if a robot would start in contact with an obstacle or another
             robot, or outside the world's map.
         SarError: If the world's map cannot be read.
     """
     for name, count in Counter(placement.name for placement in placements).items():
         if count > 1:
-            problem = f"{count} robots have this name: give each its own name, which is also its namespace"
+            problem = (
+                f"{count} robots have this name. Give each robot a unique name, which is also its namespace"
+            )
             raise PlacementError(name, problem)
     radius = world.robot_radius
     starts = [(placement.name, placement.start or world.start) for placement in placements]
     for name, start in starts:
         if not world.obstacle_arrays.clearance(start.x, start.y) > radius:
             problem = (
-                f"would start in an obstacle, or touching one, at {_place_text(start)}; "
-                f"its centre needs more than {radius:g} m around it"
+                f"would start in contact with an obstacle at {_position_text(start)}. "
+                f"Choose a position with more than {radius:g} m to the nearest obstacle"
             )
             raise PlacementError(name, problem)
-        # The localisation would reject it.
+        # The localisation would reject a pose outside the map.
         if world.map_path is not None and read_map(world.map_path).cell_at(start.x, start.y) is None:
-            problem = (
-                f"would start at {_place_text(start)}, which is outside the world's map (metres, frame map)"
-            )
+            problem = f"would start at {_position_text(start)}, which is outside the world's map (metres, frame map)"
             raise PlacementError(name, problem)
     for (one, here), (other, there) in itertools.combinations(starts, 2):
         if not here.distance_to(there) > 2 * radius:
             problem = (
-                f"would start at {_place_text(there)}, touching robot '{one}' at {_place_text(here)}; their centres "
-                f"need more than {2 * radius:g} m between them: write a start, {other}:X,Y"
+                f"would start at {_position_text(there)}, in contact with robot '{one}' at {_position_text(here)}. "
+                f"Write {other}:X,Y with a position more than {2 * radius:g} m away"
             )
             raise PlacementError(other, problem)
 
@@ -80,7 +80,7 @@ def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0)
     """Return robots that are obstacles for each other, in the order of their steps.
 
     Raises:
-        PlacementError: If they cannot start as placed.
+        PlacementError: If the robots cannot start at their placements.
     """
     check_placements(world, placements)
     robots = [
@@ -93,13 +93,13 @@ def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0)
 
 
 def seed_of(seed: int, number: int) -> int:
-    """Return the noise seed of a robot; robot 0 uses `seed` unchanged."""
+    """Return the noise seed of the robot with a number; robot 0 has *seed* itself."""
     if number == 0:
         return seed
     return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0])
 
 
-def _place_text(start: Pose2D) -> str:
+def _position_text(start: Pose2D) -> str:
     return f"({start.x:.2f}, {start.y:.2f})"
 
 
@@ -109,10 +109,10 @@ class SimulatedRobot:
     Args:
         host: Creates the nodes, in the robot's namespace.
         robot: The robot.
-        battery: The properties of its battery.
-        seed: Seed of its scanner's noise.
-        navigation: The data of its Nav2 substitute; None for no navigation.
-        placement: Its localisation and manner of driving.
+        battery: The properties of the robot's battery.
+        seed: The seed of the scanner's noise.
+        navigation: The data of the robot's Nav2 substitute; None for no navigation.
+        placement: The placement, which determines the localisation and the manner of driving.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class SimulatedRobot:
 
     @property
     def poses(self) -> tuple[Pose2D, Pose2D]:
-        """The true pose, frame `map`, and the odometry pose."""
+        """The robot's true pose, frame `map`, and the pose according to its odometry."""
         return self._robot.state.pose, self._robot.state.odometry
 
     def move(self, duration: float) -> None:
@@ -157,7 +157,7 @@ class SimulatedRobot:
         self._interface.publish(step, now_ns)
 
     def navigate(self, step: int, now_ns: int) -> None:
-        """Localise, and continue with the current goal."""
+        """Update the localisation, and continue with the current goal, at the end of step number *step*, at *now_ns* nanoseconds."""
         if self._navigation is not None and now_ns / 1e9 >= self._amcl_back_at:
             self._amcl_back_at = math.inf
             self._amcl = Amcl(self._host, self._robot, self._navigation.occupancy)
@@ -167,7 +167,7 @@ class SimulatedRobot:
             self._navigator.step(step, now_ns)
 
     def stop(self) -> bool:
-        """End the current goal; return whether there was one, whose client must be notified."""
+        """End the current goal; return whether there was a goal, whose client must still be notified."""
         return self._navigator is not None and self._navigator.stop()
 
     def _lose_localisation(self, until: float | None) -> None:
@@ -185,20 +185,21 @@ class SimulatedRobot:
 
 STEP_NS = 50_000_000
 STEP_SEC = STEP_NS / 1e9
-# Longest delay of the machine that the simulation catches up with, seconds of wall time.
+# The maximum delay of the machine with which the simulation catches up, seconds of wall time.
 _CATCH_UP_SEC = 0.05
-# Number of executor rounds, and their minimum duration in seconds of wall time, in which the end of a goal reaches its client when the simulation has stopped.
+# The number and the minimum duration (seconds of wall time) of the executor rounds after the end of the simulation, in which the ends of
+# goals reach their clients.
 _FAREWELL_ROUNDS = 5
 _FAREWELL_SEC = 0.01
-# How long the thread may take for its step after a stop request, seconds of wall time: a busy machine needs much more than usual, and
+# The time limit for the thread to end after a stop request, seconds of wall time. On a busy machine a step takes much longer than usual, and
 # clients wait for the end of their goals.
 _JOIN_SEC = 30.0
-# Largest lag of the listener in steps: without any, the two threads would only work in turns.
+# The maximum lag of the listener in steps; without a lag, the two threads could only work alternately.
 _LEAD_STEPS = 2
-# The robots' poses are written in one of this many steps.
-_KEEP_EVERY = 4
-# Interval of checks that this is still the only simulation, seconds of wall time.
-_LOOK_EVERY_SEC = 1.0
+# The number of steps between two writes of the robots' poses.
+_WRITE_EVERY = 4
+# The interval of checks that no other simulation has started, seconds of wall time.
+_CHECK_SEC = 1.0
 
 _log = logging.getLogger(__name__)
 
@@ -210,28 +211,29 @@ class SimulationError(SarError):
 class Simulation:
     """Runs a world, in its own thread or in the thread of an executor that steps it.
 
-    Simulated time advances in steps of 0.05 s, and no step is skipped. *speed* is an upper bound: simulated time
+    Simulated time advances in steps of 0.05 s, and no step is skipped. *speed* is an upper limit: simulated time
     slows down if the machine cannot keep up.
 
     Args:
-        world: The world. If it names no map, there is no Nav2 substitute, only the robots' own topics.
-        robots: The robots in it, in the order of their steps. Each is in the namespace of its name, including `/tf`
+        world: The world. If the world has no map, the robots have no Nav2 substitute, but only their own topics.
+        robots: The robots in the order of their steps. The nodes of a robot are in the namespace of its name, including `/tf`
             and `/tf_static`. By default there is one robot without a name, at the world's start.
         speed: Simulated seconds per second.
-        faults: The faults of navigation, the same for every robot; each robot consumes its own copy.
-        seed: Seed of all noise. The same seed and commands give the same states, bit for bit.
+        faults: The faults to inject in the navigation of each robot, which are counted separately for each robot.
+        seed: The seed of all noise. The same seed and commands result in the same states, bit for bit.
         context: The nodes' context, already initialised; the default context if None.
-        namespace: The namespace of the other nodes; that of the command line if None. `/clock` stays global.
+        namespace: The namespace of the nodes except those of robots with a name; None for the namespace of the command line. The topic
+            `/clock` is global.
         extra_nodes: Nodes of the caller that the same thread serves; the caller destroys them.
-        executor: Serves the nodes and steps the world; by default a thread does.
+        executor: Serves the nodes and steps the world; by default, a separate thread does.
 
     Attributes:
-        failure: The exception that ended it, if any.
+        failure: The exception that ended the simulation; None if there is none.
 
     Raises:
         SimulationError: If the speed is not above 0.
         PlacementError: If the robots cannot be placed as requested.
-        FaultError: If a fault names an unknown place.
+        FaultError: If a fault names an unknown location.
         SarError: If the world's map cannot be read.
     """
 
@@ -249,16 +251,16 @@ class Simulation:
         executor: SteppedExecutor | None = None,
     ) -> None:
         if not speed > 0.0:
-            raise SimulationError(f"the speed is {speed:g}: write a number above 0")
+            raise SimulationError(f"the speed is {speed:g}, but must be above 0")
         self.failure: BaseException | None = None
         self._period = STEP_SEC / speed
-        self._kept: PoseFile | None = None
+        self._pose_file: PoseFile | None = None
         bodies = make_robots(world, robots, seed=seed)
         navigation = navigation_in(world, faults or FaultPlan())
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="simulation", daemon=True)
         self._step_count = 0
-        self._due = self._look_at = 0.0
+        self._due = self._next_check = 0.0
         context = context or get_default_context()
         self._stepped = executor
         self._own = PacedExecutor(context=context, interrupted=self._stopping.is_set)
@@ -268,7 +270,7 @@ class Simulation:
         self._clock = self._clock_node.create_publisher(Clock, "/clock", 10)
         self._listener: ROSClock | None = None
         self._jumps: JumpHandle | None = None
-        # Without a map another process drives; its server may restart while the graph still has the old one.
+        # Without a map, another process serves the navigation, whose server may restart while the graph still contains the old server.
         self._actions = [robot.action for robot in robots if navigation is not None]
         self._robots: dict[str, SimulatedRobot] = {}
         for number, (robot, body) in enumerate(zip(robots, bodies, strict=True)):
@@ -288,14 +290,14 @@ class Simulation:
         """Return the true pose of the robot called *name*, frame `map`."""
         return self._robots[name].poses[0]
 
-    def store_poses(self, kept: PoseFile) -> None:
-        """Write the robots' poses from the start on; a write error ends the simulation."""
-        self._kept = kept
+    def store_poses(self, pose_file: PoseFile) -> None:
+        """Write the robots' poses to a file during the simulation; a write error ends the simulation."""
+        self._pose_file = pose_file
 
     def wait_for(self, listener: ROSClock) -> None:
-        """Limit the speed so that the simulated clock of another thread's node can follow.
+        """Limit the speed so that the simulated clock of a node in another thread can follow.
 
-        Otherwise time limits in simulated seconds would expire when the machine, or a leaf, is slower than requested.
+        Otherwise time limits in simulated seconds would expire if the machine, or a leaf, is slower than the requested speed.
         """
         every = JumpThreshold(min_forward=Duration(nanoseconds=1), min_backward=None)
         self._listener = listener
@@ -303,7 +305,7 @@ class Simulation:
 
     def start(self) -> None:
         """Start simulated time; may be called only once."""
-        self._due = self._look_at = time.monotonic()
+        self._due = self._next_check = time.monotonic()
         if self._stepped is None:
             self._thread.start()
         else:
@@ -368,19 +370,19 @@ class Simulation:
             self.failure = error
 
     def _make_step(self) -> None:
-        """Make a step and compute the time of the next one."""
+        """Make a step, and compute the time of the next step."""
         self._step()
         now = time.monotonic()
         self._due = max(self._due + self._period, now - _CATCH_UP_SEC)
-        if now > self._look_at:
-            self._look_at = now + _LOOK_EVERY_SEC
+        if now > self._next_check:
+            self._next_check = now + _CHECK_SEC
             require_no_rival_servers(self._clock_node, self._actions)
 
     def _step(self) -> None:
         self._step_count += 1
         now_ns = self._step_count * STEP_NS
         robots = self._robots.values()
-        # All robots have moved before the first of them scans.
+        # All robots move before the first robot scans.
         for robot in robots:
             robot.move(STEP_SEC)
         for robot in robots:
@@ -388,29 +390,29 @@ class Simulation:
         self._clock.publish(Clock(clock=to_stamp(now_ns)))
         for robot in robots:
             robot.navigate(self._step_count, now_ns)
-        if self._kept is not None and self._step_count % _KEEP_EVERY == 0:
-            self._kept.write({name: robot.poses for name, robot in self._robots.items()})
+        if self._pose_file is not None and self._step_count % _WRITE_EVERY == 0:
+            self._pose_file.write({name: robot.poses for name, robot in self._robots.items()})
 
     def _has_listener_caught_up(self) -> bool:
-        """Return whether the listener has almost reached the time of this step, or does not need to."""
+        """Return whether the listener's clock has almost reached the time of this step, or does not use simulated time."""
         listener = self._listener
         if listener is None or not listener.ros_time_is_active:
             return True
         return bool(listener.now().nanoseconds >= (self._step_count - _LEAD_STEPS) * STEP_NS)
 
     def _notify_clients(self) -> None:
-        """Notify the clients of current goals of the end."""
+        """End all goals, and serve the executor until the clients have been notified."""
         if self._stop_robots():
             for _ in range(_FAREWELL_ROUNDS):
                 self._own.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
 
     def _stop_robots(self) -> bool:
-        """End all goals; return whether there were any, whose clients must be notified."""
-        return any([robot.stop() for robot in self._robots.values()])  # noqa: C419 - all have to stop
+        """End all goals; return whether there were goals, whose clients must still be notified."""
+        return any([robot.stop() for robot in self._robots.values()])  # noqa: C419 - every robot has to stop
 
 
 def navigation_in(world: World, faults: FaultPlan) -> NavigationSetup | None:
-    """Return the data of the Nav2 substitutes, or None if the world has no map."""
+    """Return the data that the Nav2 substitutes share; None if the world has no map."""
     places = world.places if faults.places is None else faults.places
     faults.for_navigation().check_places(places)
     if world.map_path is None:

@@ -1,6 +1,7 @@
-"""Mapping a world: the robot drives through it with its lidar, and the scans become the map.
+"""Mapping of a world: the robot drives through the world with its lidar, and the scans are combined to a map.
 
-Log-odds per cell: free along a ray, occupied at its end.
+Each cell has log-odds of being occupied. A ray decreases the log-odds of the cells that it passes, and increases those of the cell in which
+it ends.
 """
 
 import math
@@ -16,26 +17,26 @@ from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from sar_compiler.sim.robot import Robot
 from sar_compiler.sim.world import Floats, Lidar, World
 
-# The change of a cell's log-odds by a ray that ends in it, or passes through it.
+# The change of a cell's log-odds by a ray that ends in the cell, or passes through it.
 _HIT, _MISS = 0.85, -0.4
-# Bounds, so that a cell can still change its state.
-_LEAST, _MOST = -4.0, 4.0
-# Log-odds of 65 % and 25 %: the thresholds of map_saver for occupied and free.
+# The bounds of log-odds, which allow a cell to change its state later.
+_MIN_ODDS, _MAX_ODDS = -4.0, 4.0
+# The log-odds of 65 % and 25 %, the thresholds of map_saver for occupied and free.
 _SURELY_OCCUPIED, _SURELY_FREE = math.log(0.65 / 0.35), math.log(0.25 / 0.75)
-# Unknown cells left around the area seen.
+# The width of the margin of unknown cells around the seen area, in cells.
 _MARGIN = 6
-# Edge of a cell, metres.
+# The edge length of a cell, metres.
 _RESOLUTION = 0.05
-# Half the edge of the square that can be mapped, metres; scan points beyond it are ignored.
+# Half the edge length of the square that can be mapped, metres; scan points outside the square are ignored.
 _REACH = 25.0
 _SIZE = 2 * round(_REACH / _RESOLUTION)
 
 
 class Mapper:
-    """Integrates scans taken at known poses.
+    """Combines scans at known poses to a map.
 
     Args:
-        lidar: The scanner that took them.
+        lidar: The scanner that takes the scans.
         centre: The centre of the area that can be mapped, metres, frame `map`.
     """
 
@@ -50,11 +51,11 @@ class Mapper:
         self._seen = np.zeros((_SIZE, _SIZE), dtype=bool)
 
     def integrate(self, pose: Pose2D, ranges: Floats) -> None:
-        """Add one scan.
+        """Add a scan to the map.
 
         Args:
             pose: The scanner's pose, frame `map`.
-            ranges: The measured ranges, metres, shape (beams,), inf for nothing.
+            ranges: The measured ranges, metres, shape (beams,), inf for rays without a hit.
         """
         angles = self._lidar.angles + pose.yaw
         along = np.stack((np.cos(angles), np.sin(angles)), axis=1)
@@ -64,11 +65,11 @@ class Mapper:
         passed = np.setdiff1d(passed, ends, assume_unique=True)
         odds, seen = self._odds.reshape(-1), self._seen.reshape(-1)
         for cells, change in ((passed, _MISS), (ends, _HIT)):
-            odds[cells] = np.clip(odds[cells] + change, _LEAST, _MOST)
+            odds[cells] = np.clip(odds[cells] + change, _MIN_ODDS, _MAX_ODDS)
             seen[cells] = True
 
     def result(self) -> OccupancyMap:
-        """Return the map of the area seen so far, cropped to it with a margin of unknown cells."""
+        """Return the map of the area seen so far, with a margin of unknown cells."""
         rows, columns = np.nonzero(self._seen)
         if not rows.size:
             rows = columns = np.array([_SIZE // 2])
@@ -100,9 +101,9 @@ class Mapper:
 
 
 STEP_SEC = 0.05
-# One scan in this many steps goes into the map.
+# The number of steps between two scans.
 _SCAN_EVERY = 8
-# A survey slower than this on average is stuck, m/s.
+# The average speed below which the robot counts as stuck, m/s.
 _SLOWEST = 0.1
 
 
@@ -113,23 +114,25 @@ class SurveyError(SarError):
 def survey(
     world: World, *, seed: int = 0, on_progress: Callable[[float], object] = lambda _: None
 ) -> OccupancyMap:
-    """Drive the world's survey route and return the map made of the scans.
+    """Drive the world's survey route, and return the map that results from the scans.
 
     Args:
         world: The world.
         seed: The seed of the noise.
-        on_progress: Called now and then with the driven part of the route, from 0 to 1.
+        on_progress: Called repeatedly with the driven fraction of the route, from 0 to 1.
 
     Raises:
         SurveyError: If the world has no survey route, or the robot gets stuck on it.
     """
     if not world.survey:
-        raise SurveyError(f"world '{world.name}' has no 'survey' route to map it: add one to its file")
+        raise SurveyError(
+            f"world '{world.name}' has no survey route. Add `survey:` with points to the world file"
+        )
     for number, (x, y) in enumerate(world.survey, 1):
         if max(abs(x - world.start.x), abs(y - world.start.y)) > _REACH:
             raise SurveyError(
-                f"point {number} of the survey of world '{world.name}', ({x:g}, {y:g}), is outside the mapped area: "
-                f"write one at most {_REACH:g} m from the robot's start in x and in y"
+                f"point {number} of the survey of world '{world.name}', ({x:g}, {y:g}), is outside the mapped area. "
+                f"Choose a point at most {_REACH:g} m from the robot's start in x and in y"
             )
     lidar = Lidar()
     random = np.random.default_rng([seed, 2])
@@ -147,4 +150,6 @@ def survey(
             return mapper.result()
         robot.step(STEP_SEC)
     pose = robot.state.pose
-    raise SurveyError(f"the survey of world '{world.name}' got stuck at ({pose.x:.2f}, {pose.y:.2f})")
+    raise SurveyError(
+        f"the robot got stuck at ({pose.x:.2f}, {pose.y:.2f}) in the survey of world '{world.name}'"
+    )

@@ -1,4 +1,4 @@
-"""The true world: its file, its obstacles, and collision checks."""
+"""The simulated world: world files, obstacles, and collision checks."""
 
 import copy
 import functools
@@ -23,10 +23,10 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 Floats = NDArray[np.float64]
 
-# Closer than this a moving disc is in contact, metres. Far below relevant distances, far above rounding.
+# The distance below which a moving disc is in contact, metres: far below relevant distances, and far above rounding errors.
 _TOUCH = 1e-6
 _GRAIN = 1e-12
-# The march below converges like Newton's method, in a few passes; more passes are regarded as contact.
+# The maximum number of passes of `free_travel`, which converges like Newton's method in a few passes; more passes count as contact.
 _MAX_MARCH = 64
 
 
@@ -35,16 +35,16 @@ class World:
     """All static objects, and the robot's start pose. Metres and radians, frame `map`.
 
     Attributes:
-        name: Its name in messages.
+        name: The world's name in messages.
         start: The robot's pose at time zero.
-        robot_radius: Radius of the robot's body.
+        robot_radius: The radius of the robot's body.
         boxes: Walls and debris.
         cylinders: Round debris.
-        places: Markers of locations, ID to position; nothing collides with them.
-        survey: Way-points of the route for mapping the world; empty if it is not mapped.
-        battery: The properties of its robots' batteries.
-        map_path: The description (`.yaml`) of the world's occupancy map, or None if it has none.
-        warnings: Findings about its file that do not prevent its use.
+        places: The positions of marked locations, by their IDs; robots do not collide with the markers.
+        survey: The waypoints of the route for mapping the world; empty if the world has no survey route.
+        battery: The properties of the robots' batteries.
+        map_path: The description (`.yaml`) of the world's occupancy map; None if the world has no map.
+        warnings: Findings about the world file that do not prevent its use.
     """
 
     name: str
@@ -65,7 +65,7 @@ class World:
 
 
 class Solid:
-    """The obstacles of a world. All of them are convex, which makes the motion test exact."""
+    """The obstacles of a world, all of which are convex, so that the motion test is exact."""
 
     def __init__(self, boxes: Sequence[Box], cylinders: Sequence[Cylinder]) -> None:
         self._centre = np.array([(b.x, b.y) for b in boxes], dtype=np.float64).reshape(-1, 2)
@@ -76,7 +76,7 @@ class Solid:
         self.segments = _segments(boxes)
 
     def with_cylinders(self, cylinders: Iterable[Cylinder]) -> "Solid":
-        """Return these obstacles with further round ones."""
+        """Return a copy of these obstacles with further cylinders."""
         more = copy.copy(self)
         more.discs = np.concatenate((self.discs, _discs(cylinders)))
         return more
@@ -85,8 +85,8 @@ class Solid:
         """Return, for every obstacle, the vector from its nearest point to (x, y), metres.
 
         Returns:
-            Unit vectors, shape (n, 2), zero where the point is inside the obstacle, and distances,
-            shape (n,), zero inside.
+            Unit vectors, shape (n, 2), which are zero if the point is inside the obstacle, and distances,
+            shape (n,), which are zero inside.
         """
         away_x, away_y = x - self._centre[:, 0], y - self._centre[:, 1]
         own_x = self._cos * away_x + self._sin * away_y
@@ -105,17 +105,17 @@ class Solid:
         return vector / np.where(distance > 0.0, distance, 1.0)[:, None], distance
 
     def clearance(self, x: float, y: float) -> float:
-        """Return the distance in metres from (x, y) to the nearest obstacle: 0 inside one, inf if there is none."""
+        """Return the distance in metres from (x, y) to the nearest obstacle: 0 inside an obstacle, inf without obstacles."""
         return float(np.min(self.offsets(x, y)[1], initial=math.inf))
 
     def free_travel(self, start: tuple[float, float], heading: float, length: float, radius: float) -> float:
         """Return the distance that a disc can move along a straight line before it touches an obstacle.
 
-        The distance to a convex shape is a convex function of the position on a line, so it never falls faster than at the beginning. It is always
-        safe to move until the nearest obstacle would be reached at that rate, however long the line is: no obstacle can be skipped.
+        The distance to a convex shape is a convex function of the position on a line, so that it never decreases faster than at the beginning.
+        It is therefore safe to move until the nearest obstacle would be reached at that rate: no obstacle can be skipped on a long line.
 
         Args:
-            start: The disc's centre, metres; the disc is free there.
+            start: The disc's centre, metres, where the disc must not touch an obstacle.
             heading: Direction of the line, radians.
             length: The length of the line, metres, not negative.
             radius: The disc's radius, metres.
@@ -129,7 +129,7 @@ class Solid:
             normal, distance = self.offsets(start[0] + gone * along_x, start[1] + gone * along_y)
             nearing = -(normal[:, 0] * along_x + normal[:, 1] * along_y)
             gap = distance - radius
-            # Rounding makes a slide along a wall a very flat approach; a tiny part of the gap is sacrificed for it.
+            # Because of rounding errors, a slide along a wall is a very flat approach, for which a tiny part of the gap is left unused.
             spare = np.where(gap > _TOUCH / 2, np.maximum(gap - _TOUCH, _GRAIN), 0.0)
             ahead = nearing > 0.0
             with np.errstate(over="ignore"):
@@ -143,12 +143,12 @@ class Solid:
 
 
 def _discs(cylinders: Iterable[Cylinder]) -> Floats:
-    """Return *cylinders* as rows (x, y, radius), metres."""
+    """Convert cylinders to rows (x, y, radius), metres."""
     return np.array([(c.x, c.y, c.radius) for c in cylinders], dtype=np.float64).reshape(-1, 3)
 
 
 def _segments(boxes: Sequence[Box]) -> Floats:
-    """Return the edges of *boxes* as rows (x, y, dx, dy), metres."""
+    """Convert boxes to their edges as rows (x, y, dx, dy), metres."""
     edges = [
         (ax, ay, bx - ax, by - ay)
         for corners in (box.corners() for box in boxes)
@@ -165,14 +165,14 @@ class WorldError(SarError):
 
 
 def find_world(name: str) -> World:
-    """Return a world by its name or path.
+    """Load a world by its name or path.
 
     Args:
-        name: The path of a world file, or the name of a shipped world (`disaster_zone`).
+        name: The path of a world file, or the name of a shipped world, such as `disaster_zone`.
 
     Raises:
-        WorldError: If there is no such file.
-        TreeError: If the file has errors, or the robot starts inside an obstacle; carries all findings.
+        WorldError: If the file does not exist.
+        TreeError: If the file has errors, or the robot starts inside an obstacle; the error contains all findings.
     """
     path = resources.find("worlds", name, ".yaml")
     if not is_there(path):
@@ -185,29 +185,29 @@ def load_world(path: Path) -> World:
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
-        TreeError: If the file has errors, or the robot starts inside an obstacle; carries all findings.
+        TreeError: If the file has errors, or the robot starts inside an obstacle; the error contains all findings.
     """
     document = read_yaml(path, WORLD, _EMPTY_HINT)
-    said = document.validate("world").data
+    data = document.validate("world").data
     map_path = (
-        path_inside(document, path.parent, document.root.mapping["map"], "map") if "map" in said else None
+        path_inside(document, path.parent, document.root.mapping["map"], "map") if "map" in data else None
     )
     document.raise_findings()
-    robot, debris = said["robot"], said.get("debris", ())
+    robot, debris = data["robot"], data.get("debris", ())
     world = World(
         name=path.stem,
         start=Pose2D(robot["x"], robot["y"], robot.get("yaw", 0.0)),
         robot_radius=robot["radius"],
         boxes=tuple(
-            Box(**_sizes(each)) for each in (*said["walls"], *debris) if each.get("shape") != "cylinder"
+            Box(**_sizes(each)) for each in (*data["walls"], *debris) if each.get("shape") != "cylinder"
         ),
         cylinders=tuple(Cylinder(**_sizes(each)) for each in debris if each["shape"] == "cylinder"),
         places=MappingProxyType(
-            {name: (point["x"], point["y"]) for name, point in said.get("zones", {}).items()}
+            {name: (point["x"], point["y"]) for name, point in data.get("zones", {}).items()}
         ),
-        survey=tuple((point["x"], point["y"]) for point in said.get("survey", ())),
+        survey=tuple((point["x"], point["y"]) for point in data.get("survey", ())),
         map_path=map_path,
-        battery=_battery(said.get("battery", {})),
+        battery=_battery(data.get("battery", {})),
         warnings=document.warnings,
     )
     if world.obstacle_arrays.clearance(world.start.x, world.start.y) <= world.robot_radius:
@@ -226,10 +226,10 @@ class Lidar:
     """A scanner at the robot's centre with a field of view of 360 degrees.
 
     Attributes:
-        beams: Rays in a full turn; the first points backward (-pi), the angles increase.
-        range_min: Shortest distance it measures, metres.
-        range_max: Longest distance it measures, metres.
-        noise: Standard deviation of a range, metres.
+        beams: The number of rays in a full turn; the first ray points backward (-pi), and the angles increase.
+        range_min: The minimum distance that the scanner measures, metres.
+        range_max: The maximum distance that the scanner measures, metres.
+        noise: The standard deviation of a range, metres.
     """
 
     beams: int = 360
@@ -248,7 +248,7 @@ class Lidar:
         return math.tau / self.beams
 
     def scan(self, solid: Solid, pose: Pose2D, random: np.random.Generator) -> Floats:
-        """Return the ranges seen from *pose* (frame `map`), metres, shape (beams,); inf where nothing is in range."""
+        """Return the ranges measured at *pose* (frame `map`), metres, shape (beams,); inf for rays without an obstacle in range."""
         ranges = cast(solid, pose.x, pose.y, self.angles + pose.yaw)
         ranges = ranges + random.normal(0.0, self.noise, self.beams)
         seen = np.where(ranges > self.range_max, np.inf, ranges)
@@ -265,7 +265,7 @@ def cast(solid: Solid, x: float, y: float, angles: Floats) -> Floats:
         angles: Directions in frame `map`, radians, shape (n,).
 
     Returns:
-        Metres, shape (n,); inf where a ray hits nothing.
+        The distances, metres, shape (n,); inf for rays that hit no obstacle.
     """
     along = np.stack((np.cos(angles), np.sin(angles)), axis=1)
     return np.minimum(_cast_segments(solid, x, y, along), _cast_discs(solid, x, y, along))
@@ -294,6 +294,6 @@ def _cast_discs(solid: Solid, x: float, y: float, along: Floats) -> Floats:
     return nearest
 
 
-def _battery(said: Mapping[str, Any]) -> BatteryKind:
-    places = tuple((point["x"], point["y"]) for point in said.get("places", ()))
-    return BatteryKind(**{**said, "places": places})
+def _battery(data: Mapping[str, Any]) -> BatteryKind:
+    places = tuple((point["x"], point["y"]) for point in data.get("places", ()))
+    return BatteryKind(**{**data, "places": places})

@@ -1,7 +1,7 @@
 """The browser page of a run: live, or replayed from a journal.
 
-A page receives entries, as from `Journal.add_listener` and `JournalFile.stream`. They are folded here (`page_state`). A browser
-receives the state and its changes, and draws them. Nothing here imports ROS or knows a mission.
+The server receives the entries of a journal from `Journal.add_listener` or `JournalFile.stream`, and computes the state of the page
+(`page_state`). A browser receives the state and its changes, and draws them. This package does not import ROS or any mission.
 """
 
 PUBLIC_MODULES = ("edit_page", "run_page")

@@ -1,6 +1,6 @@
-"""The server of the graphical editor: the page of `studio`, and its questions.
+"""The server of the graphical editor, which delivers the page of `studio` and responds to the page's requests.
 
-Everything but the page itself needs the access token, because it reads and writes the user's file.
+All requests except those for the page itself require the access token, because they read and write the user's file.
 """
 
 import asyncio
@@ -25,14 +25,14 @@ from sar_compiler.studio.tree_studio import SIDE_BY_SIDE, Studio
 from sar_compiler.views.drawing import drawing_style
 from sar_compiler.web.page_server import AppServer, guard, has_token, json_values, refuse, static_response
 
-_LONGEST = 4 * TREE.limit
+_MAX_BYTES = 4 * TREE.limit
 
 
 def edit_app(studio: Studio, token: str) -> ASGIApp:
     """Return the application of the editor.
 
     Args:
-        studio: Answers the page's questions.
+        studio: Responds to the page's requests.
         token: The access token.
     """
     static = {
@@ -58,14 +58,14 @@ def edit_app(studio: Studio, token: str) -> ASGIApp:
 
 
 async def _ask(studio: Studio, one: asyncio.Lock, token: str, request: Request) -> Response:
-    """Return the answer to a question; those that do not take long are answered one at a time.
+    """Return the response to a request of the page; requests that take little time are processed one at a time.
 
     Raises:
         HTTPException: If the token is wrong, or the values are not a JSON object.
     """
     if not has_token(token, request):
         raise HTTPException(403)
-    values = await json_values(request, _LONGEST)
+    values = await json_values(request, _MAX_BYTES)
     question = request.path_params["question"]
     try:
         async with nullcontext() if question in SIDE_BY_SIDE else one:
@@ -85,15 +85,15 @@ def serve_editor(
     """Serve the editor of a file until Ctrl-C.
 
     Args:
-        path: The file.
-        additions: The user's additions to its project's configuration.
+        path: The tree file.
+        additions: The user's additions to the configuration of the file's project.
         report: Prints the address of the page.
-        port: The port; None for the default one.
+        port: The port; None for the default port.
         opens: Whether to open the page in a browser.
 
     Raises:
         UnreadableFileError: If the file cannot be read.
-        TreeError: If it is not text.
+        TreeError: If the file is not text.
         PageError: If the port cannot be used.
         SarError: If the text editor of the page is not installed.
     """
@@ -106,7 +106,7 @@ def serve_editor(
         raise SarError(message)
     with closing(AppServer(partial(edit_app, studio), port)) as server:
         server.start()
-        report(f"The editor: {server.url} (Ctrl-C ends it)")
+        report(f"The editor: {server.url} (Ctrl-C ends the editor)")
         if opens:
             open_page(server.url)
         server.wait()

@@ -1,25 +1,25 @@
 """Server-sent events of runs for browsers: the state and its changes.
 
-A page receives `hello` (the robots, their commands), `changes`, a `beat` every second, `verbs` if the available commands
+A page receives `hello` (the robots and their commands), `changes`, a `beat` every second, `verbs` if the available commands
 change, and `bye` at the end.
 
-Why the first `changes` contain the whole state, as changes of an empty one: the page then needs one function for the
-start, for every later message and for a reconnection. A browser reconnects by itself after an interruption. It opens a
-new stream, so it starts again with the state of that time, and no message has to be stored or numbered.
+Why the first `changes` contain the whole state, as changes of an empty state: the page then needs only one function for the
+start, for every later message and for a reconnection. A browser reconnects automatically after an interruption. It then opens a
+new stream and receives the state of that time, so that no message has to be stored or numbered.
 
-Why a browser misses nothing in between: the feed, its states and all streams belong to one thread and one event loop.
-`stream` registers the browser and takes the state without awaiting anything, so every change is either in that state or in
+Why a browser misses no change in between: the feed, its states and all streams belong to one thread and one event loop.
+`stream` registers the browser and reads the state without an `await`, so that every change is either in this state or in
 the browser's queue.
 
-Why producers never wait: the thread that ticks the tree calls `take`. It only appends to a deque, which is safe without a
+Why producers never wait: the thread that ticks the tree calls `add_entry`, which only appends to a deque. This is safe without a
 lock. The server's thread applies the entries, a hundred at a time, and sends their effects together every tenth of a
-second. So a burst of entries costs the mission nothing, and a page receives the last value of a pose instead of each one.
+second. A burst of entries therefore does not slow down the mission, and a page receives only the last of several poses.
 
-Why a slow browser is disconnected: its queue would grow without limit in the mission's process. It reconnects and
+Why a slow browser is disconnected: its queue would grow without limit in the mission's process. The browser reconnects and
 receives the current state, which is smaller than the changes that it missed.
 
-Why there are heartbeats: a mission that waits sends nothing else. Without them, a page could not distinguish that from a
-server that is suspended or unreachable.
+Why there are heartbeats: a waiting mission sends no other messages. Without heartbeats, a page could not distinguish a waiting mission
+from a server that is suspended or unreachable.
 """
 
 import asyncio
@@ -36,16 +36,16 @@ from sar_compiler.json_values import json_text, json_value
 from sar_compiler.web.page_state import PageState, all_changes
 from sar_compiler.web.replay import Replay
 
-# Interval between updates, and between heartbeats to a page, in seconds.
-_NEWS_SEC, _BEAT_SEC = 0.1, 1.0
-# The number of entries that are processed at once: processing holds Python's lock for some milliseconds.
+# The intervals between updates, and between heartbeats to a page, in seconds.
+_UPDATE_SEC, _BEAT_SEC = 0.1, 1.0
+# The number of entries that are processed without a break, because processing holds Python's lock for some milliseconds.
 _AT_ONCE = 100
-# A browser that does not read is disconnected when this many characters wait for it. It reconnects.
-_WAITING = 8_000_000
+# The number of waiting characters at which a browser that does not read is disconnected. The browser then reconnects.
+_MAX_WAITING = 8_000_000
 
 
 def as_json(data: object) -> str:
-    """Return a value as compact JSON; numbers that are not finite become null."""
+    """Convert a value to compact JSON, in which numbers that are not finite become null."""
     return json_text(data, separators=(",", ":"))
 
 
@@ -92,7 +92,7 @@ class ReplayFeed:
             self._pages -= 1
 
     async def run(self) -> None:
-        """Do nothing: a recording has no new events."""
+        """Do nothing, because a recording has no new events."""
 
     def finish(self) -> None:
         """End the streams of all browsers."""
@@ -100,7 +100,7 @@ class ReplayFeed:
 
 
 class _Browser:
-    """A browser that follows a run; created in the task that sends to it."""
+    """A browser that follows a run; the task that sends to the browser creates this object."""
 
     def __init__(self) -> None:
         self._waiting: asyncio.Queue[str] = asyncio.Queue()
@@ -112,8 +112,8 @@ class _Browser:
         return self._waiting.empty()
 
     def enqueue(self, text: str) -> bool:
-        """Queue a text; drop a browser whose queue is full, and return False."""
-        if self._size > _WAITING:
+        """Queue a text and return True, or disconnect the browser and return False if the queue is full."""
+        if self._size > _MAX_WAITING:
             if self._task is not None:
                 self._task.cancel()
             return False
@@ -128,7 +128,7 @@ class _Browser:
 
 
 class LiveFeed:
-    """Live events of the runs; a late client first receives the current state.
+    """The live events of the robots' runs; a browser that connects later first receives the current state.
 
     Args:
         hello: The first message to the page, as JSON values; `robots` are the names of the robots, `verbs` their commands.
@@ -146,31 +146,31 @@ class LiveFeed:
     ) -> None:
         self._hello, self._beat = {**hello, "mode": "live"}, beat
         self._verbs: Any = hello.get("verbs") or [[] for _ in range(robots)]
-        self._news: deque[Callable[[], None]] = deque()
+        self._queue: deque[Callable[[], None]] = deque()
         places = [str(each) for each in journals] or [""] * robots
         self._states = [PageState(robot, place) for robot, place in enumerate(places)]
         self._listeners: set[_Browser] = set()
-        self._ended = self._has_told_all = False
+        self._ended = self._has_sent_all = False
 
     def add_entry(self, entry: JournalEntry, robot: int = 0) -> None:
-        """Queue an entry of a robot; from any thread, without blocking."""
-        self._news.append(lambda: _apply_entry(self._states[robot], entry))
+        """Queue an entry of a robot; can be called in any thread and does not block."""
+        self._queue.append(lambda: _apply_entry(self._states[robot], entry))
 
     def set_why(self, why: Mapping[str, Any], robot: int = 0) -> None:
-        """Queue the cause of a robot's failed run, as JSON values; from any thread, without blocking."""
-        self._news.append(lambda: self._states[robot].set_why(why))
+        """Queue the cause of the failure of a robot's run, as JSON values; can be called in any thread and does not block."""
+        self._queue.append(lambda: self._states[robot].set_why(why))
 
     def set_awaited(self, items: Sequence[AwaitedItem], robot: int = 0) -> None:
-        """Queue what a robot's next run waits for; from any thread, without blocking."""
-        self._news.append(lambda: self._states[robot].set_awaited(items))
+        """Queue the resources for which a robot's next run waits; can be called in any thread and does not block."""
+        self._queue.append(lambda: self._states[robot].set_awaited(items))
 
     def set_process(self, process: RunProcess, robot: int = 0) -> None:
-        """Queue the state of a robot's process; from any thread, without blocking."""
-        self._news.append(lambda: self._states[robot].set_process(process))
+        """Queue the state of a robot's process; can be called in any thread and does not block."""
+        self._queue.append(lambda: self._states[robot].set_process(process))
 
     def offer(self, verbs: Sequence[Mapping[str, Any]], robot: int = 0) -> None:
-        """Queue the available commands of a robot, as JSON values; from any thread, without blocking."""
-        self._news.append(lambda: self._send_commands([*verbs], robot))
+        """Queue the available commands of a robot, as JSON values; can be called in any thread and does not block."""
+        self._queue.append(lambda: self._send_commands([*verbs], robot))
 
     def _send_commands(self, verbs: list[Mapping[str, Any]], robot: int) -> None:
         if self._verbs[robot] != verbs:
@@ -180,13 +180,13 @@ class LiveFeed:
     async def stream(self) -> AsyncIterator[str]:
         """Yield the server-sent events for a browser until the run has ended."""
         listener = _Browser()
-        # No other task runs between these lines: the state, and the changes after it, are complete.
+        # No other task runs between these lines, so that the browser receives every change after this state.
         self._listeners.add(listener)
         state = message("changes", [state.full_state() for state in self._states])
         try:
             yield message("hello", {**self._hello, "verbs": self._verbs})
             yield state
-            while not (self._has_told_all and listener.is_up_to_date):
+            while not (self._has_sent_all and listener.is_up_to_date):
                 yield await listener.get()
         finally:
             self._listeners.discard(listener)
@@ -199,18 +199,18 @@ class LiveFeed:
             if loop.time() >= due:
                 due = loop.time() + _BEAT_SEC
                 self._send(message("beat", {**self._beat(), "pages": len(self._listeners)}))
-            await asyncio.sleep(_NEWS_SEC)
+            await asyncio.sleep(_UPDATE_SEC)
         await self._send_new_entries()
         self._send(message("bye", {}))
-        self._has_told_all = True
+        self._has_sent_all = True
 
     def finish(self) -> None:
-        """Let `run` send the rest and end; from any thread."""
+        """Let `run` send the queued entries and end; can be called in any thread."""
         self._ended = True
 
     async def _send_new_entries(self) -> None:
-        for left in range(len(self._news), 0, -1):
-            self._news.popleft()()
+        for left in range(len(self._queue), 0, -1):
+            self._queue.popleft()()
             if left % _AT_ONCE == 0:
                 await asyncio.sleep(0.0)
         if changes := all_changes(self._states):
@@ -221,10 +221,10 @@ class LiveFeed:
 
 
 def _apply_entry(state: PageState, entry: JournalEntry) -> None:
-    """Apply an entry in its JSON form; an invalid entry becomes an event that reports this."""
+    """Apply an entry in its JSON form, or an event that reports the error if the entry is not valid JSON."""
     try:
         data = json_value(json_text(entry.data))
-    except Exception as error:  # noqa: BLE001 - one entry must not be the end of the page
+    except Exception as error:  # noqa: BLE001 - an entry must not end the page
         entry, data = entry._replace(kind="unreadable"), {"kind": entry.kind, "reason": str(error)}
     state.apply(entry._replace(data=data))
 

@@ -1,4 +1,4 @@
-"""The HTTP server of a page, for this machine only, in a separate thread."""
+"""The HTTP server of a page, which runs in a separate thread and can only be reached from this machine."""
 
 import asyncio
 import json
@@ -30,13 +30,14 @@ from sar_compiler.journal.command_objects import parse_seen
 from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.web.feed import Feed, ReplayFeed, as_json
 
-# With any port, because it may be tunnelled. Other names are rejected: a foreign site may resolve its name to this machine.
+# The accepted host names, with any port, because the port may be tunnelled. Other names are rejected, because a foreign site may resolve its
+# name to this machine.
 _NAMES = ("127.0.0.1", "localhost", "[::1]")
-_LONGEST_ORDER, _LONGEST_NAME, _LONGEST_REASON, _LONGEST_SEEN = 10_000, 60, 200, 10_000
-# How long a command may take, in seconds. The page waits somewhat longer (`orders.js`).
-_ANSWER_SEC = 10.0
+_MAX_BODY, _MAX_NAME, _MAX_REASON, _MAX_SEEN = 10_000, 60, 200, 10_000
+# The time limit for a command, in seconds. The page waits somewhat longer (`orders.js`).
+_COMMAND_SEC = 10.0
 
-_ONLY_LOOKS = "this page is read-only. Open the complete address that the run has printed"
+_READ_ONLY = "this page is read-only. Open the complete address that the run has printed"
 
 _TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 _HEADERS = {
@@ -51,19 +52,19 @@ _HEADERS = {
     "X-Content-Type-Options": "nosniff",
 }
 
-# A report contains its styles, and needs no other resource.
-_OF_REPORT = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+# The content security policy of a report, which contains its styles and needs no other resources.
+_REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 
 
 class CommandSender(NamedTuple):
-    """The sender of a command, and its robot.
+    """The sender of a command, with the robot and the reason.
 
     Attributes:
-        name: The name of the sender; empty if not given.
-        robot: The index of the robot among those of the page.
+        name: The name of the sender; empty if the sender has not entered a name.
+        robot: The index of the robot among the robots of the page.
         address: The address of the browser.
-        reason: The reason; empty if not given.
-        seen: What the sender saw of the command's objects.
+        reason: The reason for the command; empty if the sender has not entered a reason.
+        seen: The objects of the command as the sender saw them.
     """
 
     name: str = ""
@@ -73,7 +74,7 @@ class CommandSender(NamedTuple):
     seen: Mapping[str, str] = {}
 
     def author(self, page: str) -> CommandAuthor:
-        """Return the description of a sender on a page."""
+        """Return the author of the command, given a description of the page."""
         return CommandAuthor(f"{self.name or 'an operator'} ({page})", self.reason)
 
 
@@ -86,13 +87,13 @@ class CommandHandler(Protocol):
         Args:
             verb: The name of the command.
             values: The values of its fields.
-            giver: The sender, and the robot.
+            giver: The sender of the command, with the robot.
 
         Returns:
-            Whether it was accepted, and the response; if the call is cancelled, the command is not carried out.
+            Whether the command was accepted, and the response. If the future is cancelled, the command is not carried out.
 
         Raises:
-            SarError: If there is no such command, or a value is wrong.
+            SarError: If the command does not exist, or a value is invalid.
         """
 
 
@@ -101,7 +102,7 @@ class PageQuery(NamedTuple):
 
     Attributes:
         ask: Returns the result as JSON values, in a separate thread; raises a `SarError` for an impossible query.
-        is_free: Whether no token is needed, because it changes nothing.
+        is_free: Whether the query needs no token, because it has no side effects.
     """
 
     ask: Callable[[Mapping[str, Any]], object]
@@ -109,18 +110,18 @@ class PageQuery(NamedTuple):
 
 
 Tools = Mapping[str, PageQuery]
-"""The tools of a page, by their names. The response of `report` is a complete page."""
+"""The queries of a page, by name. The result of `report` is a complete page."""
 
 
 def page_app(
     feed: Feed, token: str, orders: CommandHandler | None = None, tools: Tools | None = None
 ) -> ASGIApp:
-    """Return the application: the page, its events, the commands, and the tools.
+    """Return the application that serves the page, its events, the commands, and the queries.
 
     Args:
         feed: The source of the page's events.
         token: The access token for commands.
-        orders: Carries out the commands; None if there are none.
+        orders: Carries out the commands; None if the page has no commands.
         tools: The available queries.
     """
     static = {path.name: path.read_bytes() for path in files(__package__).joinpath("static").iterdir()}
@@ -147,7 +148,7 @@ def page_app(
         Route("/static/{name}", file),
         Route("/events", events),
         Route("/moment", partial(_moment, feed)),
-        Route("/orders/{verb}", partial(_order, orders, token), methods=["POST"]),
+        Route("/orders/{verb}", partial(_command_response, orders, token), methods=["POST"]),
         Route("/report", partial(_report, tools or {})),
         Route("/tools/{tool}", partial(_query_response, tools or {}, token), methods=["POST"]),
     ]
@@ -160,24 +161,24 @@ def has_token(token: str, request: Request) -> bool:
     return compare_digest(given.encode(), f"Bearer {token}".encode())
 
 
-async def _order(orders: CommandHandler | None, token: str, request: Request) -> Response:
+async def _command_response(orders: CommandHandler | None, token: str, request: Request) -> Response:
     """Carry out a command, and return the response.
 
     Raises:
-        HTTPException: If there are no commands, or it is invalid.
+        HTTPException: If the page has no commands, or the request is invalid.
     """
     if orders is None:
         raise HTTPException(404)
     if not has_token(token, request):
-        return _text_response(403, _ONLY_LOOKS)
+        return _text_response(403, _READ_ONLY)
     values = await json_values(request)
     robot = _robot(request)
     by, reason = (
         "".join(filter(str.isprintable, unquote(request.headers.get(header, ""))[:longest])).strip()
-        for header, longest in (("x-operator", _LONGEST_NAME), ("x-reason", _LONGEST_REASON))
+        for header, longest in (("x-operator", _MAX_NAME), ("x-reason", _MAX_REASON))
     )
     try:
-        seen = parse_seen(unquote(request.headers.get("x-seen", "")[:_LONGEST_SEEN]))
+        seen = parse_seen(unquote(request.headers.get("x-seen", "")[:_MAX_SEEN]))
     except ValueError as error:
         return _text_response(
             400, f"the header X-Seen is {error}. Write the objects of the command that the sender saw"
@@ -190,13 +191,13 @@ async def _query_response(tools: Tools, token: str, request: Request) -> Respons
     """Return the response to a query.
 
     Raises:
-        HTTPException: If there is no such query, or its values are not a JSON object.
+        HTTPException: If the query does not exist, or its values are not a JSON object.
     """
     tool = tools.get(request.path_params["tool"])
     if tool is None:
         raise HTTPException(404)
     if not (tool.is_free or has_token(token, request)):
-        return PlainTextResponse(_ONLY_LOOKS, 403)
+        return PlainTextResponse(_READ_ONLY, 403)
     values = await json_values(request)
     try:
         return Response(as_json(await asyncio.to_thread(tool.ask, values)), media_type="application/json")
@@ -217,7 +218,7 @@ async def _report(tools: Tools, request: Request) -> Response:
         page = await asyncio.to_thread(tool.ask, {"robot": _robot(request)})
     except SarError as error:
         return PlainTextResponse(f"There is no report: {error}.\n", 409)
-    return HTMLResponse(str(page), headers={"Content-Security-Policy": _OF_REPORT})
+    return HTMLResponse(str(page), headers={"Content-Security-Policy": _REPORT_POLICY})
 
 
 def _robot(request: Request) -> int:
@@ -232,7 +233,7 @@ async def _moment(feed: Feed, request: Request) -> Response:
     """Return the state of a replay at a time.
 
     Raises:
-        HTTPException: If there is no replay, or the time is not a number.
+        HTTPException: If the page is not a replay, or the time is not a number.
     """
     if not isinstance(feed, ReplayFeed):
         raise HTTPException(404)
@@ -249,25 +250,25 @@ async def _moment(feed: Feed, request: Request) -> Response:
 
 
 def static_response(name: str, content: bytes) -> Response:
-    """Return a file of a page."""
+    """Return a response with a static file of a page."""
     return Response(content, media_type=_TYPES[name.rpartition(".")[2]])
 
 
 async def refuse(_: Request, error: Exception) -> Response:
-    """Return the response to a request that is refused."""
+    """Return the response to a refused request."""
     status = error.status_code if isinstance(error, HTTPException) else 500
-    return PlainTextResponse("page not found\n" if status == 404 else "not like this\n", status)  # noqa: PLR2004
+    return PlainTextResponse("page not found\n" if status == 404 else "invalid request\n", status)  # noqa: PLR2004
 
 
 def _text_response(status: int, text: str) -> Response:
     return JSONResponse({"accepted": False, "message": text}, status)
 
 
-async def json_values(request: Request, longest: int = _LONGEST_ORDER) -> Mapping[str, Any]:
-    """Return the values of a command, of at most so many bytes.
+async def json_values(request: Request, longest: int = _MAX_BODY) -> Mapping[str, Any]:
+    """Parse the body of a request, which must be a JSON object of at most *longest* bytes.
 
     Raises:
-        HTTPException: If they are too long, or not a JSON object.
+        HTTPException: If the body is too long, or not a JSON object.
     """
     if request.headers.get("content-type", "").partition(";")[0] != "application/json":
         raise HTTPException(415)
@@ -289,19 +290,19 @@ async def _send_command(
     orders: CommandHandler, verb: str, values: Mapping[str, Any], giver: CommandSender
 ) -> Response:
     try:
-        given = orders.send(verb, values, giver)
-        accepted, said = await asyncio.wait_for(asyncio.wrap_future(given), _ANSWER_SEC)
+        result = orders.send(verb, values, giver)
+        accepted, text = await asyncio.wait_for(asyncio.wrap_future(result), _COMMAND_SEC)
     except SarError as error:
         return _text_response(400, str(error))
     except (TimeoutError, asyncio.TimeoutError):
-        if given.cancel():
+        if result.cancel():
             return _text_response(503, "the mission is busy. The command was not sent")
         return _text_response(504, "the command was sent, but has no response yet. Check the log")
-    return JSONResponse({"accepted": accepted, "message": said})
+    return JSONResponse({"accepted": accepted, "message": text})
 
 
 def guard(app: ASGIApp) -> ASGIApp:
-    """Rejects requests from other origins, and restricts by headers how a browser may use a response.
+    """Return an application that rejects requests from other origins, and restricts by headers how a browser may use a response.
 
     Args:
         app: The protected application.
@@ -317,18 +318,18 @@ def guard(app: ASGIApp) -> ASGIApp:
 
         if scope["type"] == "http":
             refusal = PlainTextResponse("requests from other sites are not allowed\n", 403)
-            answering = app if _is_own(Headers(scope=scope)) else refusal
-            await answering(scope, receive, send_with_headers)
+            chosen = app if _is_same_origin(Headers(scope=scope)) else refusal
+            await chosen(scope, receive, send_with_headers)
 
     return guarded_app
 
 
-def _is_own(headers: Headers) -> bool:
+def _is_same_origin(headers: Headers) -> bool:
     host, origin = headers.get("host", ""), headers.get("origin")
     name, colon, port = host.rpartition(":")
     if not colon or host.endswith("]"):
         name, port = host, "80"
-    # A page at one of these names may send requests to another of them.
+    # A page that was loaded by one of these names may send requests to any of these names.
     names = [host, *(f"{each}:{port}" for each in _NAMES)]
     return name in _NAMES and port.isdecimal() and origin in (None, *(f"http://{each}" for each in names))
 
@@ -336,11 +337,11 @@ def _is_own(headers: Headers) -> bool:
 PORT = 8043
 """The default port."""
 _ADDRESS = "127.0.0.1"
-# Limits for connections in total, and for those not accepted yet: each uses a file descriptor of the mission's process.
+# The limits for all connections, and for connections that are not accepted yet, because each uses a file descriptor of the mission's process.
 _CONNECTIONS, _BACKLOG = 32, 16
-# Time for a browser to read the last updates, in seconds.
-_LAST_WORDS_SEC = 1.0
-# Time limit for a request's head, in seconds.
+# The time for a browser to read the last updates, in seconds.
+_LAST_UPDATES_SEC = 1.0
+# The time limit for a request's head, in seconds.
 _REQUEST_SEC = 10.0
 
 
@@ -349,37 +350,37 @@ class PageError(SarError):
 
 
 class _Protocol(H11Protocol):
-    """Closes excess connections, and those whose request head is too slow."""
+    """A protocol that closes excess connections, and connections whose request head arrives too slowly."""
 
     _deadline: asyncio.TimerHandle | None = None
-    _answered: object = None
+    _current_cycle: object = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Accept a connection; close it if there are too many."""
+        """Accept a connection, or close it if there are too many connections."""
         super().connection_made(transport)
         if len(self.connections) > _CONNECTIONS:
             transport.abort()
-        self._watch()
+        self._update_deadline()
 
     def data_received(self, data: bytes) -> None:
         """Receive data; limit the time in which the head of a request must end."""
         super().data_received(data)
-        self._watch()
+        self._update_deadline()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget the time limit of a connection that has ended."""
+        """Cancel the time limit of a connection that has ended."""
         super().connection_lost(exc)
-        self._disconnect()
+        self._cancel_deadline()
 
-    def _watch(self) -> None:
-        """Start the time limit of a request's head at its first byte."""
-        if self.cycle is not self._answered:  # the head is complete, and the request is in progress
-            self._answered = self.cycle
-            self._disconnect()
+    def _update_deadline(self) -> None:
+        """Start the time limit for a request's head, and cancel it when the head is complete."""
+        if self.cycle is not self._current_cycle:  # the head is complete, and the request is in progress
+            self._current_cycle = self.cycle
+            self._cancel_deadline()
         elif self._deadline is None and (self.cycle is None or self.cycle.response_complete):
             self._deadline = self.loop.call_later(_REQUEST_SEC, self.transport.abort)
 
-    def _disconnect(self) -> None:
+    def _cancel_deadline(self) -> None:
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None
@@ -390,11 +391,11 @@ class AppServer:
 
     Args:
         app: Returns the application, given the access token.
-        port: The port; None for the default one, or a free one if that is in use; 0 for any free one.
+        port: The port; None for the default port, or for a free port if the default port is in use; 0 for any free port.
 
     Attributes:
-        port: The port that it has.
-        token: The access token, a part of the address.
+        port: The port that the server uses.
+        token: The access token, which is part of the address.
 
     Raises:
         PageError: If the port cannot be used.
@@ -422,7 +423,7 @@ class AppServer:
 
     @property
     def url(self) -> str:
-        """The address to open; the browser does not send the part after the # by itself."""
+        """The address to open; the browser does not send the part after the # to the server."""
         return f"http://{_ADDRESS}:{self.port}/#{self.token}"
 
     def start(self) -> None:
@@ -430,7 +431,7 @@ class AppServer:
         self._thread.start()
 
     def wait(self, timeout_sec: float | None = None) -> bool:
-        """Wait for the server's end, within a limit in seconds; return whether it has ended."""
+        """Wait until the server ends or a time limit in seconds expires; return whether the server has ended."""
         self._thread.join(timeout_sec)
         return not self._thread.is_alive()
 
@@ -438,7 +439,7 @@ class AppServer:
         """End the server."""
         if self._thread.is_alive():
             self._server.should_exit = True
-            self._thread.join(2 * _LAST_WORDS_SEC)
+            self._thread.join(2 * _LAST_UPDATES_SEC)
         self._socket.close()
 
     async def _serve(self) -> None:
@@ -451,7 +452,7 @@ class PageServer(AppServer):
     Args:
         feed: The source of the page's events.
         port: As for `AppServer`.
-        orders: Carries out the operator's commands; None if there are none.
+        orders: Carries out the operator's commands; None if the page has no commands.
         tools: The queries for engineers.
     """
 
@@ -465,30 +466,30 @@ class PageServer(AppServer):
         super().__init__(lambda token: page_app(feed, token, orders, tools), port)
         self._feed = feed
         self._is_secret = orders is not None or not all(tool.is_free for tool in (tools or {}).values())
-        self._told = threading.Event()
+        self._is_feed_finished = threading.Event()
 
     @property
     def url(self) -> str:
-        """The address to open; the browser sends the part after the # only with commands."""
+        """The address to open; the page sends the part after the # only with commands."""
         return super().url if self._is_secret else super().url.partition("#")[0]
 
     def close(self) -> None:
-        """Send the rest to the browsers, and end the server."""
+        """Send the queued events to the browsers, and end the server."""
         self._feed.finish()
         if self._thread.is_alive():
-            self._told.wait(_LAST_WORDS_SEC)
+            self._is_feed_finished.wait(_LAST_UPDATES_SEC)
         super().close()
 
     async def _serve(self) -> None:
-        telling = asyncio.create_task(self._feed.run())
+        feeding = asyncio.create_task(self._feed.run())
         serving = asyncio.create_task(super()._serve())
-        await telling
-        self._told.set()
+        await feeding
+        self._is_feed_finished.set()
         await serving
 
 
 def _bind(port: int | None) -> socket.socket:
-    """Return a socket at a port.
+    """Return a socket that listens at a port of this machine.
 
     Raises:
         PageError: If the port cannot be used.
@@ -499,13 +500,13 @@ def _bind(port: int | None) -> socket.socket:
         except PageError:
             return _bind(0)
     made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    # The page of a run that has just ended still occupies the port for some time.
+    # The connections of a run that has just ended still occupy the port for some time.
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         made.bind((_ADDRESS, port))
         made.listen(_BACKLOG)
     except OSError as error:
         made.close()
-        message = f"port {port} cannot be used for the page ({error.strerror}). Choose another one with --web-port, or 0 for any"
+        message = f"port {port} cannot be used for the page ({error.strerror}). Choose another port with --web-port, or a free port with --web-port 0"
         raise PageError(message) from error
     return made

@@ -293,7 +293,7 @@ def test_the_numbers_on_the_page_are_those_of_the_code():
         ("{} names and values in a parameter file", parameter_file._MAX_EVENTS),
         ("Without a map the limit is {} km", message_values.FARTHEST_M / 1000.0),
         ("{} connections at once", page_server._CONNECTIONS),
-        ("{} MB waiting for each", feed._WAITING / 1e6),
+        ("{} MB waiting for each", feed._MAX_WAITING / 1e6),
     ):
         assert said.format(f"{number:,g}" if number < 1000 else f"{number:,}") in text
     assert signals._TOGETHER_SEC == 0.5

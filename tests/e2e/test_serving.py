@@ -152,7 +152,7 @@ def test_a_goal_that_is_cancelled_ends_its_run(client, serve):
     client.cancel(goal)
     status, root, said = client.end(goal)
     assert (status, root) == (CANCELED, IDLE)
-    assert said == "it was stopped"
+    assert said == "the run was stopped"
     wait_for_end_of(run)
     # The next one can come.
     client.cancel(client.ask("Long"))

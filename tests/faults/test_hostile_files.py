@@ -210,7 +210,7 @@ PARAMETERS = "missions/parameter_file.py:_text_of"
 BEGINNING = "tree/discovery.py:is_tree_file"
 SURFACES = {
     "a tree": Surface((TREES,), command("validate", "{}"), "xml"),
-    "a tree that is formatted": Surface(("cli/format.py:_format",), command("format", "{}"), "xml"),
+    "a tree that is formatted": Surface(("cli/format.py:_rewrite",), command("format", "{}"), "xml"),
     "a tree that is fixed": Surface(("validation/validation.py:_write",), command("validate", "--fix", "{}"), "xml"),
     "an included tree": Surface(
         (TREES,), named_by("main.xml", INCLUDING, command("validate", "main.xml")), "xml", has_root=True,

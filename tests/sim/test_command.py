@@ -137,8 +137,8 @@ def test_wrong_usage_is_named(arguments: list[str], problem: str, capsys: pytest
     ("robots", "problem"),
     [
         (["a", "a:2,0"], "sar-sim: robot 'a': 2 robots have this name"),
-        (["a", "b"], "sar-sim: robot 'b': would start at (0.00, 0.00), touching robot 'a'"),
-        (["a:3,-3"], "sar-sim: robot 'a': would start in an obstacle"),
+        (["a", "b"], "sar-sim: robot 'b': would start at (0.00, 0.00), in contact with robot 'a'"),
+        (["a:3,-3"], "sar-sim: robot 'a': would start in contact with an obstacle"),
     ],
 )
 def test_robots_that_cannot_be_placed_are_wrong_usage(robots: list[str], problem: str) -> None:
@@ -150,7 +150,7 @@ def test_robots_that_cannot_be_placed_are_wrong_usage(robots: list[str], problem
 
 def test_a_world_that_cannot_be_mapped_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["map", "empty"]) == 2
-    assert "has no 'survey' route" in capsys.readouterr().err
+    assert "has no survey route" in capsys.readouterr().err
 
 
 def test_the_map_goes_where_it_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -113,7 +113,8 @@ class TestPlaces:
 
     def test_a_start_at_an_obstacle_is_refused(self, disaster_zone: World) -> None:
         with pytest.raises(
-            PlacementError, match=r"robot 'lost': would start in an obstacle.* at \(3.00, -3.00\)"
+            PlacementError,
+            match=r"robot 'lost': would start in contact with an obstacle.* at \(3.00, -3.00\)",
         ):
             check_placements(disaster_zone, [Placement("lost", Pose2D(3.0, -3.0))])
         with pytest.raises(PlacementError, match=r"more than 0.22 m"):

@@ -262,7 +262,7 @@ def test_what_is_wrong_with_an_order_is_said(live):
 def test_of_an_order_without_an_answer_it_is_said_whether_it_was_given(
     live, monkeypatch, is_sent, status, said
 ):
-    monkeypatch.setattr(page_server, "_ANSWER_SEC", 0.01)
+    monkeypatch.setattr(page_server, "_COMMAND_SEC", 0.01)
     order: Future[tuple[bool, str]] = Future()
     if is_sent:
         order.set_running_or_notify_cancel()
@@ -296,7 +296,7 @@ def test_a_late_browser_is_told_what_has_happened_and_then_the_news(live):
 
 
 def test_a_browser_that_does_not_read_is_let_go_and_comes_again(live, monkeypatch):
-    monkeypatch.setattr(feed_module, "_WAITING", 100_000)
+    monkeypatch.setattr(feed_module, "_MAX_WAITING", 100_000)
     run = live().begin()
     with socket.create_connection(("127.0.0.1", run.server.port)) as mute:
         mute.sendall(b"GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
@@ -307,7 +307,7 @@ def test_a_browser_that_does_not_read_is_let_go_and_comes_again(live, monkeypatc
 
         def is_let_go():
             # One plan after the other: of those that come between two tellings only the last is told.
-            if not run.feed._news and (number := next(numbers, None)) is not None:
+            if not run.feed._queue and (number := next(numbers, None)) is not None:
                 run.journal.record_observation("plan", frame="map", points=[[number, 0.0]] * 20_000)
                 news.tell()
             return not run.feed._listeners
