@@ -168,10 +168,7 @@ def _add_nodes(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = "describe this node with its attributes (default: list all)"
     add("tag", nargs="?", type=ArgumentKind("tag"), metavar="TAG", help=text)
-    text = (
-        "the output format: text for people (default), json for scripts, groot2 for a palette that Groot2 reads, or specs for the "
-        "leaf_specs.json of the leaves of --nodes"
-    )
+    text = "text for people (default), json for scripts, groot2 for a Groot2 palette, or specs for a package's leaf_specs.json"
     add("--format", choices=("text", "json", "groot2", "specs"), default="text", help=text)
     text = "print a palette, with guessed ports, of the nodes that the trees in FOLDER use but no palette or module describes"
     add("--from-use", type=FOLDER, metavar="FOLDER", help=text)
@@ -307,9 +304,7 @@ def _nodes(arguments: argparse.Namespace) -> int:
         from sar_compiler.nodes.palettes import palettes_containing
         from sar_compiler.tree.guessing import did_you_mean
 
-        others = (
-            ". List the known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE"
-        )
+        others = ". List known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE"
         advice = did_you_mean(registry.nearest(arguments.tag)) or others
         if known := palettes_containing(arguments.tag):
             advice = f". Add a palette that describes it: --model {' or '.join(known)}"
@@ -342,9 +337,7 @@ def _nodes_from_use(arguments: argparse.Namespace) -> int:
     for path in files:
         tree = loader.load_file(path)
         if tree.is_malformed:
-            print_error(
-                f"{PROG}: {path} is malformed and was skipped. Run `{PROG} validate` to see the errors"
-            )
+            print_error(f"{PROG}: {path} is malformed. Run `{PROG} validate` to see the errors")
         else:
             uses.add(tree.forest.main, tree.palettes, tree.project.registry)
     loader.report_use()

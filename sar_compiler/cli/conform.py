@@ -81,9 +81,7 @@ def _compared_run(
         found = budget.run(lambda: _compare_run(tree, place, state, arguments))
         return compared._replace(found=found, changed=_describe_tree_changes(tree, state, arguments))
     except OtherTreeError as error:
-        return compared._replace(
-            problem=f"{error}. The recorded run is of {_tree_of(state)}, not of {tree.path}"
-        )
+        return compared._replace(problem=f"{error}. The run is of {_tree_of(state)}, not of {tree.path}")
     except BudgetSpentError as error:
         return compared._replace(problem=str(error))
     except UndecidableError as error:
@@ -140,13 +138,11 @@ def _describe_tree_changes(tree: "ProjectTree", state: "MissionState", arguments
     from sar_compiler.compiler.outline import outline
 
     tree_id = arguments.tree or state.runs[-1].about.get("tree_id")
-    now = node_identities(outline(tree.preview(tree_id)))
+    before, now = map(node_identities, (state.about.get("tree"), outline(tree.preview(tree_id))))
     # Attributes in braces are not compared: the journal contains the entry that a parameter selected for the run.
     recorded = [
         (name, depth, kind, {**old, **{key: each for key, each in new.items() if "{" in str(each)}})
-        for (name, depth, kind, old), (*_, new) in zip(
-            node_identities(state.about.get("tree")), now, strict=True
-        )
+        for (name, depth, kind, old), (*_, new) in zip(before, now, strict=True)
     ]
     return nodes_difference(recorded, now) if recorded != now else ""
 

@@ -24,13 +24,7 @@ def head(text: str) -> str:
 def add_check(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `check`."""
     add = parser.add_argument
-    add(
-        "journals",
-        type=FILE,
-        nargs="+",
-        metavar="FILE",
-        help="the journals; running missions may be writing to them",
-    )
+    add("journals", type=FILE, nargs="+", metavar="FILE", help="the journals, also of running missions")
     text = "the journal hash from the run's summary or report; for a single journal"
     add("--head", type=head, metavar="HEX", help=text)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)

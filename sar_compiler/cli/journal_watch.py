@@ -15,9 +15,7 @@ def add_watch(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `watch`."""
     add = parser.add_argument
     add("journals", type=FILE, nargs="*", metavar="FILE", help=JOURNALS_HELP)
-    text = (
-        "show the tree whose status changes Nav2 publishes on TOPIC, such as behavior_tree_log; needs --tree"
-    )
+    text = "show the tree whose changes Nav2 publishes on TOPIC, such as behavior_tree_log; needs --tree"
     add("--topic", metavar="TOPIC", help=text)
     text = "show the tree of a program that uses BehaviorTree.CPP's Groot2Publisher"
     add("--groot2", metavar="HOST:PORT", help=text)

@@ -52,12 +52,8 @@ class MissionCommand(CommandExtension):
         for name, text in (*_COMMANDS.items(), ("order", "send any command that has no values")):
             order = verbs.add_parser(name, help=text)
             if name == "order":
-                order.add_argument(
-                    "order", metavar="ORDER", help="the name of the command, or a prefix of it"
-                )
-            order.add_argument(
-                "--node", help="the mission's node (default: the node of the only running mission)"
-            )
+                order.add_argument("order", metavar="ORDER", help="the command's name, or a prefix of it")
+            order.add_argument("--node", help="the mission's node (default: that of the only mission)")
             order.add_argument("--reason", default="", help="the reason to record in the journal")
 
     def main(self, *, parser: argparse.ArgumentParser, args: argparse.Namespace) -> int:

@@ -42,9 +42,7 @@ class MissionCheck(DoctorCheck):
                 doctor_error(f"sar_compiler: {line}")
                 result.add_error()
         if not kernel.IS_COMPILED:
-            doctor_warn(
-                f"sar_compiler: trees are ticked by {kernel.describe()}, which is several times slower than the compiled kernel"
-            )
+            doctor_warn(f"sar_compiler: trees are ticked by {kernel.describe()}, several times slower")
             result.add_warning()
         return result
 

@@ -210,14 +210,14 @@ def _options(argv: Sequence[str]) -> Namespace:
         parser.error("the name of the tree file is empty")
     options.no_journal = options.journal == _NO_JOURNAL
     options.journal = None if options.no_journal else options.journal
-    for message in (
-        *_option_errors(options),
-        *_serving_option_errors(options),
-        *_extension_option_errors(options),
-    ):
+    errors = (*_option_errors(options), *_serving_option_errors(options), *_extension_option_errors(options))
+    for message in errors:
         parser.error(message)
-    options.seed, options.speed = options.seed or 0, options.speed or 1.0
-    options.like = options.like or QUICK_NAME
+    options.seed, options.speed, options.like = (
+        options.seed or 0,
+        options.speed or 1.0,
+        options.like or QUICK_NAME,
+    )
     options.until = Until(options.until) if options.until else None
     options.ros, options.additions, options.command = split.ros, additions(options), argv
     return options

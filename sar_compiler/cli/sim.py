@@ -52,9 +52,7 @@ def _command(argv: Sequence[str]) -> int:
 
 
 def _parser() -> Parser:
-    parser = Parser(
-        "sar-sim", "Run or map simulated worlds without a mission, or run a mission in them many times."
-    )
+    parser = Parser("sar-sim", "Run or map simulated worlds, or run a mission in them many times.")
     add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     text = "Run a world with a simulated Nav2 until Ctrl-C."
@@ -68,9 +66,9 @@ def _parser() -> Parser:
     text = "Run a mission many times, and print its success rate for each combination of world, faults and parameters."
     add_sim_sweep(commands.add_parser("sweep", help=text, description=text))
     for command in (live, survey):
-        text = f"a world file, or the name of a shipped world (default {DEFAULT_WORLD})"
+        text = f"a world file, or a shipped world's name (default {DEFAULT_WORLD})"
         command.add_argument(
-            "world", nargs="?", default=DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text
+            "world", nargs="?", default=DEFAULT_WORLD, type=WORLD, help=text, metavar="WORLD"
         )
         text = "the seed of all noise (default 0)"
         command.add_argument("--seed", type=seed, default=0, metavar="N", help=text)
@@ -99,10 +97,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "shipped parameters (nav2): at 0.4 m/s, to within 0.25 m of the goal, and with recoveries, which move the robot"
     )
     add("--like", choices=MANNER_NAMES, default=QUICK_NAME, help=text)
-    text = (
-        "store the robots' poses in FILE during the simulation, and start at the poses in FILE if it exists"
-    )
-    add("--keep", type=FILE, metavar="FILE", help=text)
+    add("--keep", type=FILE, metavar="FILE", help="store the robots' poses in FILE, and start at these")
     text = "localise the robots at the start, without an initial pose, such as for robots that continue from stored poses"
     add("--localised", action="store_true", help=text)
 
@@ -125,9 +120,7 @@ def _map(options: argparse.Namespace) -> int:
     world = _load_world(options.world)
     prefix: Path = options.output or Path(world.name)
     if same_file(prefix.with_name(f"{prefix.name}.yaml"), Path(options.world)):
-        message = (
-            f"{prefix}.yaml would overwrite the world {options.world}. Choose another prefix: -o {prefix}_map"
-        )
+        message = f"{prefix}.yaml would overwrite the world {options.world}. Write -o {prefix}_map"
         raise WriteError(message)
     line = ProgressLine()
 

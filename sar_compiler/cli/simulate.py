@@ -55,9 +55,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_project_options(parser)
     add_mission(parser)
     add_budget(parser)
-    text = (
-        "the output format: text for people (default), json for scripts, or junit for continuous integration"
-    )
+    text = "text for people (default), json for scripts, or junit for continuous integration"
     add("--format", choices=("text", "json", "junit"), default="text", help=text)
     parser.set_defaults(run=simulate_file)
 

@@ -57,10 +57,7 @@ class TooManyRowsError(SarError):
 
 
 def require_rows(*counts: int) -> None:
-    """Check that the varied values have at most `MAX_ROWS` combinations.
-
-    Args:
-        counts: The number of values of each varied parameter, fact or option.
+    """Check that the varied values, of which there are *counts*, have at most `MAX_ROWS` combinations.
 
     Raises:
         TooManyRowsError: If there are more combinations.
@@ -112,10 +109,7 @@ def sweep_file(arguments: argparse.Namespace) -> int:
     require_rows(len(arguments.scenario) or 1, len(arguments.unusual), *varied)
     rows = dict(_rows(arguments))
     if not any(runs.has_randomness() for runs in rows.values()):
-        message = (
-            "all runs would be the same. Add `probability:`, or a range such as `after: 4s to 9s`, to steps of a scenario, or pass "
-            "--unusual 0.1"
-        )
+        message = "all runs would be the same. Add `probability:` or `after: 4s to 9s` to steps of a scenario, or --unusual 0.1"
         raise NothingRandomError(message)
 
     def write(row: "SweepRow", played: "RunResultSample") -> FailureFile | None:
