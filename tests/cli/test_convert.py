@@ -44,7 +44,7 @@ def test_the_input_is_never_overwritten(capsys, tmp_path):
     path.write_text("<root/>", encoding="utf-8")
     status, out, err = run(capsys, path, "--to", "yaml", "-o", tmp_path / "." / "tree.xml")
     assert (status, out) == (2, "")
-    assert "is the input file: write to another one" in err
+    assert "is the input file. Name another file with -o" in err
     assert path.read_text(encoding="utf-8") == "<root/>"
 
 

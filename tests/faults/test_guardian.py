@@ -56,7 +56,7 @@ def test_one_that_is_killed_is_replaced_and_the_new_one_knows_the_goal_under_way
     run.wait_for(REPLACED)
     run.send(signal.SIGKILL)
     server.wait_for("ended", how="cancel")
-    run.wait_for(f"{GONE}: /navigate_to_pose was asked")
+    run.wait_for(f"{GONE}: /navigate_to_pose was requested")
 
 
 def test_one_that_cannot_live_is_given_up_and_the_mission_goes_on(driving):

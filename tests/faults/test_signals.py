@@ -145,7 +145,7 @@ class TestTheSecondRequest:
         watching.wait_for_goals(driving)
         ask_until_over(run)
         assert run.end() == 4, run.output
-        assert "terminated at once after the second signal: leaves were stopped" in run.output
+        assert "terminated at once after the second signal. The leaves were stopped" in run.output
         watching.wait_for_goals(stopped)
 
     def test_it_ends_a_command_that_blocks_while_it_imports(self, start, tmp_path):

@@ -133,7 +133,9 @@ def test_a_name_in_capitals_may_be_an_enumeration_where_none_is_declared(tree: P
 
 
 def test_a_tick_that_meets_an_undeclared_one_says_where_to_declare_it(tree: Path) -> None:
-    with pytest.raises(Exception, match=r"add its number to sar\.toml under \[language\.enums\]"):
+    with pytest.raises(
+        Exception, match=r"add an enumerator of the C\+\+ program to \[language\.enums\] in sar\.toml"
+    ):
         status_of_a_run(tree)
 
 

@@ -167,9 +167,7 @@ def test_a_map_does_not_overwrite_its_world(
     monkeypatch.chdir(tmp_path)
     Path("flat.yaml").write_text(text, encoding="utf-8")
     assert main(["map", "flat.yaml", *output]) == 2
-    assert (
-        "would overwrite the world flat.yaml. Write -o flat_map" in capsys.readouterr().err
-    )
+    assert "would overwrite the world flat.yaml. Write -o flat_map" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["flat.yaml"]
     assert Path("flat.yaml").read_text(encoding="utf-8") == text
 
