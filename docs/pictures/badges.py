@@ -1,6 +1,6 @@
 """Draw the badges of the README: `python docs/pictures/badges.py` in the project's folder writes `badge_….svg`.
 
-They state what the project's files say, and need no account and no network.
+The badges show values from the project's files, without an account or a network.
 """
 
 import re
@@ -10,7 +10,7 @@ from sar_compiler.style import COLOURS
 
 ROOT = Path(__file__).parents[2]
 HEIGHT, CHARACTER, PADDING = 20, 6.6, 7
-"""Pixels: of a badge, of a character at 11 px, and beside a text."""
+"""The height of a badge, the width of a character at 11 px, and the padding beside a label, in pixels."""
 
 
 def badges() -> list[tuple[str, str]]:
@@ -33,7 +33,7 @@ def badges() -> list[tuple[str, str]]:
 
 
 def pictures() -> dict[Path, str]:
-    """Return each badge as a picture, by its path: narrow screens show them in several rows."""
+    """Return the SVG of each badge by its path; with separate files, narrow screens can show several rows."""
     return {
         Path(__file__).with_name(f"badge_{label.split()[0].lower()}.svg"): _picture(label, value)
         for label, value in badges()

@@ -1,7 +1,7 @@
-"""Draw the moving picture of the README: `python docs/pictures/demo.py` in the project's folder, where ROS 2 is, writes `demo.svg`.
+"""Draw the animated picture of the README: `python docs/pictures/demo.py` in the project's folder, with ROS 2, writes `demo.svg`.
 
-In ten seconds it shows a typo found, a counterexample, and a run. The texts are the outputs of the commands, for the tree of the
-README. The map is that of `mission.svg`, which `mission.py` draws.
+In ten seconds the picture shows a finding about a typo, a counterexample, and a run. The lines are the outputs of the commands for the tree of
+the README. The map comes from `mission.svg`, which `mission.py` draws.
 """
 
 import re
@@ -18,14 +18,14 @@ FOLDER = Path(__file__).parent
 PICTURE = FOLDER / "demo.svg"
 README = FOLDER.parents[1] / "README.md"
 SEC = 10
-"""The length of the picture, seconds."""
+"""The duration of the animation, seconds."""
 COLUMNS, LINE, LEFT, TOP = 60, 20, 10, 58
-"""Characters in a line; the height of a line, the left edge and the first base line, pixels."""
+"""The number of characters in a line, and the height of a line, the left edge and the first base line in pixels."""
 WIDTH, HEIGHT = 560, 366
 
 
-def printed(command: str, tree: str) -> list[str]:
-    """Return the lines that a command prints in a folder with `patrol.xml`."""
+def run_command(command: str, tree: str) -> list[str]:
+    """Run a command in a folder with `patrol.xml`, and return the lines that it prints."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "patrol.xml").write_text(tree, encoding="utf-8")
         program, *arguments = command.split()
@@ -47,13 +47,13 @@ def tree_of_readme() -> str:
 
 
 def checked(tree: str) -> tuple[list[str], list[str]]:
-    """Return what `validate` prints for the tree with its typo, and `verify` for the tree without."""
-    typo = printed("sar-compile validate patrol.xml", tree)
-    return typo, printed("sar-compile verify patrol.xml", tree.replace("Succesful", "Successful"))
+    """Return the output of `validate` for the tree with its typo, and that of `verify` for the corrected tree."""
+    typo = run_command("sar-compile validate patrol.xml", tree)
+    return typo, run_command("sar-compile verify patrol.xml", tree.replace("Succesful", "Successful"))
 
 
-def wrapped(lines: list[str]) -> list[str]:
-    """Return lines broken between words, as far as they are longer than `COLUMNS`; a line of a file is cut."""
+def wrap_lines(lines: list[str]) -> list[str]:
+    """Break lines that are longer than `COLUMNS` between words; a quoted line of a file is cut instead."""
     shown = list[str]()
     for line in lines:
         if re.match(r" +\d+ \|", line):
@@ -65,7 +65,7 @@ def wrapped(lines: list[str]) -> list[str]:
 
 
 def text(lines: list[str], first: int, colour: str, left: int = LEFT) -> str:
-    """Return lines of text from a line of the picture on."""
+    """Return the SVG of lines of text that start at a line of the picture."""
     return "".join(
         f'<text class="code" x="{left}" y="{TOP + LINE * number}" fill="{COLOURS[colour].dark}">{escape(line)}</text>\n'
         for number, line in enumerate(lines, first)
@@ -73,7 +73,7 @@ def text(lines: list[str], first: int, colour: str, left: int = LEFT) -> str:
 
 
 def scene(number: int, title: str, command: str, shown: str) -> str:
-    """Return a third of the picture: its title and command, and half a second later what the command shows."""
+    """Return the SVG of a scene: its title and command, and the output, which appears half a second later."""
     return f"""\
 <g class="scene{number}">
 <text class="title" x="{LEFT}" y="26" fill="{COLOURS["mark"].dark}">{title}</text>
@@ -84,7 +84,7 @@ def scene(number: int, title: str, command: str, shown: str) -> str:
 
 
 def timing() -> str:
-    """Return the stylesheet by which each scene is seen in its third; without motion, the first one is."""
+    """Return the stylesheet that shows each scene for a third of the time, or only the first scene if motion is reduced."""
     rules = []
     for number in range(3):
         begin, end = 100 * number / 3, 100 * (number + 1) / 3
@@ -99,7 +99,7 @@ def timing() -> str:
 
 
 def map_in_last_third() -> str:
-    """Return the map of the mission, whose robot drives in the last third."""
+    """Return the map of the mission, on which the robot drives in the last third of the time."""
     drawn = (FOLDER / "mission.svg").read_text(encoding="utf-8")
     drawn = drawn.replace('width="630" height="530"', f'x="{LEFT}" y="{TOP + 14}" width="336" height="283"')
     drawn = re.sub(r"<!--.*?-->\n", "", drawn)
@@ -112,7 +112,7 @@ def map_in_last_third() -> str:
 
 def picture(typo: list[str], proof: list[str], run: list[str]) -> str:
     """Return the picture, given the outputs of the three commands."""
-    shown = wrapped(typo)
+    shown = wrap_lines(typo)
     last = len(proof) - proof[::-1].index("every run ends: does not hold") - 1
     answers = [line for line in proof if re.match(r"  (home .*|every run ends): ", line)]
     figures = [
@@ -129,7 +129,7 @@ def picture(typo: list[str], proof: list[str], run: list[str]) -> str:
             1,
             "2. Verify: a run that never ends",
             "sar-compile verify patrol.xml",
-            text(wrapped(answers), 2, "success") + text(wrapped(proof[last:]), 6, "failure"),
+            text(wrap_lines(answers), 2, "success") + text(wrap_lines(proof[last:]), 6, "failure"),
         ),
         scene(
             2,
@@ -155,7 +155,7 @@ def picture(typo: list[str], proof: list[str], run: list[str]) -> str:
 def main() -> None:
     """Run the commands with the tree of the README, and draw the picture."""
     tree = tree_of_readme()
-    run = printed("sar-run --sim --speed 20 --journal none", tree)
+    run = run_command("sar-run --sim --speed 20 --journal none", tree)
     PICTURE.write_text(picture(*checked(tree), run), encoding="utf-8")
 
 

@@ -1,6 +1,6 @@
-"""Draw the picture of the mission: `python docs/pictures/mission.py`, where ROS 2 is, writes `mission.svg` beside it.
+"""Draw the picture of the mission: `python docs/pictures/mission.py`, with ROS 2, writes `mission.svg` into the same folder.
 
-A mission runs in the simulator; its world, the way that the robot has gone and where it has waited become an animated picture.
+A mission runs in the simulator. The animated picture shows its world and the robot's path.
 """
 
 import math
@@ -17,42 +17,42 @@ from sar_compiler.style import COLOURS, MARKS
 WORLD = "disaster_zone"
 SURVIVORS = {"survivor_1": (-2.5, 3.2), "survivor_2": (4.1, -2.5)}
 SPEED = 5
-"""Simulated seconds in a second, in the simulator and in the picture."""
+"""Simulated seconds per second, in the simulator and in the picture."""
 STEP_SEC = 0.5
-"""A point of the way for so many simulated seconds."""
+"""The time between two points of the path, simulated seconds."""
 
 
-def driven() -> list[tuple[float, float, float]]:
-    """Run the mission; return the robot's way: simulated seconds, and metres in the frame `map`."""
+def record_path() -> list[tuple[float, float, float]]:
+    """Run the mission, and return the points of the robot's path: simulated seconds, x and y in metres in the frame `map`."""
     rclpy.init()
     node = rclpy.create_node("picture")
-    way: list[tuple[float, float, float]] = []
+    path: list[tuple[float, float, float]] = []
 
-    def moved(odometry: Odometry) -> None:
+    def on_odometry(odometry: Odometry) -> None:
         stamp, at = odometry.header.stamp, odometry.pose.pose.position
         seconds = stamp.sec + stamp.nanosec * 1e-9
-        if not way or seconds >= way[-1][0] + STEP_SEC:
-            way.append((seconds, at.x, at.y))
+        if not path or seconds >= path[-1][0] + STEP_SEC:
+            path.append((seconds, at.x, at.y))
 
-    node.create_subscription(Odometry, "odometry/filtered", moved, 10)
+    node.create_subscription(Odometry, "odometry/filtered", on_odometry, 10)
     command = [str(Path(sys.executable).with_name("sar-run")), "--sim", WORLD, "--speed", str(SPEED)]
     with subprocess.Popen(command) as mission:  # noqa: S603 - our own command
         while mission.poll() is None:
             rclpy.spin_once(node, timeout_sec=0.1)
-    return way
+    return path
 
 
 def _colour(name: str) -> str:
     return COLOURS[name].light
 
 
-def picture(way: list[tuple[float, float, float]]) -> str:
-    """Return the world and the way in it as SVG."""
+def picture(path: list[tuple[float, float, float]]) -> str:
+    """Return the world and a path in it as SVG."""
     world = find_world(WORLD)
-    start, end = way[0][0], way[-1][0]
-    points = " ".join(f"{x:.2f},{y:.2f}" for _, x, y in way)
-    times = ";".join(f"{(seconds - start) / (end - start):.4f}" for seconds, _, _ in way)
-    values = ";".join(f"{x:.2f} {y:.2f}" for _, x, y in way)
+    start, end = path[0][0], path[-1][0]
+    points = " ".join(f"{x:.2f},{y:.2f}" for _, x, y in path)
+    times = ";".join(f"{(seconds - start) / (end - start):.4f}" for seconds, _, _ in path)
+    values = ";".join(f"{x:.2f} {y:.2f}" for _, x, y in path)
     shapes = [
         f'<rect x="{-box.size_x / 2}" y="{-box.size_y / 2}" width="{box.size_x}" height="{box.size_y}" '
         f'transform="translate({box.x} {box.y}) rotate({math.degrees(box.yaw):.1f})"/>'
@@ -87,4 +87,4 @@ def picture(way: list[tuple[float, float, float]]) -> str:
 
 
 if __name__ == "__main__":
-    Path(__file__).with_suffix(".svg").write_text(picture(driven()), encoding="utf-8")
+    Path(__file__).with_suffix(".svg").write_text(picture(record_path()), encoding="utf-8")

@@ -1,7 +1,7 @@
-"""Take the pictures of a mission's pages: `python docs/pictures/page.py` in the project's folder, where ROS 2, selenium and chromium with its driver are.
+"""Take the pictures of a mission's pages: `python docs/pictures/page.py` in the project's folder, with ROS 2, selenium, chromium and its driver.
 
-A mission runs in the simulator; when the robot is near the last zone, the files of `PICTURES` beside this one are what a browser
-shows of it, in a wide window and on a telephone.
+A mission runs in the simulator. When the robot is near the last zone, a browser takes the pictures in `PICTURES` of the mission's pages, in a
+wide window and in the window of a telephone.
 """
 
 import os
@@ -21,11 +21,11 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 COMMAND = ("search_and_rescue_guarded", "--sim", "--speed", "5", "--view", "web", "--web-port", "0")
 PICTURES = {"page": ("", 1500, 880), "page_narrow": ("", 400, 860), "page_tree": ("tree", 1280, 800)}
-"""By the name of the file: which page, and how wide and high its window is."""
+"""The page, and the width and height of the window in pixels, by the name of the picture."""
 NEAR_M = 6.0
-"""To the zone that the robot drives to, when the pictures are taken."""
+"""The remaining distance to the last zone at which the pictures are taken, metres."""
 PATIENCE_SEC = 120.0
-"""For the start of the mission, and for most of it: 80 simulated seconds, five times as fast."""
+"""The maximum wait for the drive to the last zone, seconds. It takes about 80 simulated seconds, five times as fast as real time."""
 
 
 @contextmanager
@@ -42,7 +42,7 @@ def mission() -> Iterator[str]:
                     break
             else:
                 sys.exit(f"{''.join(said)}The mission has no page.")
-            # All is read to the end, or the mission would wait for a reader.
+            # The pipe is read to its end, because a full pipe would block the mission.
             threading.Thread(target=running.stderr.read, daemon=True).start()
             yield found[0]
         finally:
@@ -56,7 +56,7 @@ def browser() -> Iterator[webdriver.Chrome]:
     options.binary_location = shutil.which("chromium") or ""
     for argument in ("--headless=new", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars"):
         options.add_argument(argument)
-    if os.geteuid() == 0:  # where its own fence cannot be set up
+    if os.geteuid() == 0:  # chromium cannot set up its sandbox as root
         options.add_argument("--no-sandbox")
     opened = webdriver.Chrome(options=options, service=Service(shutil.which("chromedriver") or ""))
     try:
@@ -65,7 +65,7 @@ def browser() -> Iterator[webdriver.Chrome]:
         opened.quit()
 
 
-def _is_far_on(page: webdriver.Chrome) -> bool:
+def _is_near_last_zone(page: webdriver.Chrome) -> bool:
     """Return whether the robot is near the last zone."""
     left = re.match(r"([\d.]+) m", page.find_element("id", "drive").text)
     return (
@@ -91,10 +91,10 @@ def main() -> None:
     with mission() as address, browser() as page:
         page.get(address)
         WebDriverWait(page, PATIENCE_SEC, poll_frequency=0.2).until(
-            _is_far_on, "no drive to the last zone was seen"
+            _is_near_last_zone, "the robot did not drive to the last zone"
         )
         for name in PICTURES:
-            # What differs behind the # alone is the same page to a browser.
+            # A browser does not reload a page if only the part after the # changes.
             page.get("about:blank")
             _take(page, address, name)
 

@@ -11,7 +11,14 @@ from sar_compiler.views.drawing import svg
 
 
 class Drawn(NamedTuple):
-    """A picture's tree: a file or `PAGE:FILE` for a file that a page shows, the tree in it (None: the main one), folded, its leaves' modules."""
+    """The tree of a picture.
+
+    Attributes:
+        file: The tree file, or `PAGE:FILE` for a file that a page shows.
+        tree: The ID of the tree; None for the main tree.
+        folded: Whether each subtree is drawn as one node.
+        nodes: The modules of the leaves.
+    """
 
     file: str
     tree: str | None = None
@@ -34,14 +41,14 @@ TREES = {
     "corrected_tree": Drawn("docs/tutorial/4-simulate.md:search.xml", nodes=("rescue_time",)),
     "mission_tree": Drawn("docs/tutorial/5-verify.md:search.xml", nodes=("rescue_time",)),
 }
-"""What is drawn, by the name of the picture."""
+"""The tree of each picture, by the name of the picture."""
 LEAVES = "docs/tutorial/3-leaf.md", "rescue_time.py"
 """The page and the name of the module with the tutorial's leaf."""
 _SHOWN = r"^`{}`:\n\n```\w+\n(.*?)^```$"
 
 
 def shown(page: str, name: str) -> str:
-    """Return the text of a file that a page shows.
+    """Return the content of a file that a page shows.
 
     Raises:
         ValueError: If the page does not show exactly one file of this name.
@@ -52,7 +59,7 @@ def shown(page: str, name: str) -> str:
 
 
 def pictures() -> dict[Path, str]:
-    """Return each picture as it must be, by its path."""
+    """Return the SVG of each picture, by its path."""
     folder = Path(__file__).parent
     with tempfile.TemporaryDirectory() as made:
         (Path(made) / LEAVES[1]).write_text(shown(*LEAVES), encoding="utf-8")

@@ -1,7 +1,7 @@
 """The page of the Python API: `python docs/site/api_page.py` in the project's folder writes `docs/reference/api.md`, see `make schemas`.
 
-It is made from the sources: each public name with its arguments and the first paragraph of its docstring. The site has further pages with
-the whole docstrings.
+The page is generated from the sources. It lists each public name with its arguments and the first paragraph of its docstring. Other pages of
+the site contain the whole docstrings.
 """
 
 import ast
@@ -16,29 +16,29 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs/reference/api.md"
 GROUPS = {
-    "sar_compiler": "Trees: load, check, compile, simulate, verify, run.",
-    "sar_compiler.execution": "Runs of missions from a Python program.",
-    "sar_compiler.leaves": "Base classes of leaves and their registration.",
-    "sar_compiler.missions": "The interface of a mission.",
-    "sar_compiler.testing": "Help for tests of trees and leaves.",
+    "sar_compiler": "Load, check, compile, simulate, verify and run trees.",
+    "sar_compiler.execution": "Run missions from a Python program.",
+    "sar_compiler.leaves": "Write and register leaves, controls and decorators.",
+    "sar_compiler.missions": "Write missions.",
+    "sar_compiler.testing": "Test trees and leaves.",
 }
 HEAD = """# Python API
 
-These are all public names. Everything else may change without notice. The docstrings in the sources describe arguments, units and
-errors. [Use it from Python](../how-to/use-from-python.md) and
-[Write leaves](../how-to/write-a-leaf.md) have examples.
+This page lists all public names. All other names may change without notice. The docstrings in the sources describe arguments, units and
+errors. [Use sar_compiler from Python](../how-to/use-from-python.md) and
+[Write leaves](../how-to/write-a-leaf.md) contain examples.
 """
 _PUBLIC = re.compile(r"^    from (\S+) import (\w+) as \2$", re.MULTILINE)
 _Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
 def page() -> str:
-    """Return the page as the sources make it."""
+    """Return the page, generated from the sources."""
     return "\n".join([HEAD, *(line for group in GROUPS for line in _group(group))])
 
 
 def _group(group: str) -> Iterator[str]:
-    """Yield the lines of a group of names."""
+    """Yield the lines about the names of a public module."""
     module = importlib.import_module(group)
     homes = {name: home for home, name in _PUBLIC.findall(inspect.getsource(module))}
     yield f"## {group}\n\n{GROUPS[group]}\n"
@@ -57,7 +57,7 @@ def _file(module: str) -> Path:
 
 
 def _definition(path: Path, name: str) -> "tuple[Path, ast.stmt | None]":
-    """Return the file of a name that a file has, and its definition there; None for a constant or a name from outside."""
+    """Return the file that defines a name of a module, and the definition; None for a constant or a name of another project."""
     for node in _parsed(path).body:
         if isinstance(node, _Definition) and node.name == name:
             return path, node
@@ -85,7 +85,7 @@ def _public_methods(path: Path, node: ast.ClassDef) -> "Iterator[ast.FunctionDef
 
 
 def _arguments(node: "ast.stmt | None") -> str:
-    """Return the arguments of a function or a constructor; nothing for a property and a constant."""
+    """Return the arguments of a function or a constructor; an empty string for a property or a constant."""
     if isinstance(node, ast.ClassDef):
         own = [each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "__init__"]
         fields = [

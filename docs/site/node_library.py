@@ -1,6 +1,7 @@
 """The node library: `python docs/site/node_library.py` in the project's folder writes `docs/reference/nodes/`, see `make schemas`.
 
-Each node has a drawing and a table of statuses, both from an example that is executed, and its attributes from the registry.
+The section of a node contains a table of its statuses, its attributes from the registry, an example, and the drawing and the first tick of the
+example. The examples are executed.
 """
 
 import tempfile
@@ -19,33 +20,33 @@ from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, ParameterRole
 FOLDER = Path(__file__).parents[1] / "reference/nodes"
 STATUSES = ("Success", "Failure", "Running")
 FAMILIES = {
-    "controls": ("Controls", "A control has one or more children, and decides which of them is ticked."),
-    "decorators": ("Decorators", "A decorator has one child. It changes the child's status, or when it is ticked."),
-    "leaves": ("Leaves of the language", "These leaves need no robot: scripts, the blackboard, time, and constant results."),
+    "controls": ("Controls", "A control has one or more children, and determines which child is ticked."),
+    "decorators": ("Decorators", "A decorator has one child. It changes the child's status, or determines when the child is ticked."),
+    "leaves": ("Leaves of the language", "These leaves need no robot: they execute scripts, use the blackboard, wait, or return a constant status."),
     "search-and-rescue": (
         "Leaves of search and rescue",
         "These leaves belong to the [search-and-rescue mission](../../missions/search-and-rescue.md).",
     ),
     "ros": (
         "Leaves for ROS",
-        "These leaves call services and actions, and use topics and transforms, without Python. Every command takes `--model ros:jazzy`.",
+        "These leaves call services and actions, and use topics and transforms, without Python. To use them, pass `--model ros:jazzy` to any command.",
     ),
     "nav2": (
         "Controls and decorators of Nav2",
-        "Trees for Nav2 use these nodes. Every command takes `--model nav2:jazzy`, `nav2:kilted` or `nav2:main`.",
+        "Trees for Nav2 use these nodes. To use them, pass `--model nav2:jazzy`, `nav2:kilted` or `nav2:main` to any command.",
     ),
     "nav2-leaves": (
         "Leaves of Nav2",
-        "These leaves run in Nav2 only. With `--model nav2:jazzy`, `nav2:kilted` or `nav2:main`, you can check, simulate and verify them.",
+        "Only Nav2 can execute these leaves. With `--model nav2:jazzy`, `nav2:kilted` or `nav2:main`, you can check, simulate and verify trees with them.",
     ),
 }  # fmt: skip
-"""The pages: the title and the introduction of each."""
+"""The title and the introduction of each page of the library."""
 FURTHER = {
     "ros": "[Leaves by attributes](../../how-to/leaves-by-attributes.md)",
     "nav2": "[Check Nav2's trees](../../how-to/nav2-trees.md)",
     "nav2-leaves": "[Check Nav2's trees](../../how-to/nav2-trees.md)",
 }
-"""The guide for the nodes of a page."""
+"""The how-to page for the nodes of a page of the library."""
 ATTRIBUTES = {
     "BlackboardToStatus": {"variable_name": "status"},
     "CheckBlackboardVariableExists": {"variable_name": "x"},
@@ -99,7 +100,7 @@ ATTRIBUTES = {
         for n in range(2, 7)
     },
 }
-"""The attributes of a node's example, if it needs any."""
+"""The attributes in the example of a node that needs attributes, by tag."""
 BEFORE = {
     "ForEach": '<SetBlackboard value="json:[1, 2]" output_key="list"/>',
     "PersistentSequence": '<Script code="child := 0"/>',
@@ -117,11 +118,11 @@ BEFORE = {
         "<DetectSurvivor/>",
     ),
 }
-"""The node that must come before a node in its example; by default a Script, if the example reads `x`."""
+"""The node that must precede a node in its example, by tag; by default a Script, if the example reads `x`."""
 
 
 class Shown(NamedTuple):
-    """A node of the library: its record, and the palettes that have it, of which its example uses the first."""
+    """A node of the library: its spec, and the palettes that contain it. Its example uses the first palette."""
 
     spec: NodeSpec
     models: tuple[str, ...] = ()
@@ -154,8 +155,8 @@ def pages() -> dict[Path, str]:
         for name, (title, _) in FAMILIES.items()
     ]
     intro = (
-        "A tree can use these nodes without your own classes. Each has a drawing, a table of statuses, its attributes, and an example.\n"
-        "`sar-compile nodes TAG` prints the same for your own leaves."
+        "A tree can use these nodes without Python classes of your own. Each node has a description with its statuses, its attributes, an example, and the example's drawing.\n"
+        "For your own leaves, `sar-compile nodes TAG` prints statuses and attributes."
     )
     note = "`make schemas` executes the examples, and writes their statuses and results to these pages."
     made[FOLDER / "README.md"] = "\n\n".join(["# Node library", intro, "\n".join(rows), note]) + "\n"
@@ -189,7 +190,7 @@ def _section(shown: Shown) -> Iterator[str]:
 
 
 def _statuses(shown: Shown) -> Iterator[str]:
-    """Yield the statuses of a node: by its child, by its first two children, or, of a leaf, the outcomes that it declares."""
+    """Yield the statuses of a node: by the status of its child or its first two children, or the declared outcomes of a leaf."""
     spec = shown.spec
     if spec.kind.is_leaf:
         outcomes = [f"{each.status} `{each.label}`" if each.label else each.status for each in spec.outcomes]
@@ -197,7 +198,7 @@ def _statuses(shown: Shown) -> Iterator[str]:
     elif spec.kind is Kind.DECORATOR:
         rows = [f"| {each.upper()} | {_returned(shown, [each])} |" for each in STATUSES]
         yield "\n".join([f"| Child returns | {spec.tag} returns |", "|---|---|", *rows])
-    elif not spec.tag.startswith("Switch"):  # whose child is chosen by the value
+    elif not spec.tag.startswith("Switch"):  # the value of its variable chooses the child of a Switch
         heads = " | ".join(f"second {each.upper()}" for each in STATUSES)
         rows = [
             f"| first {one.upper()} | {' | '.join(_returned(shown, [one, two]) for two in STATUSES)} |" for one in STATUSES
@@ -238,8 +239,8 @@ def _node(spec: NodeSpec, children: "list[str]") -> str:
     return f"<{spec.tag}{written}>\n{inside}\n</{spec.tag}>"
 
 
-def _after(spec: NodeSpec, node: str) -> str:
-    """Return a node after what its example needs."""
+def _with_preparation(spec: NodeSpec, node: str) -> str:
+    """Return the XML of a node, in a Sequence after the node that its example needs."""
     needs_x = "x" in {*ATTRIBUTES.get(spec.tag, {}).values()} or "x " in node or "{x}" in node
     writes_x = spec.tag in {"Script", "RosTransform"}
     before = BEFORE.get(spec.tag, '<Script code="x := 2"/>' if needs_x and not writes_x else "")
@@ -252,13 +253,13 @@ def _after(spec: NodeSpec, node: str) -> str:
 def _example(spec: NodeSpec) -> str:
     count = 0 if spec.kind.is_leaf else max(spec.child_count[0], 2 if spec.kind is Kind.CONTROL else 1)
     leaves = ["<AlwaysFailure/>", "<AlwaysSuccess/>", *["<AlwaysFailure/>"] * count]
-    return _after(spec, _node(spec, ["<AlwaysSuccess/>"] if count == 1 else leaves[:count]))
+    return _with_preparation(spec, _node(spec, ["<AlwaysSuccess/>"] if count == 1 else leaves[:count]))
 
 
 def _returned(shown: Shown, statuses: "list[str]") -> str:
-    """Return the status of a node after the first tick, if its children have these."""
+    """Return the status of a node after the first tick in which its children return some statuses."""
     spec, models = shown
-    _, run = _simulated(_after(spec, _node(spec, [f"<{each}/>" for each in statuses])), models)
+    _, run = _simulated(_with_preparation(spec, _node(spec, [f"<{each}/>" for each in statuses])), models)
     return str(run.tick(1).root)
 
 

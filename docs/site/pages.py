@@ -1,7 +1,7 @@
-"""The pages that the site is built from: `python docs/site/pages.py FOLDER`, see `make site`.
+"""Write the pages from which the site is built: `python docs/site/pages.py FOLDER`, see `make site`.
 
-In the repository a page links to sources, examples and other folders' pages by their places. On the site each of these is
-a page as well, so that no link leads out of it. The README is the first page, and each public group of names has one,
+In the repository, a page links to sources, examples and pages in other folders by their paths. On the site, each linked file is
+also a page, so that every link stays on the site. The README is the first page. Each public module has a page,
 which mkdocstrings fills from the docstrings.
 """
 
@@ -23,17 +23,17 @@ GROUPS = {
     "sar_compiler.missions": "Missions",
     "sar_compiler.testing": "Tests",
 }
-# The site has pages with whole docstrings in its place.
+# On the site, pages with the whole docstrings replace this page.
 _API = DOCS / "reference/api.md"
-# Of two that differ only in capitals, many file systems know one.
+# Files whose paths differ only in case need other names, because many file systems do not distinguish case.
 _PLACES = {
     ROOT / "README.md": "index.md",
     DOCS / "README.md": "pages.md",
     ROOT / "SECURITY.md": "vulnerabilities.md",
     _API: "api/trees.md",
 }
-# On the site's first page, the link to the first one opens the second one, which `docs/site/studio.py` replaces by the editor.
-_DOOR = (DOCS / "start/try-it.md", DOCS / "studio/index.html")
+# On the site's first page, links to the first file open the second file, which `docs/site/studio.py` replaces by the editor.
+_EDITOR_LINK = (DOCS / "start/try-it.md", DOCS / "studio/index.html")
 _LANGUAGES = {
     ".py": "python",
     ".xml": "xml",
@@ -42,7 +42,7 @@ _LANGUAGES = {
     ".cff": "yaml",
     ".toml": "toml",
 }
-_AS_THEY_ARE = {".html", ".pgm", ".png", ".svg"}
+_COPIED_SUFFIXES = {".html", ".pgm", ".png", ".svg"}
 TERMS = {
     "concepts/behaviour-trees.md": "behavior tree, BT, tick, root, control flow, what is a leaf, what is a node",
     "concepts/statuses.md": "running status, SUCCESS, FAILURE, INVALID, halt a node, preempt, reactive, sequence with memory",
@@ -82,9 +82,9 @@ TERMS = {
     "reference/nodes/nav2.md": "recovery node, pipeline sequence, rate controller",
     "reference/nodes/controls.md": "selector node, fallback node, sequence node, parallel node, switch node",
 }
-"""Words under which a reader may search for a page, and which need not be on it."""
-_UNSOUGHT = "---\nsearch:\n  exclude: true\n---\n\n"
-"""At the head of a page that is no result of a search: a source file."""
+"""Further words by which readers may search for a page."""
+_EXCLUDED_FROM_SEARCH = "---\nsearch:\n  exclude: true\n---\n\n"
+"""The head of a page that the search must not find, such as a source file."""
 _FENCE = re.compile(r"^\s*```")
 _CODE = re.compile(r"(?<!`)(`+)(?!`).+?(?<!`)\1(?!`)")
 _LINK = re.compile(r'(\]\(|\bsrc=")(?!https?:|mailto:|#)([^)"\s#]+)((?:#[^)\s]*)?[)"])')
@@ -102,19 +102,19 @@ def write_pages(folder: Path) -> None:
             to_come.extend(_write(path, folder))
     shutil.copy(Path(__file__).with_name("search_on_use.js"), folder)
     for group, title in GROUPS.items():
-        _save(folder / f"api/{title.lower()}.md", _names_of(group, title).encode())
+        _save(folder / f"api/{title.lower()}.md", _api_page(group, title).encode())
 
 
 def place(path: Path) -> str:
-    """Return where a file of the repository, or its page, is on the site."""
+    """Return the path on the site of a file of the repository, or of its page."""
     if path in _PLACES:
         return _PLACES[path]
     source = path.relative_to(DOCS if path.is_relative_to(DOCS) else ROOT).as_posix()
-    return source if path.suffix in {".md", *_AS_THEY_ARE} else f"{source}.md"
+    return source if path.suffix in {".md", *_COPIED_SUFFIXES} else f"{source}.md"
 
 
 def _write(path: Path, folder: Path) -> Iterator[Path]:
-    """Write one file, or its page; yield the files that it links to."""
+    """Write a file, or its page, and yield the files to which it links."""
     data = path.read_bytes()
     if path.suffix == ".md":
         lines, is_code = data.decode().splitlines(keepends=True), False
@@ -122,43 +122,42 @@ def _write(path: Path, folder: Path) -> Iterator[Path]:
             is_code ^= bool(_FENCE.match(line))
             if not is_code:
                 lines[number] = _with_links(line, path)
-                yield from (_goal(path, found[2]) for found in _links(line))
+                yield from (_link_target(path, found[2]) for found in _links(line))
         place_there = place(path)
         if place_there in TERMS:
             lines.append(f"\n*Related terms: {TERMS[place_there]}.*\n")
         if path.name == "CHANGELOG.md":
-            lines.insert(0, _UNSOUGHT)
+            lines.insert(0, _EXCLUDED_FROM_SEARCH)
         data = "".join(lines).encode()
-    elif path.suffix not in _AS_THEY_ARE:
+    elif path.suffix not in _COPIED_SUFFIXES:
         name = path.relative_to(ROOT).as_posix()
-        data = (
-            f"{_UNSOUGHT}# {name}\n\n````{_LANGUAGES.get(path.suffix, '')}\n{data.decode()}\n````\n".encode()
-        )
+        code = f"````{_LANGUAGES.get(path.suffix, '')}\n{data.decode()}\n````\n"
+        data = f"{_EXCLUDED_FROM_SEARCH}# {name}\n\n{code}".encode()
     _save(folder / place(path), data)
 
 
 def _links(line: str) -> "Iterator[re.Match[str]]":
-    """Return the links of a line to files, without what is only shown as code."""
+    """Return the links to files in a line, except for links in code."""
     return _LINK.finditer(_CODE.sub(lambda code: " " * len(code[0]), line))
 
 
-def _goal(path: Path, target: str) -> Path:
+def _link_target(path: Path, target: str) -> Path:
     goal = (path.parent / target).resolve()
     return goal / "README.md" if goal.is_dir() else goal
 
 
 def _with_links(line: str, path: Path) -> str:
-    """Return a line of a page with each of its links leading to where its goal is on the site."""
+    """Return a line of a page, in which each link names the target's path on the site."""
     for found in reversed([*_links(line)]):
-        goal = _goal(path, found[2])
-        goal = _DOOR[1] if (path, goal) == (ROOT / "README.md", _DOOR[0]) else goal
+        goal = _link_target(path, found[2])
+        goal = _EDITOR_LINK[1] if (path, goal) == (ROOT / "README.md", _EDITOR_LINK[0]) else goal
         target = os.path.relpath(place(goal), Path(place(path)).parent)
         line = f"{line[: found.start(2)]}{target}{line[found.end(2) :]}"
     return line
 
 
-def _names_of(group: str, title: str) -> str:
-    """Return the page of a public group of names, to be filled by mkdocstrings."""
+def _api_page(group: str, title: str) -> str:
+    """Return the page of a public module, which mkdocstrings fills."""
     module = importlib.import_module(group)
     homes = {name: home for home, name in _PUBLIC.findall(inspect.getsource(module))}
     texts = [

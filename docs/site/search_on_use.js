@@ -1,12 +1,12 @@
-// The site's search, loaded before the theme's script. Over HTTP, the index (1.2 MB) is fetched when the search is first used. From a folder, a
-// browser starts no worker, and fetches no file: there the worker runs in a frame, and the index is a script (`search.js`).
+// Loaded before the theme's script. Over HTTP, the index of the search (1.2 MB) is fetched when the search is first used. If the site is opened from a
+// folder, a browser does not start workers or fetch files. In this case, the worker's code runs in a frame, and the index is a script (`search.js`).
 (() => {
   const used = new Promise((resolve) => {
     const isSearch = (event) => event.target.closest?.(".md-search, [for=__search], [data-md-toggle=search]");
     for (const kind of ["pointerover", "pointerdown", "focusin", "change"])
       addEventListener(kind, (event) => isSearch(event) && resolve(), true);
     addEventListener("keydown", (event) => "fs/k".includes(event.key.toLowerCase()) && resolve(), true);
-    if (new URLSearchParams(location.search).has("h")) resolve(); // the words of a search, highlighted on its result
+    if (new URLSearchParams(location.search).has("h")) resolve(); // the page is a search result with highlighted words
   });
   const { open, send } = XMLHttpRequest.prototype;
   XMLHttpRequest.prototype.open = function (method, url, ...rest) {

@@ -1,7 +1,7 @@
-"""The graphical editor on the site: `python docs/site/studio.py FOLDER CACHE`, see `make site`.
+"""Assemble the graphical editor of the site: `python docs/site/studio.py FOLDER CACHE`, see `make site`.
 
-The page is that of `sar-compile edit`, with another back end (`docs/studio`): Pyodide from npm, and one archive of the package and what
-it needs. Everything comes from the site itself. What is fetched stays in the cache.
+The page is that of `sar-compile edit`, with another back end (`docs/studio`): Pyodide from npm, and an archive of the package with its
+dependencies. The site itself serves all files of the editor. Downloaded files are kept in the cache.
 """
 
 import json
@@ -23,20 +23,20 @@ PAGE = ROOT / "sar_compiler" / "studio" / "static"
 BACKEND = ROOT / "docs" / "studio"
 PYODIDE = "314.0.7"
 _OF_PYODIDE = ("pyodide.mjs", "pyodide.asm.mjs", "pyodide.asm.wasm", "python_stdlib.zip", "pyodide-lock.json")
-# What checking, proving and playing read.
+# The folders of shipped files that checks, proofs and simulated runs read.
 _SHIPPED = ("config", "schemas", "trees")
 
 
 def assemble(folder: Path, cache: Path) -> None:
-    """Write the page into a new folder.
+    """Write the editor into a new folder.
 
     Args:
         folder: The folder.
-        cache: Where Pyodide and wheels are kept.
+        cache: The folder in which Pyodide and wheels are kept.
     """
     shutil.rmtree(folder, ignore_errors=True)
     (folder / "pyodide").mkdir(parents=True)
-    # The page's own back end is replaced.
+    # The back end of the site replaces that of the page.
     for path in (*PAGE.iterdir(), *BACKEND.glob("*.*js")):
         shutil.copy(path, folder / path.name)
     for name, content in (("signs.css", style.style()), ("drawing.css", drawing_style())):
@@ -66,7 +66,7 @@ def assemble(folder: Path, cache: Path) -> None:
 
 
 def _package() -> "list[Path]":
-    """Return the files of the package and of the shipped mission, without what is compiled."""
+    """Return the files of the package and of the shipped mission, except for compiled modules."""
     kinds = {".py", ".css", ".json", ".xsd", ".yaml"}
     folders = (ROOT / "sar_compiler", ROOT / "search_and_rescue")
     found = (path for folder in folders for path in folder.rglob("*") if path.suffix in kinds)

@@ -1,4 +1,4 @@
-// The site's back end: Python in a worker. It replaces the module of the same name, which queries the server of `sar-compile edit`.
+// The back end of the editor on the site: Python in a worker. It replaces the module of the same name, which queries the server of `sar-compile edit`.
 import { sizes } from "./sizes.js";
 
 const EXAMPLES = ["patrol.xml", "doors.xml", "navigate.xml", "delivery.yaml", "search_and_rescue.xml"];
@@ -33,7 +33,7 @@ function launch() {
   };
 }
 
-// A worker receives no messages while it computes. To stop it, the page ends it and sends the file and the open queries to a new one.
+// A worker receives no messages while it computes. To stop a computation, the page ends the worker and sends the file and the open queries to a new worker.
 async function stop() {
   worker.terminate();
   const before = [...pending.values()];
@@ -72,12 +72,12 @@ async function start(onLoading, onState) {
   launch();
   const [form, data] = location.hash.slice(1).split("=");
   const text = FORMS[form] && (await decode(data).catch(() => null));
-  if (text === null) tellState("The address contains no tree that can be read", true);
+  if (text === null) tellState("The tree in the address cannot be read", true);
   await put(text ? FORMS[form] : EXAMPLES.includes(form) ? form : EXAMPLES[0], text ?? undefined);
   onLoading(1);
 }
 
-// A new worker starts with the saved files.
+// A new worker starts with the saved text.
 async function ask(question, values, onProgress) {
   if (question === "save") opened = { ...opened, text: values.text };
   return send(question, values, onProgress);

@@ -1,6 +1,6 @@
-"""The answers to the questions of the graphical editor on the site, where Python runs in the browser.
+"""The responses to the requests of the graphical editor on the site, where Python runs in the browser.
 
-One file is open at a time, in the memory of the browser; `put` opens another one.
+One file is open at a time, in the browser's memory. The request `put` opens another file.
 """
 
 import json
@@ -13,12 +13,12 @@ from sar_compiler.project import CommandLineSettings
 from sar_compiler.studio.tree_studio import Studio
 
 _ADDITIONS = CommandLineSettings(models=(Path("nav2:jazzy"),), is_isolated=True)
-# Python in a browser finds some 170 states a second.
+# In a browser, Python explores about 170 states per second.
 _MOST_STATES = 50_000
 
 
 class SiteStudio:
-    """Answers the page about the file that was put last."""
+    """Answers the page's requests about the file that was opened last."""
 
     def __init__(self) -> None:
         self._folder = Path(tempfile.mkdtemp())
@@ -26,7 +26,7 @@ class SiteStudio:
         self._on_progress: Callable[[int], object] = lambda _states: None
 
     def answer(self, question: str, values: str, on_progress: Callable[[int], object]) -> str:
-        """Return the answer to a question, whose values and answer are in JSON."""
+        """Return the response to a request in JSON, given the request's values in JSON."""
         said: dict[str, Any] = json.loads(values)
         self._on_progress = on_progress
         if question == "put" or self._studio is None:

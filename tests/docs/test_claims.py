@@ -45,7 +45,7 @@ NO_BEHAVIOUR = {
     RELIABILITY: (
         "This page lists how `sar-run` reacts",
         "Items with † were",
-        "*Detected* is the time",
+        "*Detection takes* states the time",
         "If a process dies without notice",
         "Safety and security lists the limits",
         "Start the mission and Nav2 with this profile",
