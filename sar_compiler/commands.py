@@ -400,7 +400,7 @@ class _HelpAllAction(argparse.Action):
 
 def add_version(parser: argparse.ArgumentParser) -> None:
     """Add `--version`."""
-    shown = "show the versions of sar_compiler, Python and py_trees, and exit"
+    shown = "show the versions of the software, and exit"
     parser.add_argument("--version", action=_VersionAction, default=argparse.SUPPRESS, help=shown)
 
 

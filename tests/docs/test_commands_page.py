@@ -257,7 +257,7 @@ def says(text, default):
     """Return whether a help text says a default; that it is as many as there are processors, in words."""
     value = ",".join(f"{each:g}" for each in default) if isinstance(default, tuple) else default
     value = f"{value:g}" if isinstance(value, float) else value
-    return f"default {value}" in text or "(default: " in text
+    return f"default {value}" in text or "(default: " in text or ("default)" in text and str(value) in text)
 
 
 def test_every_page_that_says_more_is_of_a_command_or_option_that_exists():

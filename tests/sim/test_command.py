@@ -119,7 +119,7 @@ def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> N
         (["run", "--robot", ""], "the robot has no name. Write NAME, NAME:X,Y"),
         (["run", "--robot", ":1,2"], "robot ':1,2': has no name. Write NAME, NAME:X,Y"),
         (["run", "--robot", "robot-1"], "'robot-1' is not a valid namespace"),
-        (["run", "--robot", "robot1:0.5"], "expected NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians"),
+        (["run", "--robot", "robot1:0.5"], "Write NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians"),
         (["run", "--robot", "robot1:0,north"], "'north' is not a finite number"),
         (["fly"], "invalid choice: 'fly'"),
         ([], "required: COMMAND"),

@@ -73,8 +73,8 @@ class TestNames:
             ("a__b:1,1", "'a__b' is not a valid namespace"),
             ("___", "'___' is not a valid namespace"),
             ("robot1:", "'' is not a finite number"),
-            ("robot1:1", "'1' has 1 number;"),
-            ("robot1:1,2,3,4", "'1,2,3,4' has 4 numbers;"),
+            ("robot1:1", "'1' has 1 number."),
+            ("robot1:1,2,3,4", "'1,2,3,4' has 4 numbers."),
             ("robot1:1,east", "'east' is not a finite number"),
             ("robot1:1,inf", "'inf' is not a finite number"),
         ],
@@ -84,7 +84,7 @@ class TestNames:
             parse_placement(text)
         assert text in str(raised.value)
         assert problem in str(raised.value)
-        assert "expected NAME, NAME:X,Y or NAME:X,Y,YAW" in str(raised.value)
+        assert "rite NAME, NAME:X,Y or NAME:X,Y,YAW" in str(raised.value)
 
     @pytest.mark.ros
     @given(st.from_regex(r"[A-Za-z_0-9/~-]{1,4}", fullmatch=True) | st.text(min_size=1, max_size=3))
@@ -128,7 +128,7 @@ class TestPlaces:
             check_placements(disaster_zone, [Placement("far", Pose2D(100.0, 100.0))])
 
     def test_two_at_the_world_s_start_touch_and_are_told_how_to_be_placed(self) -> None:
-        with pytest.raises(PlacementError, match=r"touching robot 'robot1' at .*write a start, robot2:X,Y"):
+        with pytest.raises(PlacementError, match=r"in contact with robot 'robot1' at .*Write robot2:X,Y"):
             check_placements(OPEN, [Placement("robot1"), Placement("robot2")])
 
     def test_two_may_stand_closely_side_by_side(self) -> None:

@@ -48,7 +48,9 @@ def test_a_file_of_something_else_is_refused(kept, text, problem):
 
 
 def test_a_file_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(PoseFileError, match=r"places\.json: cannot be written: No such file or directory"):
+    with pytest.raises(
+        PoseFileError, match=r"places\.json: the file cannot be written: No such file or directory"
+    ):
         PoseFile(tmp_path / "nowhere" / "places.json", "disaster_zone").write(PLACES)
 
 

@@ -56,7 +56,7 @@ def test_another_seed_makes_another_map(disaster_zone: World, shipped_map: Occup
 
 
 def test_a_world_without_a_survey_way_cannot_be_mapped() -> None:
-    with pytest.raises(SurveyError, match="'empty' has no 'survey'"):
+    with pytest.raises(SurveyError, match="'empty' has no survey route"):
         survey(find_world("empty"))
 
 
@@ -140,7 +140,10 @@ def test_a_picture_with_colours_and_transparency_is_averaged(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("changes", "problem"),
     [
-        ({"origin": "[0, 0, 1]"}, r"m.yaml:4:16: error\[wrong-value\]: an item of 'origin' is a yaw of 0"),
+        (
+            {"origin": "[0, 0, 1]"},
+            r"m.yaml:4:16: error\[wrong-value\]: an item of 'origin' must be a yaw of 0",
+        ),
         ({"origin": "[0, 0]"}, r"m.yaml:4:9: .*'origin' must be \[x, y, yaw\], but is a list"),
         ({"mode": "scale"}, "m.yaml:2:7: .*'mode' must be one of trinary, but is 'scale'"),
         ({"negate": "maybe"}, "m.yaml:5:9: .*'negate' must be one of 0, 1, false, true, but is 'maybe'"),

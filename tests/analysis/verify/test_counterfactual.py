@@ -172,7 +172,7 @@ def test_a_tree_of_too_many_runs_is_given_up_on(path, monkeypatch):
     monkeypatch.setattr("sar_compiler.analysis.verify.recorded_runs._MAX_EXPLORED", 3)
     path.write_text(document('<A name="one"/>'), encoding="utf-8")
     record = [event for number in range(1, 9) for event in tick(number, 0.0, "RUNNING", {0: "RUNNING"})]
-    with pytest.raises(UndecidableError, match="too many runs"):
+    with pytest.raises(UndecidableError, match="too many possible runs"):
         counterfactual(simulated(path), [*record, *tick(9, 0.0, "FAILURE", {0: "FAILURE"})], ["one"])
 
 
