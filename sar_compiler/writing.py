@@ -1,4 +1,4 @@
-"""Writing files atomically: there is always a complete one, the old or the new."""
+"""Atomic writing of files: at any time, the old or the new file exists completely."""
 
 import errno
 import os
@@ -21,20 +21,20 @@ def same_file(one: Path, other: Path) -> bool:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file in UTF-8, as `write_bytes` does."""
+    """Write a text file in UTF-8, like `write_bytes`."""
     write_bytes(path, text.encode())
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file atomically; its permissions are kept, and a link remains a link.
+    """Write a file atomically, and preserve its permissions; a link remains a link.
 
     Raises:
-        WriteError: If this is impossible; the file is then unchanged.
+        WriteError: If the file cannot be written; it is then unchanged.
     """
     target = real_path(path)
     try:
         if target.is_symlink():
-            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))  # noqa: TRY301 - reported like the others
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))  # noqa: TRY301 - reported like other errors
         if target.exists() and not target.is_file():
             with target.open("wb") as stream:  # a device or a pipe cannot be replaced
                 stream.write(data)

@@ -23,11 +23,13 @@ from sar_compiler.journal.resume_command import resume_command
 from sar_compiler.journal.status_line import condition
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
-# A longer log keeps its last lines, and of earlier ones events and warnings. A longer trail loses every second point.
-_LOG, _RECENT, _IMPORTANT, _TRAIL = 2000, 300, 1400, 1000
-# The largest number of changes of leaves, and how many of them are kept then.
+# The maximum number of lines of the log. If it is exceeded, the last lines, and earlier events and warnings, are kept in these numbers.
+_LOG, _RECENT, _IMPORTANT = 2000, 300, 1400
+# The maximum number of points of the trail; a longer trail loses every second point.
+_TRAIL = 1000
+# The maximum number of status changes of leaves, and the number of the latest changes that are kept if it is exceeded.
 _LANES, _KEPT_LANES = 2000, 1200
-# The log of ROS is late by this number of lines at most.
+# The maximum number of lines by which a line of the ROS log can be late.
 _LATE = 50
 
 PageChange = dict[str, Any]
@@ -35,21 +37,21 @@ PageChange = dict[str, Any]
 
 
 class LastStatus(NamedTuple):
-    """The last status of a node other than a reset, and the results before it.
+    """The last status of a node other than a reset, with statistics of earlier statuses. Times are seconds since the run's start.
 
     Attributes:
-        status: As in the entries.
-        since: The start of that status, in seconds since the run's start, like all times.
-        entered: The tick in which its activation started.
-        time: The time of its last change.
-        tick: The tick of that change.
-        message: Its message.
-        failed: The time of its last failure; None if there was none.
-        failure: The message of that failure.
-        label: The label of its outcome; empty if unknown.
-        ends: The counts of each recorded end: SUCCESS, FAILURE, HALTED. An end repeated on consecutive ticks is recorded once.
-        ran: The total running time before those ends, in seconds.
-        longest: The longest of these times.
+        status: The status in the last entry that is not a reset.
+        since: The start of this status.
+        entered: The tick in which the node's activation started.
+        time: The time of the last change.
+        tick: The tick of the last change.
+        message: The message of the node.
+        failed: The time of the last failure; None if there was none.
+        failure: The message of the last failure.
+        label: The label of the outcome; empty if unknown.
+        ends: The numbers of recorded ends with SUCCESS, FAILURE and HALTED. An end that is repeated in consecutive ticks is recorded once.
+        ran: The total running time before these ends, in seconds.
+        longest: The longest running time before an end, in seconds.
     """
 
     status: str = ""
@@ -68,7 +70,7 @@ class LastStatus(NamedTuple):
     def with_status(
         self, status: str, message: str, label: str, tick: int, now: float, *, was_reset: bool
     ) -> "LastStatus":
-        """Return the record after another status, which starts a new activation if the node was reset before."""
+        """Return the record after a further status, which starts a new activation if the node was reset before."""
         is_same = self.status == status and not was_reset
         has_failed = status == FAILURE
         took = now - self.since if self.status == RUNNING and status != RUNNING else 0.0
@@ -76,7 +78,7 @@ class LastStatus(NamedTuple):
         return LastStatus(
             status,
             self.since if is_same else now,
-            # An activation lasts while the node is running, and ends with its next status.
+            # An activation lasts while the node is running, and ends with the node's next status.
             self.entered if self.status == RUNNING else tick,
             now,
             tick,
@@ -91,53 +93,55 @@ class LastStatus(NamedTuple):
 
 
 class GrowingList:
-    """A list that reports its changes: the first changed index, and the values from there.
+    """A list that reports its changes: the first changed index, and all values from this index on.
 
     Attributes:
-        values: Its content.
+        values: The content.
     """
 
     def __init__(self) -> None:
         self.values: list[Any] = []
-        self._told = 0
+        self._first_changed = 0
 
     def append(self, value: Any) -> None:
-        """Add a value."""
+        """Append a value."""
         self.values.append(value)
 
-    def insert(self, place: int, value: Any) -> None:
+    def insert(self, index: int, value: Any) -> None:
         """Insert a value at an index."""
-        self.values.insert(place, value)
-        self._told = min(self._told, place)
+        self.values.insert(index, value)
+        self._first_changed = min(self._first_changed, index)
 
-    def replace(self, place: int, value: Any) -> None:
-        """Replace a value."""
-        self.values[place] = value
-        self._told = min(self._told, place)
+    def replace(self, index: int, value: Any) -> None:
+        """Replace the value at an index."""
+        self.values[index] = value
+        self._first_changed = min(self._first_changed, index)
 
     def renew(self, values: list[Any]) -> None:
         """Replace the whole content."""
-        self.values, self._told = values, 0
+        self.values, self._first_changed = values, 0
 
     def pop_changes(self) -> dict[str, Any] | None:
-        """Return the changes since the last call."""
-        at, self._told = self._told, len(self.values)
+        """Return the changes since the last call; None if there are none."""
+        at, self._first_changed = self._first_changed, len(self.values)
         return {"at": at, "values": self.values[at:]} if at < len(self.values) else None
 
 
 class PageState:
-    """The page's view of a robot after some entries.
+    """The page's state of a robot's mission after the entries applied so far.
 
-    Its parts, as a page has them: `run`, `awaited`, `condition`, `tasks`, `resume`, `place`, `objects` of commands, `estimate`, `nodes`, `states` by node, `pose`, `plan`,
-    `drive`, `map`, `times` of these, `kinds` by name, `landmarks` by kind and name (null for one that has disappeared),
-    `rasters` by name, `figures`, `gauges`, `alarms`, `properties`, `why`, `log`, `trail` and `lanes` (the changes of the leaves' statuses: time, node, status), from an index on. `begin` drops earlier values.
+    A change replaces these parts: `run`, `awaited`, `time`, `nodes`, `pose`, `plan`, `drive`, `condition`, `tasks`, `resume`, `place`, `objects`
+    of commands, `estimate`, `times` of pose, plan and map, `north`, `map`, `kinds` by name, `figures`, `gauges`, `alarms`, `properties` and `why`.
+    It updates single values of `states` (by node), `landmarks` (by kind and name, null for a landmark that has disappeared) and `rasters` (by
+    name). It replaces the end, from an index on, of `log`, `trail` and `lanes` (the status changes of leaves: time, node, status). A change with
+    `begin` replaces the whole state.
 
     Args:
-        robot: The robot's index among those of a page.
-        journal: The path of its journal; empty if it has none.
+        robot: The robot's index among the robots of the page.
+        journal: The path of the robot's journal; empty if there is none.
 
     Attributes:
-        robot: The same.
+        robot: The robot's index among the robots of the page.
     """
 
     def __init__(self, robot: int = 0, journal: str = "") -> None:
@@ -145,10 +149,10 @@ class PageState:
         self._passed = 0.0
         self._began = 0.0
         self._mission = MissionState()
-        # By the node's number: its last status, and the nodes that were reset since.
+        # The last status of each node by the node's number, and the numbers of the nodes that were reset after their last status.
         self._last: dict[int, LastStatus] = {}
-        self._at_rest: set[int] = set()
-        # The results of others' analyses of the run.
+        self._reset_nodes: set[int] = set()
+        # The cause of the run's failure, which another module determines.
         self._why: Mapping[str, Any] | None = None
         self._times: dict[str, float] = {}
         self._log, self._trail, self._lanes = GrowingList(), GrowingList(), GrowingList()
@@ -183,7 +187,7 @@ class PageState:
             self._fact = self._add_line("fact", mission.facts.pop().text)
         else:
             handle = self._HANDLERS.get(entry.kind)
-            if handle is not None:  # of all other kinds, the mission's state is shown
+            if handle is not None:  # entries of all other kinds only change the mission's state
                 handle(self, entry)
             if entry.kind in self._TIMED:
                 self._times[entry.kind] = mission.now.time
@@ -202,7 +206,7 @@ class PageState:
         self._touched.add("why")
 
     def set_awaited(self, items: Sequence[AwaitedItem]) -> None:
-        """Set what the next run waits for before it starts; its start removes them."""
+        """Set the resources for which the next run waits before its start; the start of the run removes them."""
         self._mission.awaited = items
         self._touched.update(("awaited", "condition", "tasks"))
 
@@ -214,7 +218,7 @@ class PageState:
             self._touched.update(("condition", "tasks", "resume"))
 
     def change(self) -> PageChange | None:
-        """Return the changes since the last call; None without changes."""
+        """Return the changes since the last call; None if there are none."""
         if self._is_new:
             change = self.full_state()
             for _, each in self._lists():
@@ -235,7 +239,7 @@ class PageState:
         return change
 
     def full_state(self) -> PageChange:
-        """Return the full state as a diff against the empty state."""
+        """Return the whole state, as changes of the empty state."""
         return {
             "begin": True,
             "robot": self.robot,
@@ -253,7 +257,7 @@ class PageState:
         self._began, self._times = entry.time, {}
         self._why = None
         self._nodes = set()
-        self._last, self._at_rest = {}, set()
+        self._last, self._reset_nodes = {}, set()
         self._lanes.renew([])
         self._add_line("fact", "The run began.")
 
@@ -265,8 +269,8 @@ class PageState:
         data = entry.data
         number = data["node"]
         self._add_to_lane(number, str(data["status"]))
-        if data["status"] == IDLE:  # an ended status stays until the next one
-            self._at_rest.add(number)
+        if data["status"] == IDLE:  # the page shows the last status until the node is ticked again
+            self._reset_nodes.add(number)
             return
         self._nodes.add(number)
         self._last[number] = self._last.get(number, LastStatus()).with_status(
@@ -275,9 +279,9 @@ class PageState:
             str(data.get("label") or ""),
             int(data["tick"]),
             self._mission.now.time,
-            was_reset=number in self._at_rest,
+            was_reset=number in self._reset_nodes,
         )
-        self._at_rest.discard(number)
+        self._reset_nodes.discard(number)
 
     def _add_to_lane(self, number: int, status: str) -> None:
         if self._mission.nodes[number].children:
@@ -306,26 +310,26 @@ class PageState:
         self._landmarks.update(dict.fromkeys([*keys, *self._gone]))
         self._rasters.update(each["name"] for each in data.get("rasters", ()))
         if "kinds" in data or not self._gone.isdisjoint(keys):
-            # Landmarks of an earlier run may no longer exist. The last one of a name is valid.
+            # Landmarks of an earlier run may have disappeared, or a landmark has disappeared and appeared again.
             self._is_new = True
-        if self._fact is not None and (said := data.get("said")):
+        if self._fact is not None and (sentence := data.get("said")):
             *when, _ = self._log.values[self._fact]
-            self._log.replace(self._fact, [*when, with_author(str(said), CommandAuthor.from_data(data))])
+            self._log.replace(self._fact, [*when, with_author(str(sentence), CommandAuthor.from_data(data))])
 
     def _add_line(self, level: str, text: str, stamp: float | None = None) -> int:
-        """Add a line to the log, a stamped one before later lines; return its index."""
+        """Add a line to the log, before later lines if it has a time stamp; return the line's index."""
         now, lines, walls = self._mission.now, self._log.values, self._walls
         wall = now.wall if stamp is None else min(now.wall, stamp)
         of_run = sum(1 for line in lines[-len(walls) :] if line[0] == now.run) if walls else 0
         later = 0 if stamp is None else next((n for n in range(of_run) if walls[-1 - n] <= wall), of_run)
-        place = len(lines) - later
-        self._log.insert(place, [now.run, lines[place][1] if later else now.time, level, text])
+        index = len(lines) - later
+        self._log.insert(index, [now.run, lines[index][1] if later else now.time, level, text])
         walls.insert(len(walls) - later, wall)
         del walls[:-_LATE]
-        if self._fact is not None and place <= self._fact:
+        if self._fact is not None and index <= self._fact:
             self._fact += 1
         if len(lines) <= _LOG:
-            return place
+            return index
         kept = [line for line in lines[:-_RECENT] if line[2] != "info"]
         self._log.renew([*kept[-_IMPORTANT:], *lines[-_RECENT:]])
         self._fact = None
@@ -384,9 +388,9 @@ class PageState:
         return self._mission.situation.rasters[name]._asdict()
 
     def _north(self) -> float | None:
-        """Return the direction of north: an angle in the frame `map`, radians from its x axis; None if unknown."""
-        place = Georeference.from_parameters(self._mission.parameters)
-        return None if place is None else math.radians(place.heading)
+        """Return the direction of north as an angle from the x axis of the frame `map`, radians; None if unknown."""
+        georeference = Georeference.from_parameters(self._mission.parameters)
+        return None if georeference is None else math.radians(georeference.heading)
 
     def _alarms(self) -> list[PageChange]:
         mission = self._mission
@@ -424,7 +428,7 @@ class PageState:
         events.LOG: _on_log,
         events.CHANGED: _on_changed,
     }
-    # The parts that entries of a kind change.
+    # The parts of the state that an entry changes, by the kind of the entry.
     _PARTS: ClassVar[Mapping[str, tuple[str, ...]]] = {
         events.RUN_BEGAN: (
             "run",
@@ -460,7 +464,7 @@ class PageState:
     }
     _TIMED = (events.POSE, events.PLAN, events.MAP)
     _SITUATION = frozenset(("kinds", "figures", "gauges", "alarms", "objects"))
-    # The parts that are replaced as a whole, in the order of transmission.
+    # The parts of the state that are replaced as a whole, in the order of transmission.
     _READ: ClassVar[Mapping[str, Callable[["PageState"], Any]]] = {
         "run": _run,
         "awaited": lambda self: [each._asdict() for each in self._mission.awaited],
@@ -490,5 +494,5 @@ class PageState:
 
 
 def all_changes(states: Iterable[PageState]) -> list[PageChange]:
-    """Return the changes of robots' states since the last call."""
+    """Return the changes of several robots' states since the last call."""
     return [change for state in states if (change := state.change()) is not None]

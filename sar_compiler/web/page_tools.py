@@ -29,22 +29,23 @@ if TYPE_CHECKING:
     from sar_compiler.analysis.verify.counterfactual import WhatIfResult, WhatIfSearch
     from sar_compiler.ros.engine import Engine
 
-# How long breakpoints pause a tree after the last query of a browser, in seconds.
+# The time after the last query of a browser for which breakpoints can pause a tree, in seconds.
 _PATIENCE_SEC = 10.0
-# The number of a run's entries that are stored for queries during the run.
-_MOST_ENTRIES = 100_000
+# The maximum number of a run's entries that are stored for queries during the run.
+_MAX_ENTRIES = 100_000
 _NO_TREE = "the tree is not built yet, or is too large for queries"
 
 
 class ToolError(SarError):
-    """A query is impossible, or not possible now."""
+    """A query is invalid, or currently not possible."""
 
 
 class LiveTools:
-    """The tools of a run in this process.
+    """The queries about a run in this process.
 
     Args:
-        log: Called with messages about breakpoints, and with the node that pauses the tree; empty when it continues.
+        log: Called with a message about breakpoints, and with a sentence about the node that pauses the tree, or an empty string when the tree
+            continues.
     """
 
     def __init__(self, log: Callable[[str, str], object]) -> None:
@@ -62,12 +63,12 @@ class LiveTools:
         return {
             "entries": PageQuery(self._blackboard),
             "breakpoints": PageQuery(self._change_breakpoints, is_free=False),
-            # It takes processor time from the mission for a moment.
+            # This query briefly takes processor time from the mission.
             "otherwise": PageQuery(self._what_if.query, is_free=False),
         }
 
     def begin(self, tree: CompiledTree, engine: "Engine") -> None:
-        """Receive the tree and the engine that ticks it."""
+        """Set the tree of the run, and the engine that ticks the tree."""
         with suppress(TooManyNodesError):
             self._begin(NumberedTree(tree), tree, engine)
 
@@ -79,15 +80,15 @@ class LiveTools:
 
     def add_entry(self, entry: JournalEntry) -> None:
         """Process an entry of the run."""
-        if len(self._entries) < _MOST_ENTRIES and entry.kind in (RUN_BEGAN, STATUS):
+        if len(self._entries) < _MAX_ENTRIES and entry.kind in (RUN_BEGAN, STATUS):
             self._entries.append(entry)
 
     def release_abandoned(self) -> None:
-        """Continue a paused tree if no browser queries it any more; called regularly."""
+        """Continue a paused tree if no browser has queried it recently; must be called regularly."""
         self._breakpoints.release_if_abandoned()
 
     def stop_pausing(self) -> None:
-        """Stop pausing the tree."""
+        """Remove all breakpoints, and continue a paused tree."""
         self._breakpoints.clear()
 
     def _log_breakpoint(self, text: str) -> None:
@@ -108,7 +109,7 @@ class LiveTools:
         ]
 
     def _change_breakpoints(self, values: Mapping[str, Any]) -> object:
-        """Set a breakpoint at a node (`node`, `is_set`), or continue (`goes_on`); return the breakpoints."""
+        """Set or remove the breakpoint of a node (`node`, `is_set`), or continue the tree (`goes_on`); return all breakpoints."""
         if self._tree is None:
             raise ToolError(_NO_TREE)
         self._breakpoints.keep_alive()
@@ -125,7 +126,7 @@ class LiveTools:
 
     def _set(self, number: object, *, is_set: bool) -> None:
         if not (isinstance(number, int) and 0 <= number < len(self._behaviours)):
-            raise ToolError(f"there is no node {number} that can be paused")
+            raise ToolError(f"the tree has no node with the number {number}")
         if not is_set:
             self._breakpoints.remove(self._behaviours[number])
             return
@@ -138,11 +139,11 @@ class LiveTools:
 def _entry_data(key: str, entry: Entry) -> dict[str, object]:
     try:
         value = entry.read()
-    except MissingEntryError:  # never written, or removed by the tick meanwhile
+    except MissingEntryError:  # the entry was never written, or a tick has removed it meanwhile
         return {"key": key, "value": None, "type": "", "writes": 0}
     try:
         text = escape_to_one_line(repr(value))
-    except Exception as error:  # noqa: BLE001 - a foreign value; it may change meanwhile
+    except Exception as error:  # noqa: BLE001 - the value of a user's class, which may change meanwhile
         text = f"({error})"
     return {"key": key, "value": shorten(text), "type": type(value).__name__, "writes": entry.stamp}
 
@@ -160,29 +161,29 @@ class WhatIf:
         self._lock = Lock()
 
     def query(self, values: Mapping[str, Any]) -> object:
-        """Return the effect of each other outcome of a leaf (`node`) in a tick (`tick`) of a run (`run`) of a robot.
+        """Return the effect of each other outcome of a leaf (`node`) in a tick (`tick`) of a run (`run`) of a robot (`robot`).
 
         Raises:
-            SarError: If it cannot be determined.
+            SarError: If the effects cannot be determined.
         """
         robot, run, node, tick = (int(values.get(name, 0)) for name in ("robot", "run", "node", "tick"))
         with self._lock:
             entries = [*self._entries(robot, run)]
             state = MissionState.from_stream(entries)
             if not (state.runs and 0 <= node < len(state.nodes)):
-                raise ToolError("there is no such node in this run")
+                raise ToolError("the tree of this run has no such node")
 
             def record() -> "Iterator[Event]":
                 return takewhile(lambda each: each.tick <= tick, recorded_events(entries))
 
             found = answer_for_matching_tree(
-                self._retrospects(state), lambda each: each.consequences(record(), node)
+                self._searches(state), lambda each: each.consequences(record(), node)
             )
         names = [each.name for each in state.nodes]
         looks = state.runs[-1].about.get("looks") or []
         return [_consequence_data(each, names, looks) for each in found]
 
-    def _retrospects(self, state: MissionState) -> "list[WhatIfSearch]":
+    def _searches(self, state: MissionState) -> "list[WhatIfSearch]":
         from sar_compiler.analysis.verify.counterfactual import WhatIfSearch
         from sar_compiler.project import Workspace
 
@@ -198,30 +199,29 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
     """Return the queries for a page of journals.
 
     Args:
-        paths: The journals.
-        reading: Entered while one is read; by default nothing is.
+        paths: The journals, one for each robot.
+        reading: A context manager that is entered while a journal is read; None if it is not necessary.
     """
-    alone = reading or nullcontext()
+    exclusive = reading or nullcontext()
 
     def journal_of(robot: int) -> Path:
         if not 0 <= robot < len(paths):
-            raise ToolError("there is no such robot")
+            raise ToolError("this page has no such robot")
         return paths[robot]
 
     def report_values(values: Mapping[str, Any]) -> str:
-        with alone:
+        with exclusive:
             return report_page(journal_of(values["robot"]))
 
     def entries(robot: int, run: int) -> Iterable[JournalEntry]:
-
-        with alone, JournalFile.open_snapshot(journal_of(robot)) as file:
+        with exclusive, JournalFile.open_snapshot(journal_of(robot)) as file:
             return [each for each in file.stream() if each.run == run and each.kind in (RUN_BEGAN, STATUS)]
 
     return {"otherwise": PageQuery(WhatIf(entries).query), "report": PageQuery(report_values)}
 
 
 def _consequence_data(found: "WhatIfResult", names: Sequence[str], looks: Sequence[Any]) -> dict[str, object]:
-    """Return the effect of an outcome as JSON values, without conditions of no interest."""
+    """Convert the effect of an outcome to JSON values, without conditions that succeed."""
 
     def is_reported(event: Event) -> bool:
         look = looks[event.number] if event.number < len(looks) else None

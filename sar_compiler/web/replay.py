@@ -1,7 +1,7 @@
-"""The recorded states of journals at any time, for a replay page.
+"""The recorded states of missions at any time, computed from their journals for a replay page.
 
-The state at a time is folded from the nearest earlier checkpoint: the state itself, packed, after a number of entries.
-Checkpoints are created when a journal is opened, and kept in memory. The journal is only read.
+The state at a time is computed from the nearest earlier checkpoint, which contains the packed state after a number of entries.
+Checkpoints are created when a journal is opened, and kept in memory. The journals are not changed.
 """
 
 import bisect
@@ -17,22 +17,22 @@ from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.web.page_state import PageState, all_changes
 
 Explain = Callable[[Path], Mapping[str, Any] | None]
-"""Returns the cause of a mission's failure from a journal, as JSON values; None if it has not failed."""
+"""A function that returns the cause of a mission's failure from a journal, as JSON values; None if the mission has not failed."""
 
-# Robots whose clocks differ by more are unrelated, in seconds.
-_APART = 24 * 3600
+# The difference between the clocks of robots above which their missions are unrelated, in seconds.
+_UNRELATED_SEC = 24 * 3600
 # The minimum number of entries between checkpoints, and the maximum number of checkpoints.
-_LEAST, _CHECKPOINTS = 2000, 400
+_MIN_ENTRIES, _MAX_CHECKPOINTS = 2000, 400
 
 
 class TrackPosition(NamedTuple):
-    """A position in a robot's track, which omits the time between runs.
+    """A position in a robot's track, in which the time between runs is omitted.
 
     Attributes:
         entry: The position in the journal's stream.
-        end: The time there, in seconds since the first run's beginning.
-        began: The time of the mission's clock at the start of the present run.
-        before: The time of that start, in seconds since the first run's start.
+        end: The time of the position, in seconds since the start of the first run.
+        began: The time of the mission's clock at the start of the run at this position.
+        before: The start of the run at this position, in seconds since the start of the first run.
     """
 
     entry: StreamPosition = StreamPosition()
@@ -48,14 +48,14 @@ class TrackPosition(NamedTuple):
 
 
 class Checkpoint(NamedTuple):
-    """A saved state at a position of the track.
+    """A stored state at a position of the track.
 
     Attributes:
-        place: The position.
-        packed: The state.
+        position: The position in the track.
+        packed: The compressed state.
     """
 
-    place: TrackPosition
+    position: TrackPosition
     packed: bytes
 
 
@@ -64,98 +64,98 @@ class ReplayTrack:
 
     Args:
         path: The journal.
-        explain: Returns the cause of its mission's failure.
+        explain: Returns the cause of the mission's failure.
 
     Attributes:
-        first: The time of the mission's clock at its start; None if no run has started.
-        last: The position of its end.
-        shift: The delay of its start after the replay's, in seconds.
+        first: The time of the mission's clock at the start of the track; None if no run has started.
+        last: The position of the end of the track.
+        shift: The time between the start of the replay and the start of the track, in seconds.
 
     Raises:
-        JournalError: If it cannot be read.
+        JournalError: If the journal cannot be read.
     """
 
     def __init__(self, path: Path, explain: Explain) -> None:
         self._path = path
-        # Before all else: it releases the locks of other readers of the file in this process.
+        # The lock is checked first, because the check releases the locks of other readers of the file in this process.
         self._is_written = is_locked(path)
         self.shift = 0.0
         self.first: float | None = None
         self._checkpoints: list[Checkpoint] = []
         self.last = TrackPosition()
-        self._make()
+        self._create_checkpoints()
         self.why: Mapping[str, Any] | None = None if self.first is None else explain(path)
-        self._state, self._place = self._new_state(), TrackPosition()
+        self._state, self._position = self._new_state(), TrackPosition()
 
     def _new_state(self) -> PageState:
         return PageState(journal=str(self._path))
 
-    def _make(self) -> None:
-        state, place = self._new_state(), TrackPosition()
+    def _create_checkpoints(self) -> None:
+        state, position = self._new_state(), TrackPosition()
         with JournalFile.open_snapshot(self._path) as file:
-            every = max(_LEAST, file.last_number() // _CHECKPOINTS)
+            every = max(_MIN_ENTRIES, file.last_number() // _MAX_CHECKPOINTS)
             for number, entry in enumerate(file.stream_after(StreamPosition())):
                 if self.first is None:
                     self.first = entry.time
                 if number and number % every == 0:
                     state.resend()
-                    self._checkpoints.append(Checkpoint(place, _pack(state)))
-                place = place.next_position(entry)
+                    self._checkpoints.append(Checkpoint(position, _pack(state)))
+                position = position.next_position(entry)
                 state.apply(entry)
-        self.last = place
+        self.last = position
 
     def state_at(self, time: float, robot: int) -> PageState:
-        """Return the state at a time, in seconds since the replay's start; the next call changes it.
+        """Return the state at a time, in seconds since the replay's start; the next call changes the returned object.
 
-        The last state is advanced if it is near enough. Otherwise a checkpoint is restored.
+        The state of the last call is advanced if it is near enough; otherwise a checkpoint is restored.
         """
         until = min(time - self.shift, self.last.end)
-        before = bisect.bisect_right(self._checkpoints, until, key=lambda each: each.place.end)
-        # Playback advances the state, also over a checkpoint: the changes are smaller than the full state.
-        nearest = self._checkpoints[before - 2].place if before > 1 else TrackPosition()
-        if self._place.entry < nearest.entry or self._place.end > until:
-            self._state, self._place = self._state_at(before)
+        before = bisect.bisect_right(self._checkpoints, until, key=lambda each: each.position.end)
+        # Playback advances the state even over a checkpoint, because the changes are smaller than the full state.
+        nearest = self._checkpoints[before - 2].position if before > 1 else TrackPosition()
+        if self._position.entry < nearest.entry or self._position.end > until:
+            self._state, self._position = self._restore(before)
         if until >= 0.0:
             self._advance(until)
-            self._state.let_pass(until - self._place.end)
+            self._state.let_pass(until - self._position.end)
         self._state.robot = robot
-        is_last = self._place.entry >= self.last.entry
+        is_last = self._position.entry >= self.last.entry
         # The journal itself contains the end of a run that has ended.
         self._state.set_process(RunProcess(is_gone=is_last and not self._is_written))
         if self.why is not None and is_last:
             self._state.set_why(self.why)
         return self._state
 
-    def _state_at(self, count: int) -> tuple[PageState, TrackPosition]:
-        """Return the state of the last of the first *count* checkpoints, and its position."""
+    def _restore(self, count: int) -> tuple[PageState, TrackPosition]:
+        """Return the state and the position of the last of the first *count* checkpoints, or of the start if *count* is 0."""
         if not count:
             return self._new_state(), TrackPosition()
-        place, packed = self._checkpoints[count - 1]
-        return _unpack(packed), place
+        position, packed = self._checkpoints[count - 1]
+        return _unpack(packed), position
 
     def _advance(self, until: float) -> None:
         with JournalFile.open_snapshot(self._path) as file:
-            for entry in file.stream_after(self._place.entry):
-                place = self._place.next_position(entry)
-                # A mission may have continued in this journal since.
-                if place.end > until or place.entry > self.last.entry:
+            for entry in file.stream_after(self._position.entry):
+                position = self._position.next_position(entry)
+                # The mission may have continued in this journal since the journal was opened.
+                if position.end > until or position.entry > self.last.entry:
                     break
                 self._state.apply(entry)
-                self._place = place
+                self._position = position
 
 
 class Replay:
-    """The recorded states of several robots side by side, a journal for each.
+    """The recorded states of several robots at the same time.
 
     Args:
-        paths: The journals.
+        paths: The journals, one for each robot.
         explain: Returns the cause of a mission's failure.
 
     Attributes:
-        end: Its length, in seconds.
+        end: The length of the replay, in seconds.
 
     Raises:
-        JournalError: If one cannot be read.
+        JournalError: If a journal cannot be read.
     """
 
     def __init__(self, paths: Sequence[Path], explain: Explain = lambda _: None) -> None:
@@ -164,17 +164,17 @@ class Replay:
         begin = min(firsts, default=0.0)
         for track in self._tracks:
             later = (track.first or begin) - begin
-            track.shift = later if later < _APART else 0.0
+            track.shift = later if later < _UNRELATED_SEC else 0.0
         self.end = max((track.shift + track.last.end for track in self._tracks), default=0.0)
         self._number = 0
 
     def moment(self, time: float, since: int = 0) -> dict[str, Any]:
-        """Return the state at a time as JSON values: its `number`, its `time`, and `changes` for each robot.
+        """Return the state at a time as JSON values: the `number` and `time` of the state, and `changes` for each robot.
 
         Args:
-            time: The time, in seconds since the start.
-            since: The number of the client's last state. The result has the changes since then if no other state was
-                requested in between, else the full state.
+            time: The time, in seconds since the start of the replay.
+            since: The number of the last state that the page has received. The result contains the changes since this state if no other
+                state was requested in between, otherwise the full state.
 
         Raises:
             JournalError: If a journal has become unreadable.
@@ -192,5 +192,5 @@ def _pack(state: PageState) -> bytes:
 
 
 def _unpack(packed: bytes) -> PageState:
-    state: PageState = pickle.loads(zlib.decompress(packed))  # noqa: S301 - of this process
+    state: PageState = pickle.loads(zlib.decompress(packed))  # noqa: S301 - this process has packed it
     return state

@@ -1,4 +1,4 @@
-"""The page of a run of `sar-run`, and of journals; its dependencies are imported only when it is requested."""
+"""The page of a run of `sar-run` or of journals; this module, with its dependencies, is only imported if the page is requested."""
 
 import sys
 import time
@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     from sar_compiler.execution.run_setup import RunSetup
     from sar_compiler.project import Workspace
 
-# Interval between reads of other processes' journals, in seconds; they are written once a second.
-_LOOK_SEC = 0.5
-# Interval between reads of another program's run, in seconds.
-_NEWS_SEC = 0.2
+# The interval between reads of other processes' journals, in seconds; each process writes once a second.
+_POLL_SEC = 0.5
+# The interval between reads of another program's run, in seconds.
+_PROGRAM_POLL_SEC = 0.2
 
 
 class RunPage(RunExtension):
@@ -47,7 +47,7 @@ class RunPage(RunExtension):
 
     Args:
         run: The run.
-        port: The port; None for any free one.
+        port: The port, as for `AppServer`.
         opens: Whether to open the page in a browser.
 
     Raises:
@@ -61,14 +61,14 @@ class RunPage(RunExtension):
         self._place = run.journal.path
         journal, node, verbs = run.journal, run.node, run.mission.verbs()
         calls = CommandClient(node, verbs, run.orders.sign)
-        # A copy for the server's thread. The mission's object reports its changes.
+        # A separate clock for the server's thread, which does not report stops and jumps; the mission's clock reports them.
         clock = NodeTime(node)
 
-        def send_command(text: str, held: str) -> None:
+        def record_breakpoint(text: str, reason: str) -> None:
             node.get_logger().warning(text)
-            journal.record_observation(BREAKPOINT, text=held)
+            journal.record_observation(BREAKPOINT, text=reason)
 
-        self._tools = LiveTools(send_command)
+        self._tools = LiveTools(record_breakpoint)
 
         def heartbeat() -> dict[str, object]:
             if self._has_ended:
@@ -88,7 +88,7 @@ class RunPage(RunExtension):
         self._feed = feed = LiveFeed(hello, heartbeat, journals=[journal.path] if journal.is_kept else [])
         for entry in journal.earlier():
             feed.add_entry(entry)
-        # Separately: the page continues without an explanation.
+        # These are separate listeners, so that the page continues if one of them fails.
         for listener in (feed.add_entry, _FailureExplainer(feed).add_entry, self._tools.add_entry):
             journal.add_listener(listener)
         self._orders = _LocalCommands(calls)
@@ -99,15 +99,15 @@ class RunPage(RunExtension):
             open_page(self._server.url)
 
     def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:
-        """Allow queries of the tree."""
+        """Enable queries about the tree."""
         self._tools.begin(tree, engine)
 
     def on_awaited(self, items: Sequence[AwaitedItem]) -> None:
-        """Show what the start waits for."""
+        """Show the resources for which the start waits."""
         self._feed.set_awaited(items)
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Stop serving, on a terminal after Ctrl-C."""
+        """Stop serving at once, or, on a terminal, after Ctrl-C."""
         self._has_ended = self._orders.has_ended = True
         self._tools.stop_pausing()
         if has_begun and self._has_viewers and not self._run.signals.came:
@@ -121,7 +121,7 @@ class RunPage(RunExtension):
         return is_terminal and not self._run.options.supervision.is_there
 
     def _report(self, _: Mapping[str, Any]) -> str:
-        """Return the report once the run has ended, so that the mission is not affected."""
+        """Return the report; raise an error during the run, so that the mission is not slowed down."""
         if not self._is_staying:
             raise ToolError("the run is still active. Use sar-journal report meanwhile")
         return report_page(self._place)
@@ -129,13 +129,13 @@ class RunPage(RunExtension):
     def _wait_for_viewers(self) -> None:
         self._is_staying = True
         print_error(f"The run has ended. Its page stays open until Ctrl-C: {self._server.url}")
-        while not self._run.signals.wait(_LOOK_SEC) and not self._server.wait(0.0):
+        while not self._run.signals.wait(_POLL_SEC) and not self._server.wait(0.0):
             pass
         self._server.close()
 
 
 def open_page(url: str) -> None:
-    """Open a page in the system's browser, without waiting for it."""
+    """Open a page in the system's browser, without waiting for the browser."""
 
     def show() -> None:
         if not webbrowser.open(url):
@@ -145,10 +145,10 @@ def open_page(url: str) -> None:
 
 
 class _LocalCommands:
-    """Carries out the commands to the robot of this process.
+    """Carries out commands to the robot of this process.
 
     Args:
-        calls: Carries out the commands.
+        calls: Calls the services of the commands.
     """
 
     def __init__(self, calls: "CommandClient") -> None:
@@ -159,7 +159,8 @@ class _LocalCommands:
         """Send a command; see `CommandClient.send`.
 
         Raises:
-            CommandError: If it is invalid.
+            CommandError: If the command is invalid.
+            SarError: If the run has ended.
         """
         if self.has_ended:
             message = "the run has ended"
@@ -171,7 +172,7 @@ def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fa
     """Serve a replay page of journals, one for each robot, until Ctrl-C.
 
     Raises:
-        JournalError: If one cannot be read.
+        JournalError: If a journal cannot be read.
         PageError: If the port cannot be used.
     """
     from sar_compiler.project import Workspace
@@ -187,7 +188,7 @@ def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fal
     """Serve a page of missions in other processes, from their journals, until Ctrl-C.
 
     Raises:
-        JournalError: If a file is no journal, or cannot be read.
+        JournalError: If a file is not a journal, or cannot be read.
         PageError: If the port cannot be used.
     """
     team = _TeamPage(paths)
@@ -196,7 +197,7 @@ def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fal
     team.feed = feed = LiveFeed(hello, team.heartbeat, len(paths), paths)
     with open_team_commands(print_error) as orders, _serve(feed, port, tools, orders, opens=opens) as server:
         team.orders = orders
-        while not server.wait(_LOOK_SEC):
+        while not server.wait(_POLL_SEC):
             team.poll()
 
 
@@ -208,7 +209,7 @@ def watch_entries(
     Args:
         name: The name of the robot.
         news: Returns the entries since the last call.
-        port: The port; None for the default one.
+        port: The port, as for `AppServer`.
         opens: Whether to open the page in a browser.
 
     Raises:
@@ -217,7 +218,7 @@ def watch_entries(
     feed = LiveFeed({"robots": [name], "verbs": [[]], "tools": []}, dict)
     explainer = _FailureExplainer(feed)
     with _serve(feed, port, {}, opens=opens) as server:
-        while not server.wait(_NEWS_SEC):
+        while not server.wait(_PROGRAM_POLL_SEC):
             entries = [*news()]
             for entry in entries:
                 feed.add_entry(entry)
@@ -233,12 +234,13 @@ class _TeamPage:
     """The data for a page of missions in other processes.
 
     Args:
-        paths: Their journals.
+        paths: The journals of the missions.
 
     Attributes:
         feed: The events for the page.
         orders: Carries out commands; None without ROS.
-        reading: Held while a journal is read: the check for a writer releases the locks of other readers in this process.
+        reading: The lock that is held while a journal is read, because the check for a writer releases the file locks of other readers in this
+            process.
     """
 
     feed: LiveFeed
@@ -252,16 +254,15 @@ class _TeamPage:
         self._heard = [time.monotonic() for _ in paths]
 
     def poll(self) -> None:
-        """Send new entries.
+        """Send the new entries of all journals to the page.
 
         Raises:
-            JournalError: If a file is no journal, or cannot be read.
+            JournalError: If a file is not a journal, or cannot be read.
         """
         with self.reading:
             self._send_new()
 
     def _send_new(self) -> None:
-
         for robot, follower in enumerate(self._followers):
             is_gone = not is_locked(follower.path)
             for entry in follower.read_new():
@@ -277,14 +278,13 @@ class _TeamPage:
             self.feed.set_why(why, robot)
 
     def heartbeat(self) -> dict[str, object]:
-        """Return the heartbeat of every second."""
+        """Return the values of the heartbeat that is sent every second."""
         if self.orders is None:
             return {}
         return {"verbs": [self.orders.available(robot) for robot, _ in enumerate(self._followers)]}
 
 
 def _explain(path: Path, workspace: "Workspace | None" = None) -> Explanation:
-
     with JournalFile.open_snapshot(path) as file:
         return Explanation.explain(file, workspace)
 
@@ -302,17 +302,17 @@ class _FailureExplainer:
 
     def __init__(self, feed: LiveFeed) -> None:
         self._feed = feed
-        self._inquiry = FailureAnalysis()
+        self._analysis = FailureAnalysis()
 
     def add_entry(self, entry: JournalEntry) -> None:
         """Process an entry of the run."""
-        self._inquiry.add_entry(entry)
+        self._analysis.add_entry(entry)
         if entry.kind == RUN_ENDED:
             self.explain()
 
     def explain(self) -> None:
-        """Send the cause, if the mission has failed."""
-        why = _explanation_data(Explanation(self._inquiry.find_cause(), self._inquiry.state.nodes))
+        """Send the cause of the failure if the mission has failed."""
+        why = _explanation_data(Explanation(self._analysis.find_cause(), self._analysis.state.nodes))
         if why is not None:
             self._feed.set_why(why)
 
@@ -335,13 +335,13 @@ def _serve(
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Return the robots' names: their namespaces, from journals at the default path, if these are unique."""
+    """Return the robots' names: the namespaces in the journals' default file names if these are unique, otherwise the file names."""
     stems = [path.stem for path in paths]
     spaces = [stem.partition(".")[0] for stem in stems]
     return spaces if len(set(spaces)) == len(stems) else stems
 
 
 def _form(verb: OperatorCommand) -> dict[str, Any]:
-    """Return the data of a command for the page, as JSON values."""
+    """Convert a command to JSON values for the page."""
     own = {name: value for name, value in verb._asdict().items() if name not in ("service_type", "fill")}
     return {**own, "fields": [{**field._asdict(), "longest": LONGEST} for field in verb.fields]}

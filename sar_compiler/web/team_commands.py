@@ -1,4 +1,4 @@
-"""Commands to missions in other processes, through the services of their nodes."""
+"""Commands to missions in other processes, sent to the services of the missions' nodes."""
 
 import getpass
 import socket
@@ -24,7 +24,7 @@ class TeamCommands:
     """Carries out commands to several robots.
 
     Args:
-        node: The node that sends them.
+        node: The node that sends the commands.
     """
 
     def __init__(self, node: "Node") -> None:
@@ -32,36 +32,38 @@ class TeamCommands:
         self._calls: dict[int, tuple[str, CommandClient]] = {}
 
     def add_run(self, robot: int, began: JournalEntry) -> list[OperatorCommand]:
-        """Process the start of a robot's run; return its mission's commands, empty if that is not installed."""
+        """Process the start of a robot's run; return the commands of the mission, or none if the mission is not installed."""
         from sar_compiler.execution.command_authors import RemoteCommandAuthor
         from sar_compiler.execution.command_client import CommandClient
 
         mission, name = run_of(began), str(began.data["run"].get("node") or "")
         verbs = [*mission.verbs()] if mission is not None and name else []
-        # A node that returns has the same services.
+        # A node that starts again under the same name has the same services.
         if verbs and self._calls.get(robot, ("",))[0] != name:
             sign = RemoteCommandAuthor(self._node, name).sign
             self._calls[robot] = name, CommandClient(self._node, verbs, sign, name)
         return verbs
 
     def available(self, robot: int) -> list[str]:
-        """Return the commands that a robot accepts now."""
+        """Return the names of the commands that a robot currently accepts."""
         return self._calls[robot][1].available() if robot in self._calls else []
 
     def send(self, verb: str, values: Mapping[str, Any], giver: CommandSender) -> "Future[tuple[bool, str]]":
         """Send a command; see `CommandClient.send`.
 
         Raises:
-            CommandError: If it is invalid, or its robot is unknown.
+            CommandError: If the command is invalid, or the mission of the robot is not installed.
         """
         if giver.robot not in self._calls:
-            raise CommandError("this robot accepts no commands here, because its mission is not installed")
+            raise CommandError(
+                "this page cannot send commands to the robot, because its mission is not installed"
+            )
         return self._calls[giver.robot][1].send(verb, values, giver.author(self._page), giver.seen)
 
 
 @contextmanager
 def open_team_commands(complain: Callable[[str], object]) -> Iterator[TeamCommands | None]:
-    """Yield the object that carries out commands; None without ROS, with a warning if ROS is broken."""
+    """Yield the object that carries out commands; None without ROS, with a message if ROS cannot be used."""
     from sar_compiler.ros.middleware import MiddlewareError, require_middleware
     from sar_compiler.ros.serving import spinning_node
 
@@ -79,20 +81,20 @@ def open_team_commands(complain: Callable[[str], object]) -> Iterator[TeamComman
 
 
 def run_of(began: JournalEntry) -> MissionRun | None:
-    """Return a run of the mission named in a journal's first entry; None if no such mission is installed."""
+    """Return a run of the mission that a journal's first entry names; None if this mission is not installed."""
     try:
         mission = load_missions()[began.data["mission"]]
-        # A journal may come from anyone, so no file that it names is read. The content of such a file is among the parameters.
+        # A journal may come from an untrusted source, so no file that it names is read. The parameters contain the content of such files.
         given = began.data["run"]["parameters"].items()
         return mission.begin(
             ParameterReader({name: value for name, value in given if name not in mission.path_parameters})
         )
-    except Exception:  # noqa: BLE001 - it is another one by now, or is not installed
+    except Exception:  # noqa: BLE001 - the mission has changed since the run, or is not installed
         return None
 
 
 def _user() -> str:
     try:
         return getpass.getuser()
-    except (KeyError, OSError):  # the process has no number
-        return "somebody"
+    except (KeyError, OSError):  # the process has no user name
+        return "an unknown user"

@@ -743,7 +743,7 @@ def test_a_replay_goes_back_and_forth_through_time(replay, browser):
     for seconds, left, points in (
         (3.5, "7 m left", 0),
         (19.0, "1 m left", 1),
-        (20.0, "nobody", 2),
+        (20.0, "none", 2),
         (1.0, "9 m left", 0),
     ):
         go(browser, seconds)

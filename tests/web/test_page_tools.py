@@ -177,7 +177,7 @@ def test_a_journal_has_a_report_on_its_page(tmp_path):
     place = journal_of_one_leaf(tmp_path)
     report = journal_tools([place])["report"]
     assert "<h2>What to do next</h2>" in str(report.ask({"robot": 0}))
-    with pytest.raises(ToolError, match="there is no such robot"):
+    with pytest.raises(ToolError, match="this page has no such robot"):
         report.ask({"robot": 1})
     place.unlink()
     with pytest.raises(JournalError):

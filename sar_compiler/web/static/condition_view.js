@@ -1,4 +1,4 @@
-// The status line of a mission, as sent by the server, or the lost connection to it.
+// The status line of a mission, as sent by the server, or the state of the connection to the server.
 
 import { clock, html, say, set } from "./shapes.js";
 import { CONDITIONS } from "./signs.js";
@@ -27,7 +27,7 @@ export function isCrashed({ condition }) {
   return condition.word === "crashed";
 }
 
-/** Whether no data arrives from a robot that is driving, as far as the server knows. */
+/** Whether the server has lost contact with a driving robot. */
 export function isLost({ condition }) {
   return condition.word === "lost";
 }
@@ -48,7 +48,7 @@ export function isPlaced(stream, run) {
   return !isStale(stream, run) && run.condition.word !== UNPLACED;
 }
 
-/** The worst of some levels. */
+/** Return the most severe of the levels. */
 export function worst(levels) {
   return levels.reduce((one, other) => (SEVERITY.indexOf(other) > SEVERITY.indexOf(one) ? other : one));
 }

@@ -20,11 +20,11 @@ export function showDetails(place, run, id) {
     ["type", node.path],
     ["status", state.status ? `${state.status}${former} for ${duration(run.time - state.since)}` : "not ticked yet"],
     ["outcome", state.label],
-    ["says", state.message],
+    ["message", state.message],
     ["last change", state.status ? `${ago(state.time)}, tick ${state.tick}` : ""],
     ["last failure", state.failed === null ? "" : `${state.failure || "no reason given"}, ${ago(state.failed)}`],
     ["ended", ended(state)],
-    ["written at", node.file ? `${node.file}:${node.line}` : ""],
+    ["source", node.file ? `${node.file}:${node.line}` : ""],
     ...Object.entries(node.attributes).map(([key, value]) => [key, typeof value === "object" ? JSON.stringify(value) : String(value)]),
   ];
   const shown = rows.filter(([, value]) => value);
@@ -33,7 +33,7 @@ export function showDetails(place, run, id) {
     place.dataset.terms = terms;
     place.replaceChildren(...shown.flatMap(([term]) => [html("dt", {}, term), html("dd")]));
   }
-  // Only changed texts are written, so that users can select the others.
+  // Only changed texts are written, so that users can select other texts.
   shown.forEach(([, value], row) => say(place.children[2 * row + 1], value));
 }
 

@@ -1,4 +1,4 @@
-// A timeline of the leaves: a lane for each, with a bar while it was running and a stroke for each result.
+// A timeline of the leaves. Each leaf has a lane with a bar for each period in which it was running, and a stroke for each result.
 
 import { clock, set } from "./shapes.js";
 
@@ -34,7 +34,7 @@ export class LanesView {
     this.draw();
   }
 
-  /** The shown time, in seconds since the run's start: a chosen part, or all of which the lanes are known. */
+  /** The shown period, in seconds since the run's start: the selected period, or the whole period for which the lanes are known. */
   get shown() {
     return this.range ?? [this.run.lanes[0]?.[0] ?? 0, Math.max(this.run.time, (this.run.lanes[0]?.[0] ?? 0) + SHORTEST)];
   }
@@ -45,7 +45,7 @@ export class LanesView {
     this.drawnAt = performance.now();
     const { lanes, nodes } = this.run;
     const [from, to] = this.shown;
-    // First the leaves that take time, then those that are done at once, each in the order of the tree.
+    // First the leaves that were running, then the leaves that ended in their first tick, both in the order of the tree.
     const lasting = new Set(lanes.filter(([, , status]) => status === "RUNNING").map(([, id]) => id));
     this.leaves = [...new Set(lanes.map(([, id]) => id))].filter((id) => nodes[id]).sort((one, other) => lasting.has(other) - lasting.has(one) || one - other).slice(0, MOST_LANES);
     const size = [width, Math.max(height - 4, this.leaves.length * LANE + AXIS)];
@@ -97,13 +97,13 @@ export class LanesView {
     }
   }
 
-  /** Show a part of the time; null shows all. */
+  /** Show a period; null shows the whole time. */
   zoom(range) {
     this.range = range;
     this.draw();
   }
 
-  /** A drag zooms to the marked time; a click selects the leaf, and in a replay the time. */
+  /** Zoom to the period that the user drags over; a click selects the leaf, and in a replay the time. */
   drag(event) {
     if (!this.at || event.button !== 0) return;
     const { left, top } = this.canvas.getBoundingClientRect();
@@ -124,7 +124,7 @@ export class LanesView {
   }
 
   click(time, row) {
-    // In a replay of several runs, the time of one run is not that of the replay.
+    // In a replay of several runs, the time of a run differs from the time of the replay.
     if (this.stream.isReplay && this.stream.run.run.number === 1) this.stream.go(time);
     if (this.leaves[row] !== undefined) this.choose(this.leaves[row]);
     this.draw();

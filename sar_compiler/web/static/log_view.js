@@ -41,7 +41,7 @@ export class LogView {
     this.follow();
   }
 
-  /** Mark the lines that name a landmark, and bring the last one into sight. */
+  /** Mark the lines that name a landmark, and scroll the last of these lines into view. */
   look({ kind, name }) {
     for (const [each, element] of this.lines) {
       const landmark = this.run && landmarkIn(this.run, each);

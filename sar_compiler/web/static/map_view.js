@@ -10,7 +10,7 @@ const ARROW = "M15 0 L-10 10 L-5 0 L-10 -10 Z";
 const SIDES = [[0, 1], [1, 0], [0, -1], [-1, 0], [0.8, 1], [-0.8, 1], [0.8, -1], [-0.8, -1]];
 const AWAY = [0, 26];
 const [RADIUS, HEIGHT, FONT] = [13, 16, "600 13px system-ui, 'DejaVu Sans', sans-serif"];
-// The cost of a label that another mark is nearer to, which then needs a line to its own, in square pixels that a label may cover instead.
+// The cost of a label that is nearer to another mark than to its own and needs a line to its own, in square pixels of covered area.
 const MISTAKEN = 300;
 // Maximum distance in pixels at which a click on the first corner closes an outline.
 const [CLOSING, LEAST_CORNERS] = [9, 3];
@@ -63,7 +63,7 @@ export class MapView {
     this.at = (x, y) => [width / 2 + (x - cx) * scale + this.shift[0], height / 2 - (y - cy) * scale + this.shift[1]];
     this.from = (px, py) => [cx + (px - width / 2 - this.shift[0]) / scale, cy - (py - height / 2 - this.shift[1]) / scale];
     this.taken = [];
-    // The selected robot is drawn above the others.
+    // The selected robot is drawn above the other robots.
     const order = [...runs.filter((each) => each !== run), run];
     const of = (draw) => order.flatMap((each) => draw(each, each === run ? "" : " other"));
     const view = [width, height, scale, cx, cy, ...this.shift].join(" ");
@@ -186,7 +186,7 @@ export class MapView {
     return [...run.landmarks.values()].filter(({ shade }) => shade > 0).map((each) => svg("polygon", { class: "shade", points: this.outline(each), "fill-opacity": shadeOpacity(each.shade / most[each.kind]) }, svg("title", {}, titled(each))));
   }
 
-  /** Draw the outline in progress with its corners; a click on the first one closes it. */
+  /** Draw the outline in progress with its corners; a click on the first corner closes the outline. */
   drawing() {
     if (!this.drawn?.length) return [];
     const corners = this.drawn.map(([x, y]) => this.at(x, y));
@@ -227,13 +227,13 @@ export class MapView {
     const group = this.arrows.get(number) ?? svg("g", {}, svg("title"), svg("g", {}, svg("path", { class: "halo", d: ARROW }), svg("path", { class: "arrow", d: ARROW })));
     this.arrows.set(number, group);
     const isOld = !isPlaced(this.stream, run);
-    say(group.firstChild, `${text || "the robot"}${isOld ? ", last known place" : ""}`);
+    say(group.firstChild, `${text || "the robot"}${isOld ? ", last known position" : ""}`);
     set(group.lastChild, { transform: `rotate(${((-(pose.yaw ?? 0) * 180) / Math.PI).toFixed(1)})` });
     if (this.stream.isTeam) group.style.setProperty("--robot", hue(number));
     return [{ group, at, number, robot: this.stream.isTeam ? number : undefined, radius: 15, name: `robot${other}${isOld ? " stale" : ""}`, text, style: "label name" }];
   }
 
-  /** Place each name beside its mark where it overlaps least. */
+  /** Place each name beside its mark, at the position with the least overlap. */
   labels(marks, width, height) {
     return marks.filter(({ text }) => text).flatMap(({ at: [x, y], text, style, robot }) => {
       const half = this.pen.measureText(text).width / 2 + 2;
@@ -248,7 +248,7 @@ export class MapView {
       this.taken.push(box);
       const label = svg("text", { class: style, x: ((box[0] + box[2]) / 2).toFixed(1), y: (box[3] - 4).toFixed(1), "text-anchor": "middle" }, text);
       if (robot !== undefined) label.style.setProperty("--robot", hue(robot));
-      // A label that does not touch its mark, or that another mark is nearer to, is connected to its own by a line.
+      // A label that does not touch its mark, or is nearer to another mark, is connected to its mark by a line.
       const isApart = boxes.indexOf(box) >= SIDES.length || mistaken(box, [x, y], near) > 0;
       return isApart ? [svg("path", { class: "leader", d: `M${x} ${y} L${clamp(x, box[0], box[2])} ${clamp(y, box[1], box[3])}` }), label] : [label];
     });
@@ -315,7 +315,7 @@ export class MapView {
     this.place.addEventListener("lostpointercapture", () => this.place.removeEventListener("pointermove", move), { once: true });
   }
 
-  /** Return the position of the next click in metres; null if it is cancelled. */
+  /** Return the position of the next click in metres; null if the user cancels. */
   pick(answer) {
     this.picking = answer;
     this.place.classList.add("picking");
@@ -323,7 +323,7 @@ export class MapView {
     this.place.focus();
   }
 
-  /** Return the corners of the outline drawn by the next clicks, in metres; null if it is cancelled. */
+  /** Return the corners of the outline that the user draws by clicks, in metres; null if the user cancels. */
   draw(answer) {
     this.pick(answer);
     this.drawn = [];
@@ -455,7 +455,7 @@ function overlap([left, top, right, bottom], [a, b, c, d]) {
   return Math.max(0, Math.min(right, c) - Math.max(left, a)) * Math.max(0, Math.min(bottom, d) - Math.max(top, b));
 }
 
-/** The cost of a label that lies nearer to another mark than to its own. */
+/** Return the cost of a label, which is not 0 if the label is nearer to another mark than to its own. */
 function mistaken([left, top, right, bottom], own, others) {
   const away = ([x, y]) => Math.hypot(Math.max(left - x, 0, x - right), Math.max(top - y, 0, y - bottom));
   return others.some(({ at }) => away(at) < away(own)) ? MISTAKEN : 0;

@@ -1,11 +1,11 @@
-// The mission as a line: zones done and abandoned, detections, alarms, the current time, and the expected end.
+// The mission as a line with finished and abandoned landmarks, detections, alarms, the current time, and the expected end.
 
 import { isMoving } from "./condition_view.js";
 import { landmarkIn } from "./links.js";
 import { clock, html, icon, mark, say, set } from "./shapes.js";
 
 const DONE = 2;
-// Marks that are nearer to each other than this part of the line are drawn once.
+// The minimum distance of two marks, as a fraction of the line; equal marks that are nearer are drawn once.
 const APART = 0.02;
 
 export class MissionLine {
@@ -55,7 +55,7 @@ export class MissionLine {
   }
 }
 
-/** Return the landmarks that were reached, found or given up, and the alarms, each with its time in this run. */
+/** Return the landmarks that were finished, found or abandoned, and the alarms, each with its time in this run. */
 function reached(run) {
   const times = new Map();
   for (const line of run.log) {
@@ -68,7 +68,7 @@ function reached(run) {
   return [...places, ...alarms].sort((one, other) => one.time - other.time);
 }
 
-/** Omit the marks that would cover the previous one and look the same. */
+/** Omit each mark that looks like the previous mark and would cover it. */
 function apart(marks) {
   const look = ({ landmark }) => `${landmark?.kind} ${landmark?.level}`;
   return marks.filter((each, index) => !index || each.at - marks[index - 1].at >= APART || look(each) !== look(marks[index - 1]));

@@ -47,7 +47,7 @@ function show() {
   showCondition(at("condition"), condition);
   // Screen readers announce this text when the word changes, not every second.
   say(at("said"), `${condition.word}${condition.level === "error" && condition.lasts === null ? "" : `, ${condition.reason}`}`);
-  // The colour is the worst of all robots.
+  // The colour shows the most severe state of all robots.
   const level = worst([condition.level, ...stream.runs.map((each) => conditionOf(stream, each).level)]);
   document.body.dataset.level = level;
   showIcon(level);
@@ -64,7 +64,7 @@ function show() {
   const open = stream.runs.reduce((sum, each) => sum + each.tasks.length, 0);
   document.title = `${stream.isReplay ? "replay: " : ""}${open ? `(${open}) ` : ""}${condition.word}: ${mission}`;
   if (stream.isReplay) say(at("began"), ` of ${beginning(run)}`);
-  // The band is about one robot.
+  // The band shows the state of one robot.
   const shown = stream.runs[condition.index];
   say(at("drive"), whereabouts(stream, shown));
   showTimes(at("times"), stream, shown);
@@ -83,7 +83,7 @@ function show() {
   document.body.classList.add("ready");
 }
 
-/** The condition of the chosen robot, or of another one that needs the operator more, with its name. */
+/** Return the condition of the chosen robot, or of a robot that needs the operator more urgently, with the name of that robot. */
 function worstOf(stream) {
   const all = stream.runs.map((each) => conditionOf(stream, each));
   const level = worst(["good", ...all.map((each) => each.level)]);

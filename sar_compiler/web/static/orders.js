@@ -1,5 +1,5 @@
-// The operator's commands: STOP, one button for pause and resume, and the others, with a sheet for values or a confirmation.
-// Each command carries what the operator saw when its sheet opened, and the mission refuses it if that has changed.
+// The operator's commands: STOP, one button for pause and resume, and a button for each other command, with a sheet for values or a confirmation.
+// Each command carries the objects that the operator saw when the sheet opened. The mission refuses the command if they have changed.
 
 import { isCrashed, isLost } from "./condition_view.js";
 import { html, say, set } from "./shapes.js";
@@ -34,7 +34,7 @@ export class Orders {
     // Not modal: the map stays in sight, and STOP can be pressed.
     this.ask = html("dialog", { id: "ask", tabindex: -1, "aria-labelledby": "ask-title" }, html("form", { method: "dialog" }, html("h2", { id: "ask-title" }), html("div"), this.expired, html("menu", {}, html("button", { type: "button", class: "no" }), html("button", { value: "yes", class: "yes" }))));
     place.append(this.to, html("div", { class: "first" }, this.stopAll, this.stop, this.toggle), this.answer, this.ask, this.more, this.who, this.why);
-    // Not a submit button, because Enter in a field would press the first one.
+    // Not a submit button, because Enter in a field would press the first submit button.
     this.ask.querySelector(".no").addEventListener("click", () => this.ask.close("no"));
     this.ask.addEventListener("keydown", (event) => event.key === "Escape" && this.ask.close("no"));
     this.ask.addEventListener("close", () => this.ask.open || this.answered?.(this.ask.returnValue === "yes"));
@@ -106,7 +106,7 @@ export class Orders {
     else if (!this.answer.dataset.kind) say(this.answer, "");
   }
 
-  /** The names of the commands that a robot accepts just now: none of a crashed run, and those that stop it of a lost one. */
+  /** Return the names of the commands that a robot currently accepts: none after a crash, and only commands that stop the robot if contact is lost. */
   heeded(robot) {
     const { runs, verbs, available, isConnected } = this.stream;
     const run = runs[robot];
@@ -115,7 +115,7 @@ export class Orders {
     return new Set((available[robot] ?? []).filter((name) => !isLost(run) || stops.includes(name)));
   }
 
-  /** Return the robots that accept their command of a role now, each with that command. */
+  /** Return the robots that currently accept their command of a role, each with this command. */
   able(wanted) {
     return this.stream.runs.flatMap((_, robot) => {
       const verb = (this.stream.verbs[robot] ?? []).find(({ role }) => role === wanted);
@@ -186,12 +186,12 @@ export class Orders {
     if (values) this.giveEach(this.able("stop").filter(([robot]) => seen.has(robot)).map(([robot, verb]) => [robot, verb, seen.get(robot)]));
   }
 
-  /** The command of a name or a role that the chosen robot accepts just now. */
+  /** Return the command with a name or a role if the chosen robot currently accepts it. */
   find(wanted) {
     return wanted && this.verbs?.find(({ name, role }) => (name === wanted || role === wanted) && this.now.has(name));
   }
 
-  /** Send a command, after the confirmation that it needs; *found* is the detection that the command refers to, *chosen* further values. */
+  /** Send a command, after a confirmation if the command requires one; *found* is the detection to which the command refers, *chosen* has further values. */
   async begin(verb, found = "", chosen = {}) {
     if (!verb) return;
     const robot = this.stream.chosen;
@@ -203,7 +203,7 @@ export class Orders {
     if (values) this.give(verb, values, robot, { ...seen, ...seenLandmarks(verb, values, known, this.stream.runs[robot]) });
   }
 
-  /** The state of a command's objects as the operator sees it; empty for commands that stop a robot. */
+  /** Return the objects of a command as the operator sees them; only the run for commands that stop a robot. */
   seen({ name, role }, robot) {
     const { run, objects } = this.stream.runs[robot];
     if (role === "hold") return {};
@@ -215,11 +215,11 @@ export class Orders {
     if (!this.ask.open || !this.about) return;
     const { verb, robot, seen } = this.about;
     const isOver = JSON.stringify(this.seen(verb, robot)) !== JSON.stringify(seen) || !this.heeded(robot).has(verb.name);
-    if (isOver) say(this.expired, "The state has changed since this question was opened. Cancel, and look again.");
+    if (isOver) say(this.expired, "The state has changed since this question was opened. Cancel, and check the state.");
     this.ask.querySelector(".yes").disabled = isOver;
   }
 
-  /** Ask for the values of a command, or for its confirmation; return them, or null. */
+  /** Ask for the values of a command, or for a confirmation; return the values, or null if the user cancels. */
   async question(verb, robot, given, to = this.stream.names[robot]) {
     const run = this.stream.runs[robot];
     const fields = new Map(verb.fields.map((field) => [field.name, this.field(field, run, given[field.name])]));
@@ -233,7 +233,7 @@ export class Orders {
     return isConfirmed ? read() : null;
   }
 
-  /** Show a sheet beside the map, with nothing chosen; return whether it was confirmed. */
+  /** Show a sheet beside the map, without a default button; return whether the user has confirmed it. */
   sheet({ title, body, no, yes, about = null, first = null }) {
     if (this.ask.open) this.ask.close("no");
     this.answered?.(false);
@@ -336,7 +336,7 @@ export class Orders {
     }
   }
 
-  /** Show the response to a command; that of a successful one disappears. */
+  /** Show the response to a command; the response to a successful command disappears after some time. */
   tell(text, kind = "") {
     clearTimeout(this.fading);
     say(this.answer, text);
@@ -345,7 +345,7 @@ export class Orders {
   }
 }
 
-/** The shown state of the landmarks that a command's values name, by kind and name; empty for one that does not exist. */
+/** Return the shown identity of each landmark that a command's values name, by kind and name; empty if the landmark does not exist. */
 function seenLandmarks(verb, values, known, run) {
   const named = verb.fields.filter(({ name, kind, landmark }) => values[name] && (landmark || kind === "found"));
   return Object.fromEntries(named.map(({ name, landmark }) => {

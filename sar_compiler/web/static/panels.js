@@ -1,4 +1,4 @@
-// Parts of the operator's page beside the map: gauges and figures, open tasks, alarms, a card for each robot, and what follows the end.
+// Parts of the operator's page beside the map: gauges and figures, open tasks, alarms, a card for each robot, and the actions after the end.
 
 import { conditionOf, isCrashed, isMoving, isPlaced, isStale, showCondition } from "./condition_view.js";
 import { linked } from "./links.js";
@@ -79,7 +79,7 @@ export function driveLeft(stream, run) {
   return `${distance.toFixed(1)} m${left == null ? "" : `, about ${clock(left)}`}`;
 }
 
-/** Return where the robot is, by the nearest landmark; of a moving one, the remaining part of its drive. */
+/** Describe the position of the robot by the nearest landmark, or the remaining part of its drive while it is moving. */
 export function whereabouts(stream, run) {
   const moving = driveLeft(stream, run);
   const places = run.pose ? [...run.landmarks.values()].filter((each) => !each.corners.length && !run.kindOf(each).is_found) : [];
@@ -90,7 +90,7 @@ export function whereabouts(stream, run) {
   return isPlaced(stream, run) ? words : `last seen ${words}`;
 }
 
-/** Return when a run began, in words of this computer's clock. */
+/** Describe the start of a run by this computer's clock. */
 export function beginning({ run }) {
   return run.wall ? new Date(1000 * run.wall).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "";
 }
@@ -124,15 +124,15 @@ export class TasksView {
       return item;
     });
     const list = items.length ? items : [html("li", { class: "nothing" }, nothingToDo(run))];
-    const recorded = isReplay ? [html("li", { class: "nothing" }, html("b", {}, "This is a recording"), ` of ${beginning(run)}. Nothing of it happens now.${items.length ? " To do at that time:" : ""}`)] : [];
+    const recorded = isReplay ? [html("li", { class: "nothing" }, html("b", {}, "This is a recording"), ` of ${beginning(run)}. Nothing shown here is happening now.${items.length ? " To do at that time:" : ""}`)] : [];
     this.place.querySelector("ul").replaceChildren(...recorded, ...(isReplay && !items.length ? [] : list), ...awaited(run));
   }
 }
 
-/** Return the line of a page without tasks. */
+/** Return the text that the page shows if there are no tasks. */
 function nothingToDo(run) {
   if (run.awaited.length) return "Nothing to do: the run starts now.";
-  return run.run.number ? "Nothing to do" : "The run has not started yet. Its terminal lists what it waits for.";
+  return run.run.number ? "Nothing to do" : "The run has not started yet. Its terminal lists the requirements for which it waits.";
 }
 
 /** The checklist of a run that has not started. */
@@ -210,7 +210,7 @@ function remember(ids) {
   try {
     localStorage.setItem(SEEN, JSON.stringify(ids));
   } catch {
-    // Another page then shows them again.
+    // Another page then shows the alarms again.
   }
 }
 
@@ -236,7 +236,7 @@ export class CardsView {
       const isOld = isStale(stream, run);
       card.classList.toggle("stale", isOld);
       say(task, isOld ? "" : [run.drive ? run.drive.target : run.place, driveLeft(stream, run)].filter(Boolean).join(", "));
-      const age = run.times.pose === undefined ? [] : [`place ${clock(run.time - run.times.pose)} old`];
+      const age = run.times.pose === undefined ? [] : [`position ${clock(run.time - run.times.pose)} old`];
       say(gauges, [...run.gauges.filter(({ value }) => Number.isFinite(value)).map(({ name, value, unit }) => `${name} ${round(value)} ${unit}`.trim()), ...age].join(" · "));
     });
   }

@@ -17,7 +17,7 @@ export class PlacesView {
     Object.assign(this, { place, lookElsewhere: look, orders });
   }
 
-  /** Bring the row of a landmark into sight, and mark it. */
+  /** Scroll the row of a landmark into view, and mark the row. */
   look({ kind, name }) {
     for (const row of this.place.querySelectorAll("li")) {
       const isIt = row.dataset.key === `${kind}/${name}`;
@@ -40,7 +40,7 @@ export class PlacesView {
     this.place.replaceChildren(...told.flatMap(([kind, found]) => [html("h2", {}, `${kind.plural}${found.length > 1 ? ` (${found.length})` : ""}`), html("ul", {}, ...found.map((each) => this.item(each, kind)))]));
   }
 
-  /** Return the choices of the command that reviews a detection now: field, value and label of each; none for another landmark. */
+  /** Return the choices of the command that can currently review a detection, each with field, value and label; none for other landmarks. */
   verdicts({ level, is_certain: isCertain }, { review }) {
     const verb = review && level !== GIVEN_UP && !isCertain ? this.orders?.find(review) : null;
     const field = verb?.fields.find(({ kind, optional }) => kind === "choice" && !optional);

@@ -1,4 +1,4 @@
-// The monitored properties of a run: a card for each, with its state in this run.
+// The monitored properties of a run: a card for each property with its state in this run.
 
 import { clock, html } from "./shapes.js";
 import { PROPERTIES } from "./signs.js";

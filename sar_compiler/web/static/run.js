@@ -44,7 +44,7 @@ export class Run {
     for (let at = id; this.nodes[at].parent >= 0 && this.states[at].status !== "RUNNING"; at = this.nodes[at].parent) {
       const { parent, place } = this.nodes[at];
       const { entered } = this.states[parent];
-      // A sibling without changes was ticked if a later one was: it returned the same status as before.
+      // A sibling without a change was ticked if a later sibling was ticked; it then returned the same status as before.
       const ticked = (child) => this.states[child].tick >= entered;
       if (!this.states[at].status || !this.nodes[parent].children.slice(place).some(ticked)) return false;
     }

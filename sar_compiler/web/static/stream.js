@@ -4,7 +4,7 @@ import { Run } from "./run.js";
 
 // A server sends an event every second.
 const SILENCE_MS = 4000;
-// A browser has six connections to one server, also for commands. If there are more pages, hidden ones close theirs.
+// A browser opens at most six connections to a server, including those for commands. If there are more pages, hidden pages close their connections.
 const MANY = 4;
 
 export class Stream {
@@ -13,11 +13,11 @@ export class Stream {
    */
   constructor(page) {
     this.page = page;
-    // A run for each robot, and the index of the selected one.
+    // A run for each robot, and the index of the selected run.
     this.runs = [new Run()];
     this.names = [];
     this.chosen = 0;
-    // The commands of each robot, and those that it accepts now.
+    // The commands of each robot, and the names of the commands that it currently accepts.
     this.verbs = [];
     this.available = [];
     // The names of the engineer's tools.
@@ -88,7 +88,7 @@ export class Stream {
   }
 
   hello({ mode, robots, verbs, tools, end }) {
-    // The whole state is sent again, by the same run or by one that has replaced it.
+    // The same run, or a run that has replaced it, sends the whole state again.
     const name = this.names[this.chosen];
     this.names = robots ?? ["run"];
     this.runs = this.names.map(() => new Run());
@@ -126,7 +126,7 @@ export class Stream {
     this.page.change();
   }
 
-  /** Handle the end of the events; without the run's end, this is a lost connection. */
+  /** Handle the end of the events, which means that the connection is lost unless the run has ended. */
   leave() {
     this.isOver = this.runs.every(({ run }) => run.ended);
     this.isHeard = this.isOver;

@@ -14,7 +14,7 @@ export class Tools {
   constructor({ bar, board, otherwise }, stream, tree) {
     Object.assign(this, { board, otherwise, stream, tree, held: null });
     this.breaker = html("button", { type: "button", "aria-pressed": "false" }, "Breakpoint");
-    this.on = html("button", { type: "button" }, "Go on");
+    this.on = html("button", { type: "button" }, "Continue");
     this.asker = html("button", { type: "button" }, "Try other outcomes");
     bar.append(this.breaker, this.on, this.asker);
     this.breaker.addEventListener("click", () => this.hold({ node: tree.chosen, is_set: !tree.breaks.has(tree.chosen) }));

@@ -138,7 +138,7 @@ function running(run) {
     list.dataset.key = key;
     list.replaceChildren(...leaves.map((id) => runner(run, id)));
     const rest = all.length - leaves.length;
-    const nobody = run.awaited.map(({ name, problem }) => (problem ? `waiting for ${name}: ${problem}` : `${name}: there`)).join("; ") || "nobody";
+    const nobody = run.awaited.map(({ name, problem }) => (problem ? `waiting for ${name}: ${problem}` : `${name}: available`)).join("; ") || "none";
     if (rest || !all.length) list.append(html("li", { class: "nobody" }, rest ? `and ${rest} more` : nobody));
   }
   leaves.forEach((id, index) => {

@@ -1,4 +1,4 @@
-// The tree as a drawing: a row for each node, of which only those in sight are drawn.
+// The tree as a drawing with a row for each node; only visible rows are drawn.
 
 import { badge, duration, set, svg } from "./shapes.js";
 
@@ -18,7 +18,7 @@ export class TreeView {
     this.rows = [];
     this.rowOf = new Map();
     this.chosen = 0;
-    // Whether the user has selected it.
+    // Whether the user has selected this node.
     this.isAsked = false;
     this.follows = true;
     this.wanted = "";
@@ -99,7 +99,7 @@ export class TreeView {
     return this.matches.length;
   }
 
-  /** Select the next node that was found. */
+  /** Select the next node that the search has found. */
   next() {
     if (!this.matches?.length) return;
     this.select(this.matches.find((id) => id > this.chosen) ?? this.matches[0]);

@@ -8,7 +8,7 @@ const SHOWN = 12;
 export class WhyView {
   /**
    * @param {HTMLDetailsElement} place the element to show it in.
-   * @param {(id: number) => void} [choose] called with a node that is asked for; without it nodes are no buttons.
+   * @param {(id: number) => void} [choose] called with the node that the user selects; without this function, nodes are not buttons.
    */
   constructor(place, choose) {
     this.place = place;
