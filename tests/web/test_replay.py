@@ -19,7 +19,7 @@ from tests.web.folding import fly, folded
 @pytest.fixture(autouse=True)
 def checkpoints(monkeypatch):
     """Have checkpoints in short journals."""
-    monkeypatch.setattr(replay_module, "_LEAST", 9)
+    monkeypatch.setattr(replay_module, "_MIN_ENTRIES", 9)
 
 
 @pytest.fixture
