@@ -1,4 +1,4 @@
-"""Read the parameters of zones other than their poses: probabilities, priorities, and the ground to sweep."""
+"""Readers of zone parameters other than poses: probabilities, priorities, polygons and sensor ranges."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -14,35 +14,35 @@ from search_and_rescue.search_theory import (
     SearchExpectation,
     sweep_width_of,
 )
-from search_and_rescue.sweeps import MOST_PIECES
+from search_and_rescue.sweeps import MAX_PIECES
 from search_and_rescue.zone_manager import Geofence
 
 _PROBABILITIES = ("poa", "pod", "look_sec")
 _SENSOR = ("sweep_width", "detection_range", "visibility")
 _POLYGON = "polygon"
 AREA_KEYS = (*_PROBABILITIES, _POLYGON, *_SENSOR, "priority")
-"""The parameters that a zone can have in addition to its pose."""
-LEAST_CORNERS = 3
-"""Smallest number of corners of a polygon."""
-FARTHEST_SEEN_M = 1_000.0
-"""Largest detection range and sweep width, metres; obstacles are examined cell by cell up to this distance from the robot."""
-# A polygon may follow the fence this closely.
-_TOUCHES_M = 1e-6
-# Corners within this distance of the georeference, in degrees, are taken for degrees: no map is that far from its georeference in metres.
+"""The parameters that a zone can have in addition to a pose."""
+MIN_CORNERS = 3
+"""Minimum number of corners of a polygon."""
+MAX_RANGE_M = 1_000.0
+"""Maximum detection range and maximum sweep width, metres. The map is examined cell by cell up to the detection range."""
+# A polygon that extends beyond the geofence by at most this distance is inside.
+_TOLERANCE_M = 1e-6
+# If every corner is this close to the numbers of the georeference (latitude and longitude), the corners are probably in degrees.
 _NEAR_DEG = 0.5
 
 
 def read_areas(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], sweeps_sec: Mapping[str, float] | None = None
 ) -> dict[str, SearchExpectation]:
-    """Read the probabilities and search times of zones, `zones.<id>.{poa,pod,look_sec}`.
+    """Read the probabilities and search durations of zones from the parameters `zones.<id>.{poa,pod,look_sec}`.
 
-    If one zone has any of these parameters, every zone needs `poa` and `pod`. Without them the result is empty.
+    If any zone has one of these parameters, every zone needs `poa` and `pod`. If no zone has any, return an empty dictionary.
 
     Args:
-        reader: The parameters.
+        reader: Reader of the mission parameters.
         zones: The zones.
-        sweeps_sec: Default duration of a search by zone, seconds; 0 for other zones.
+        sweeps_sec: Default duration of a search in seconds, by zone ID; 0 for zones that are not listed.
     """
     keys = [f"zones.{zone['id']}.{name}" for zone in zones for name in _PROBABILITIES]
     if not any(key in reader.parameters for key in keys):
@@ -55,23 +55,23 @@ def read_areas(
         areas[zone["id"]] = SearchExpectation(poa, pod, look_sec)
     total = math.fsum(area.poa for area in areas.values())
     if len(reader.problems) == mistakes and total > 1.0 + ROUNDING:
-        text = f"the zones' poa sum to {total:g}: write 1 at most, less if the person may be elsewhere"
+        text = f"the poa of all zones sum to {total:g}: the sum must be at most 1, less if the person may be elsewhere"
         reader.report_error(f"zones.{zones[0]['id']}.poa", text)
     return areas
 
 
 def read_priorities(reader: ParameterReader, zones: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Read `zones.<id>.priority` (default 0): if the tree chooses the order, zones with a higher priority are searched first."""
+    """Read the parameters `zones.<id>.priority` (default 0). `ChooseZone` chooses zones with a higher priority first."""
     return {zone["id"]: reader.number(f"zones.{zone['id']}.priority", 0.0) for zone in zones}
 
 
 def read_grounds(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], fence: Geofence
 ) -> dict[str, Ground]:
-    """Read the ground of each zone that has one: `zones.<id>.{polygon,sweep_width,detection_range,visibility}`.
+    """Read the grounds of the zones with a polygon from `zones.<id>.{polygon,sweep_width,detection_range,visibility}`.
 
     Raises:
-        ImportError: If there is a polygon, and shapely is not installed.
+        ImportError: If a zone has a polygon, and shapely is not installed.
     """
     grounds = {zone["id"]: _ground(reader, f"zones.{zone['id']}", fence) for zone in zones}
     return {zone: ground for zone, ground in grounds.items() if ground is not None}
@@ -80,10 +80,10 @@ def read_grounds(
 def add_plausibility_notes(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], grounds: Mapping[str, Ground]
 ) -> None:
-    """Add notes about probable typos: a pose far from its polygon, or ground that needs more stops than a sweep can have.
+    """Add notes about probable typos: a zone's pose far outside the zone's polygon, or a ground with too many stops for a sweep.
 
     Raises:
-        ImportError: If there is ground, and shapely is not installed.
+        ImportError: If `grounds` is not empty, and shapely is not installed.
     """
     for zone in zones:
         if (ground := grounds.get(zone["id"])) is None:
@@ -93,11 +93,11 @@ def add_plausibility_notes(
         outline, key = shapely.Polygon(ground.polygon), f"zones.{zone['id']}"
         away = outline.distance(shapely.Point(zone["x"], zone["y"]))
         if away > ground.detection_range:
-            place = f"({zone['x']:g}, {zone['y']:g})"
-            reader.notes.append(f"{key} has a pose {place} that is {away:.1f} m outside its {_POLYGON}")
-        if ground.area_m2 > MOST_PIECES * (ground.sweep_width / COVERAGE) ** 2:
-            stops = f"more than {MOST_PIECES} stops at coverage {COVERAGE:g}, the limit of a sweep"
-            reader.notes.append(f"{key} needs {stops}: divide it, or check {_SENSOR[0]}")
+            pose = f"({zone['x']:g}, {zone['y']:g})"
+            reader.notes.append(f"the pose {pose} of {key} is {away:.1f} m outside the {_POLYGON} of {key}")
+        if ground.area_m2 > MAX_PIECES * (ground.sweep_width / COVERAGE) ** 2:
+            stops = f"more than {MAX_PIECES} stops at coverage {COVERAGE:g}, the maximum of a sweep"
+            reader.notes.append(f"{key} needs {stops}: divide the zone, or check {_SENSOR[0]}")
 
 
 def _ground(reader: ParameterReader, prefix: str, fence: Geofence) -> Ground | None:
@@ -113,34 +113,36 @@ def _ground(reader: ParameterReader, prefix: str, fence: Geofence) -> Ground | N
 
 
 def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
-    """Return the sweep width and the detection range; a missing one is derived from the other."""
+    """Return the sweep width and the detection range, metres; if only one is given, derive the other from the visibility."""
     width_key, range_key, visibility_key = (f"{prefix}.{name}" for name in _SENSOR)
     visibility = reader.parameters.get(visibility_key, "medium")
     if visibility not in SWEEP_FACTORS:
-        reader.report_error(visibility_key, f"must be {', '.join(SWEEP_FACTORS)}, but is {visibility!r}")
+        reader.report_error(
+            visibility_key, f"must be one of {', '.join(SWEEP_FACTORS)}, but is {visibility!r}"
+        )
         visibility = "medium"
     if width_key not in reader.parameters and range_key not in reader.parameters:
-        text = f"is missing: add {range_key} (how far a survivor can be seen) or the sweep width, in metres"
+        text = f"is missing: add {range_key} (the maximum distance at which a survivor can be detected) or {width_key}, in metres"
         reader.report_error(width_key, text)
         return 1.0, 1.0
     per_range = sweep_width_of(1.0, str(visibility))
     mistakes = len(reader.problems)
-    width = reader.positive(width_key, reader.number(range_key, 0.0) * per_range, FARTHEST_SEEN_M)
-    reach = reader.positive(range_key, width / per_range, FARTHEST_SEEN_M)
+    width = reader.positive(width_key, reader.number(range_key, 0.0) * per_range, MAX_RANGE_M)
+    reach = reader.positive(range_key, width / per_range, MAX_RANGE_M)
     if len(reader.problems) == mistakes and width > 2 * reach:
-        text = f"is {width:g} m, wider than twice {range_key}: write {2 * reach:g} at most"
+        text = f"is {width:g} m, more than twice {range_key}: write at most {2 * reach:g}"
         reader.report_error(width_key, text)
     return width, reach
 
 
 def _polygon(reader: ParameterReader, key: str, fence: Geofence) -> Corners:
-    """Read a polygon, and report errors in it."""
+    """Return the corners of a polygon parameter; report errors in the parameter, and then return no corners."""
     mistakes = len(reader.problems)
     numbers = reader.numbers(key)
     if len(reader.problems) > mistakes:
         return ()
     corners = tuple(zip(numbers[::2], numbers[1::2], strict=False))
-    if len(numbers) % 2 or len(corners) < LEAST_CORNERS:
+    if len(numbers) % 2 or len(corners) < MIN_CORNERS:
         text = f"must contain x and y of three or more corners, [x1, y1, x2, y2, x3, y3], but contains {len(numbers)} numbers"
         reader.report_error(key, text)
     elif _are_degrees(reader.parameters, corners):
@@ -152,7 +154,7 @@ def _polygon(reader: ParameterReader, key: str, fence: Geofence) -> Corners:
 
 
 def outline_objection(corners: Corners, fence: Geofence) -> str:
-    """Return the error in a polygon with at least three corners (metres, frame `map`), as a predicate; empty if it is valid.
+    """Return the error in a polygon of at least three corners (metres, frame `map`) as a predicate; empty if the polygon is valid.
 
     Raises:
         ImportError: If shapely is not installed.
@@ -161,41 +163,41 @@ def outline_objection(corners: Corners, fence: Geofence) -> str:
 
     outline = shapely.Polygon(corners)
     if not outline.convex_hull.area:
-        return "has no area: its corners are on one line"
+        return "has no area: all corners are on one line"
     if not outline.is_valid:
-        # In shapely's words: "Self-intersection[1 2]".
+        # Shapely returns a text such as "Self-intersection[1 2]".
         x, y = shapely.is_valid_reason(outline).partition("[")[2].rstrip("]").split()
         return f"crosses or touches itself at ({float(x):.2f}, {float(y):.2f})"
     outside = [corner for corner in corners if not fence.contains(*corner)]
     if outside:
         return f"has the corner ({outside[0][0]:g}, {outside[0][1]:g}) outside the geofence"
-    # The fence can run between two corners.
-    edge = shapely.LinearRing(fence.corners).intersection(outline.buffer(-_TOUCHES_M))
+    # An edge can leave the geofence although both ends of the edge are inside.
+    edge = shapely.LinearRing(fence.corners).intersection(outline.buffer(-_TOLERANCE_M))
     if edge.is_empty:
         return ""
-    place = edge.representative_point()
-    return f"leaves the geofence between its corners, at ({place.x:.2f}, {place.y:.2f})"
+    point = edge.representative_point()
+    return f"leaves the geofence between two corners, at ({point.x:.2f}, {point.y:.2f})"
 
 
 def pose_inside(corners: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return a point inside a polygon, x and y in metres, frame `map`.
+    """Return a point inside a polygon; both are in metres in the frame `map`.
 
     Raises:
         ImportError: If shapely is not installed.
     """
     import shapely
 
-    shape = shapely.Polygon(corners) if len(corners) >= LEAST_CORNERS else shapely.MultiPoint(corners)
+    shape = shapely.Polygon(corners) if len(corners) >= MIN_CORNERS else shapely.MultiPoint(corners)
     inside = shape.representative_point()
     return round(inside.x, 3), round(inside.y, 3)
 
 
 def _are_degrees(parameters: Mapping[str, object], corners: Corners) -> bool:
-    """Return whether all corners are probably in degrees, because they are near the origin's latitude and longitude."""
-    place = [parameters.get(f"georeference.{name}") for name in ("lat", "lon")]
-    if not all(isinstance(value, int | float) for value in place):
+    """Return whether all corners are probably in degrees: near the latitude and longitude of the map's origin."""
+    origin_degrees = [parameters.get(f"georeference.{name}") for name in ("lat", "lon")]
+    if not all(isinstance(value, int | float) for value in origin_degrees):
         return False
-    lat, lon = (float(str(value)) for value in place)
+    lat, lon = (float(str(value)) for value in origin_degrees)
     return any(
         all(math.dist(corner, origin) < _NEAR_DEG for corner in corners)
         for origin in ((lat, lon), (lon, lat))

@@ -1,4 +1,4 @@
-"""Background computation, so that ticks do not wait."""
+"""Computation in a background thread, so that ticks do not wait for the result."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -11,13 +11,13 @@ T = TypeVar("T")
 def run_in_background(
     wake: Callable[[], None], work: Callable[P, T], *args: P.args, **kwargs: P.kwargs
 ) -> Future[T]:
-    """Start work in a new thread.
+    """Call a function in a new thread, and return the future of the result.
 
     Args:
-        wake: Requests a tick; called when the work has ended.
-        work: The work.
-        *args: Its arguments.
-        **kwargs: Its keyword arguments.
+        wake: Requests a tick; called when the function has returned or raised.
+        work: The function.
+        *args: Positional arguments of the function.
+        **kwargs: Keyword arguments of the function.
     """
     worker = ThreadPoolExecutor(1, "beside the ticks")
     future = worker.submit(work, *args, **kwargs)

@@ -1,4 +1,4 @@
-"""The mission's conditions; they return at once, never RUNNING."""
+"""Conditions on the progress of the mission: remaining zones, the last detection, and completion."""
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -21,7 +21,7 @@ _COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at 
     facts={"zones_left": 3},
 )
 class ZonesRemaining(Behaviour):
-    """Check that a zone is left to visit; FAILURE if none is left.
+    """Check that a zone is left to visit; FAILURE if no zone is left.
 
     Args:
         name: The node's name.
@@ -49,11 +49,11 @@ class ZonesRemaining(Behaviour):
     facts={"found_by_{detect_node}": False},
 )
 class IsSurvivorDetected(Behaviour):
-    """Check that the last search found a survivor; FAILURE if it found none.
+    """Check that the last search detected a survivor; FAILURE if the search detected none.
 
     Args:
         name: The node's name.
-        detect_node: The search whose result is checked.
+        detect_node: The `DetectSurvivor` node whose last result is checked.
     """
 
     def __init__(self, name: str, detect_node: DetectSurvivor) -> None:
@@ -75,7 +75,7 @@ class IsSurvivorDetected(Behaviour):
     facts={"zones_left": 3, "zones_abandoned": 0, "reports_kept": 0, "at": ""},
 )
 class MissionComplete(Behaviour):
-    """Check that every zone is visited, every survivor is acknowledged, and the robot is home; FAILURE if not.
+    """Check that every zone is visited, every survivor's report is acknowledged, and the robot is home; otherwise FAILURE.
 
     Args:
         name: The node's name.
@@ -89,7 +89,7 @@ class MissionComplete(Behaviour):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Check for missing items."""
+        """Check for unfinished items."""
         shortfalls = self._record.shortfalls(self._zones)
         self.feedback_message = " ".join(shortfalls)
         return Status.FAILURE if shortfalls else Status.SUCCESS

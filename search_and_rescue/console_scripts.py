@@ -1,4 +1,4 @@
-"""Entry points of the two servers' console scripts."""
+"""Entry points of the console scripts `sar-detect-survivor-server` and `sar-report-survivor-server`."""
 
 from functools import partial
 

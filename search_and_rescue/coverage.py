@@ -1,9 +1,9 @@
-"""Search coverage of ground, computed from the poses that the robot drove through and the map.
+"""Coverage of an area, computed from the robot's path and the map.
 
-Driving one metre with a sensor of sweep width W is an effort of W square metres. It is spread evenly over the ground in sight: the coverage
-of a cell within the detection range R and in sight grows by W / (π R²) a metre. The coverage of an area is the mean over its cells, which is
-W · L / A if all ground in sight is inside. A cell of coverage c was searched with the POD 1 - exp(-c): Koopman's law of random search, a
-lower bound. Repeated passes add up.
+Driving one metre with a sensor of sweep width W is an effort of W square metres. The effort is spread evenly over the circle of the detection
+range R: each metre adds W / (π R²) to the coverage of every cell within the range and in sight. The coverage of an area is the mean over the
+cells, and equals W · L / A for a track of length L in an area A if the robot sees only cells of the area, and nothing is hidden.
+A cell of coverage c was searched with the POD 1 - exp(-c), which is Koopman's law of random search and a lower bound. Passes add up.
 """
 
 import base64
@@ -25,21 +25,21 @@ from search_and_rescue.search_theory import Corners, Ground
 Points = npt.NDArray[np.float64]
 
 _CELL_M = 0.25
-_MOST_CELLS = 20_000
-# Gaps of so few cells are not worth a drive.
-_FEWEST_CELLS = 4
-# Unit of the coverage in the text of a raster.
+_MAX_CELLS = 20_000
+# Gaps of at most this number of cells are not worth a drive.
+_MIN_CELLS = 4
+# Resolution of the coverage in the text of a raster.
 _STEP = 0.001
-_HIGHEST = np.iinfo(np.uint16).max
+_MAX_COUNT = np.iinfo(np.uint16).max
 
 
 @dataclass(frozen=True, eq=False)
 class ObstacleMap:
-    """Cells that block sight and driving: occupied cells, unknown cells, and everything beyond the map.
+    """Obstacles to sight and driving: occupied cells, unknown cells, and all positions outside the map.
 
     Args:
-        blocked: By row (y) and column (x).
-        resolution: The size of a cell, metres.
+        blocked: Whether each cell is occupied or unknown, by row (y) and column (x).
+        resolution: The side length of a cell, metres.
         origin: x, y (metres) and yaw (radians) of the corner of the first cell, in the frame `map`.
     """
 
@@ -48,7 +48,7 @@ class ObstacleMap:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def are_blocked(self, points: Points) -> npt.NDArray[np.bool_]:
-        """Return which positions are blocked, in the shape of `points` (metres, frame `map`) without its last axis, which is x and y."""
+        """Return whether each position (metres, frame `map`) is blocked; the last axis of `points` is x and y."""
         cells = np.floor(self._to_cells(points)).astype(int)
         column, row = cells[..., 0], cells[..., 1]
         rows, columns = self.blocked.shape
@@ -58,18 +58,18 @@ class ObstacleMap:
         return blocked
 
     def hides(self, eye: Points, points: Points, reach: float) -> npt.NDArray[np.bool_]:
-        """Return which positions (metres, frame `map`) are blocked, or hidden from `eye` by a blocked one.
+        """Return whether each position is blocked, or hidden from the sensor by a blocked cell.
 
         Args:
-            eye: The position of the sensor.
-            points: The positions, by row.
-            reach: The largest distance of a position, metres.
+            eye: The position of the sensor, metres, frame `map`.
+            points: The positions, one per row, metres, frame `map`.
+            reach: The maximum distance of a position from the sensor, metres.
         """
         if self.are_blocked(eye[None]).any():
             return np.ones(len(points), bool)
         here = self._to_cells(eye)
         most = reach / self.resolution
-        # Half a cell wide at the far end.
+        # At the maximum distance, the sector of each direction is half a cell wide.
         count = math.ceil(4 * math.pi * most)
         first_wall = np.full(count, np.inf)
         directions, distances = self._walls_around(here, most, count)
@@ -80,7 +80,7 @@ class ObstacleMap:
         return behind | self.are_blocked(points)
 
     def _to_cells(self, points: Points) -> Points:
-        """Return positions (metres, frame `map`) by column and row."""
+        """Convert positions in the frame `map`, metres, to columns and rows of the map, with fractions."""
         x, y, yaw = self.origin
         right, up = points[..., 0] - x, points[..., 1] - y
         along, across = right * math.cos(yaw) + up * math.sin(yaw), up * math.cos(yaw) - right * math.sin(yaw)
@@ -88,7 +88,7 @@ class ObstacleMap:
 
     @cached_property
     def _walls(self) -> npt.NDArray[np.bool_]:
-        """Blocked cells with a free neighbour: they hide every cell farther away."""
+        """Blocked cells with a free neighbour. They hide all cells behind them, so the other blocked cells can be ignored."""
         around = np.pad(self.blocked, 1, constant_values=True)
         within = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
         walls: npt.NDArray[np.bool_] = self.blocked & ~within
@@ -97,13 +97,13 @@ class ObstacleMap:
     def _walls_around(
         self, here: Points, most: float, count: int
     ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
-        """Return the directions with walls, and the walls' distances in cells."""
+        """Return the indices of the directions that contain walls, and the distance of each such wall in cells."""
         left, low = np.maximum(np.floor(here - most).astype(int), 0)
         right, high = np.maximum(np.ceil(here + most).astype(int), 0)
         rows, columns = np.nonzero(self._walls[low:high, left:right])
         x, y = columns + left + 0.5 - here[0], rows + low + 0.5 - here[1]
         distances, bearings = np.hypot(x, y), np.arctan2(y, x)
-        # A cell is as wide as its shadow: a side if seen straight on, a diagonal from a corner.
+        # The shadow of a cell is as wide as the cell appears: a side if seen straight on, a diagonal if seen from a corner.
         half = np.arctan((abs(x) + abs(y)) / (2.0 * distances**2))
         first = np.ceil((bearings - half) * count / math.tau).astype(int)
         each = np.floor((bearings + half) * count / math.tau).astype(int) - first + 1
@@ -112,16 +112,16 @@ class ObstacleMap:
 
 
 class CoverageRaster:
-    """The coverage of ground, cell by cell.
+    """The coverage of each cell of a ground.
 
     Args:
-        ground: The ground.
-        obstacles: The map; None without one, so that nothing blocks sight.
-        cells: The text of an earlier raster of the same ground (`share_text`).
+        ground: The ground of a zone.
+        obstacles: The map; None if there is no map, so that nothing blocks sight.
+        cells: The result of `share_text` of an earlier raster of the same ground; empty for coverage 0.
 
     Raises:
         ImportError: If shapely is not installed.
-        ValueError: If `cells` is of other ground.
+        ValueError: If `cells` is invalid, or belongs to a ground with another number of cells.
     """
 
     def __init__(self, ground: Ground, obstacles: ObstacleMap | None = None, cells: str = "") -> None:
@@ -130,7 +130,7 @@ class CoverageRaster:
         self.ground, self.obstacles = ground, obstacles
         corners = np.array(ground.polygon)
         low, high = corners.min(axis=0), corners.max(axis=0)
-        self.cell_m = max(_CELL_M, math.sqrt(float(np.prod(high - low)) / _MOST_CELLS))
+        self.cell_m = max(_CELL_M, math.sqrt(float(np.prod(high - low)) / _MAX_CELLS))
         axes = [np.arange(low[axis] + self.cell_m / 2, high[axis], self.cell_m) for axis in (0, 1)]
         everywhere = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
         self._outline = shapely.Polygon(ground.polygon)
@@ -141,7 +141,7 @@ class CoverageRaster:
 
     @property
     def searchable(self) -> npt.NDArray[np.bool_]:
-        """Cells that can be searched, which are those without an obstacle."""
+        """Whether each cell can be searched, because no obstacle is at the centre of the cell."""
         return (
             np.ones(len(self.centres), bool)
             if self.obstacles is None
@@ -149,7 +149,7 @@ class CoverageRaster:
         )
 
     def drive(self, path: Sequence[tuple[float, float]]) -> float:
-        """Add a drive along positions in the frame `map`, metres.
+        """Add the coverage of a drive along positions in the frame `map`, metres.
 
         Returns:
             The distance driven inside the ground, metres.
@@ -160,31 +160,31 @@ class CoverageRaster:
             steps = math.ceil(length / self.cell_m)
             for step in range(steps):
                 share = (step + 0.5) / steps
-                place = tuple(a + share * (b - a) for a, b in zip(start, end, strict=True))
-                self._add_view(place[0], place[1], length / steps)
-                inside += length / steps * self._has_inside(place)
+                point = tuple(a + share * (b - a) for a, b in zip(start, end, strict=True))
+                self._add_view(point[0], point[1], length / steps)
+                inside += length / steps * self._contains(point)
         return inside
 
-    def _has_inside(self, place: tuple[float, ...]) -> bool:
+    def _contains(self, point: tuple[float, ...]) -> bool:
         import shapely
 
-        return bool(shapely.contains_xy(self._outline, *place))
+        return bool(shapely.contains_xy(self._outline, *point))
 
     def _add_view(self, x: float, y: float, metres: float) -> None:
         reach = self.ground.detection_range
         cells = self.seen_from(x, y, reach + self.cell_m / 2)
         distances = np.hypot(*(self.centres[cells] - (x, y)).T)
-        # The share of a cell within the range, so that the effort does not depend on the position of the grid.
+        # Weight cells at the border by the share within the range, so that the effort does not depend on the offset of the grid.
         within = np.clip((reach - distances) / self.cell_m + 0.5, 0.0, 1.0)
         self.coverage[cells] += within * self.ground.sweep_width * metres / (math.pi * reach**2)
 
     def seen_from(self, x: float, y: float, reach: float) -> npt.NDArray[np.intp]:
-        """Return the indices of the cells whose centre is in sight of a position and within reach.
+        """Return the indices of the cells whose centre is visible from a position and within reach.
 
         Args:
-            x: Metres, frame `map`.
-            y: Metres, frame `map`.
-            reach: Metres.
+            x: The x coordinate of the position, metres, frame `map`.
+            y: The y coordinate of the position, metres, frame `map`.
+            reach: The maximum distance from the position to a cell's centre, metres.
         """
         eye = np.array((x, y))
         [near] = np.nonzero(np.hypot(*(self.centres - eye).T) <= reach)
@@ -193,17 +193,17 @@ class CoverageRaster:
         return near[~self.obstacles.hides(eye, self.centres[near], reach)]
 
     def pod(self) -> float:
-        """Return the probability, 0 to 1, that the drives so far have detected a survivor who is there."""
+        """Return the probability, 0 to 1, that the drives so far have detected a survivor in the ground."""
         found = 1.0 - np.exp(-self.coverage[self.searchable])
         return float(found.mean()) if len(found) else 0.0
 
     def mean_coverage(self) -> float:
-        """Return the coverage C of the ground: the mean over the searchable cells."""
+        """Return the coverage C of the ground, which is the mean over the searchable cells."""
         searched = self.coverage[self.searchable]
         return float(searched.mean()) if len(searched) else 0.0
 
     def seen_share(self) -> float:
-        """Return the share of the searchable cells that were in sight at least once, 0 to 1."""
+        """Return the share of the searchable cells that were visible at least once, 0 to 1."""
         seen = self.coverage[self.searchable] > 0.0
         return float(seen.mean()) if len(seen) else 0.0
 
@@ -212,26 +212,26 @@ class CoverageRaster:
         return float(self.searchable.sum()) * self.cell_m**2
 
     def gaps(self, until_pod: float) -> list[Corners]:
-        """Return the polygons searched with less than a POD, as corners in the frame `map`, metres; the largest first.
+        """Return the polygons of the searchable cells with a POD below `until_pod`, the largest first.
 
-        A gap around a hole is cut into several, and gaps of a few cells are omitted.
+        Corners are in the frame `map`, metres. A gap with a hole is cut into several polygons; gaps of a few cells are omitted.
         """
         import shapely
 
         missed = np.zeros(len(self._inside), np.int8)
         missed[self._inside] = self.searchable & (1.0 - np.exp(-self.coverage) < until_pod)
-        # Neighbours in a row are one box: joining boxes of single cells takes fifty times as long.
+        # Adjacent cells of a row are joined to one box, because the union of single cells takes fifty times as long.
         edges = np.diff(missed.reshape(-1, self._columns), axis=1, prepend=0, append=0)
         (rows, begins), (_, ends) = np.nonzero(edges > 0), np.nonzero(edges < 0)
         x, y = self._low
         left, right, low = x + begins * self.cell_m, x + ends * self.cell_m, y + rows * self.cell_m
         joined = shapely.union_all(shapely.box(left, low, right, y + (rows + 1) * self.cell_m))
-        parts = [part for part in _cut_holes(joined) if part.area > _FEWEST_CELLS * self.cell_m**2]
+        parts = [part for part in _cut_holes(joined) if part.area > _MIN_CELLS * self.cell_m**2]
         parts.sort(key=lambda part: -part.area)
         return [tuple(map(tuple, part.exterior.simplify(0.0).coords[:-1])) for part in parts]
 
     def layer(self, name: str) -> RasterLayer:
-        """Return the display layer: the POD of each cell."""
+        """Return the display layer with the POD of each cell."""
         pods = np.zeros(len(self._inside))
         pods[self._inside] = 1.0 - np.exp(-self.coverage)
         x, y = self._low.tolist()
@@ -240,13 +240,13 @@ class CoverageRaster:
         )
 
     def share_text(self) -> str:
-        """Return the coverage of all cells as text, to a thousandth."""
-        counted = np.minimum(np.rint(self.coverage / _STEP), _HIGHEST).astype("<u2")
+        """Return the coverage of all cells as compressed text, rounded to a thousandth."""
+        counted = np.minimum(np.rint(self.coverage / _STEP), _MAX_COUNT).astype("<u2")
         return base64.b64encode(zlib.compress(counted.tobytes(), 9)).decode("ascii")
 
 
 def _cut_holes(shape: Any) -> Iterator[Any]:
-    """Yield the polygons of a shape; those with holes are cut through them."""
+    """Yield the polygons of a shape; a polygon with holes is split into polygons without holes."""
     import shapely
 
     for part in shapely.get_parts(shape):
@@ -266,7 +266,7 @@ def _read(cells: str, count: int) -> npt.NDArray[np.float64]:
         inflater = zlib.decompressobj()
         data = inflater.decompress(base64.b64decode(cells, validate=True), 2 * count + 1)
     except (binascii.Error, ValueError, zlib.error) as error:
-        raise ValueError(f"the cells are not a raster: {error}") from error
+        raise ValueError(f"the text of the raster is invalid: {error}") from error
     if len(data) != 2 * count:
-        raise ValueError(f"the raster covers a different area: {count} cells were expected")
+        raise ValueError(f"the raster belongs to another area: {count} cells were expected")
     return np.frombuffer(data, "<u2") * _STEP

@@ -1,11 +1,11 @@
-"""Areas that the operator draws during a mission, and their validation."""
+"""Areas that the operator draws during a mission: validation, and addition to the plan."""
 
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.leaves import UnusableValueError, planar_outline
-from search_and_rescue.areas import FARTHEST_SEEN_M, LEAST_CORNERS, outline_objection, pose_inside
+from search_and_rescue.areas import MAX_RANGE_M, MIN_CORNERS, outline_objection, pose_inside
 from search_and_rescue.search_theory import (
     COVERAGE,
     Corners,
@@ -20,23 +20,23 @@ from search_and_rescue.zone_manager import MAP_FRAME, Geofence, Zone, ZoneManage
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-# Precision of a position in a single-precision message, metres.
+# Decimal places of a corner, metres; the message has single precision.
 _DIGITS = 3
 
 
 class DrawingError(ValueError):
-    """An area is rejected; the text gives the reason and the remedy."""
+    """An area is rejected; the message contains the reason and the remedy."""
 
 
 @dataclass(frozen=True)
 class DrawnAreas:
-    """Adds areas to the plan of a mission.
+    """Validates the areas that the operator draws, and adds them to the plan of a mission.
 
     Args:
         zones: The mission's zones.
         sweeps: The mission's sweeps.
         fence: The geofence.
-        off_map: Returns why a position (metres, frame `map`) is impossible; empty if it is possible.
+        off_map: Returns why a position (metres, frame `map`) is invalid; empty if the position is on the map.
     """
 
     zones: ZoneManager
@@ -45,7 +45,7 @@ class DrawnAreas:
     off_map: "Callable[[float, float], str]"
 
     def add_area(self, request: Any) -> str:
-        """Add an area, or change one whose search has not started.
+        """Add an area to the plan, or change an existing area whose search has not started.
 
         Args:
             request: A request of `sar_interfaces/srv/AddArea`.
@@ -59,18 +59,22 @@ class DrawnAreas:
         """
         name = request.zone_id
         if not name:
-            raise DrawingError("the area has no name: write one")
+            raise DrawingError("the area has no name: write a name")
         if not self.zones.has_remaining():
-            raise DrawingError("no zone is left, and the robot is on its way home")
+            raise DrawingError("no zone is left, and the robot returns home")
         is_known = self.zones.has_zone(name)
         if is_known and not self._is_untouched(name):
-            raise DrawingError(f"the search of '{name}' has already started: draw another area")
+            raise DrawingError(f"the search of '{name}' has already started: draw an area with another name")
         ground = self._ground(request, self.sweeps.grounds.get(name))
         area = self._area(request.poa, ground, self.zones.areas.get(name) if is_known else None)
         x, y = pose_inside(ground.polygon)
         shrunk = self.zones.draw(Zone(id=name, x=x, y=y, yaw=0.0), ground, area)
-        told = f"'{name}' was changed" if is_known else f"'{name}' was added"
-        return f"{told}; the POA of the other zones was multiplied by {shrunk:.2f}" if shrunk < 1.0 else told
+        change = f"'{name}' was changed" if is_known else f"'{name}' was added"
+        return (
+            f"{change}, and the POA of every other zone was multiplied by {shrunk:.2f}"
+            if shrunk < 1.0
+            else change
+        )
 
     def _is_untouched(self, name: str) -> bool:
         behind = [zone["id"] for zone in self.zones.remaining_zones()[1:]]
@@ -79,20 +83,20 @@ class DrawnAreas:
     def _ground(self, request: Any, before: Ground | None) -> Ground:
         polygon = self._polygon(request.outline)
         if not polygon and before is None:
-            raise DrawingError("the area has no polygon: draw three corners or more")
+            raise DrawingError("the area has no polygon: draw at least three corners")
         like = before or next(iter(self.sweeps.grounds.values()), None)
         reach = request.detection_range
         if math.isnan(reach) and like is None:
             raise DrawingError(
-                "the detection range is missing: write the distance at which a survivor is seen, metres"
+                "the detection range is missing: write the maximum distance at which a survivor can be detected, metres"
             )
-        if reach <= 0.0 or reach > FARTHEST_SEEN_M:
+        if reach <= 0.0 or reach > MAX_RANGE_M:
             raise DrawingError(
-                f"the detection range is {reach:g}: write metres above 0, at most {FARTHEST_SEEN_M:g}"
+                f"the detection range is {reach:g}: write metres above 0, at most {MAX_RANGE_M:g}"
             )
         outline = polygon or before.polygon if before is not None else polygon
         if math.isnan(reach):
-            assert like is not None  # noqa: S101 - otherwise it was rejected
+            assert like is not None  # noqa: S101 - otherwise the area was rejected above
             return like._replace(polygon=outline)
         per_range = sweep_width_of(1.0) if like is None else like.sweep_width / like.detection_range
         return Ground(outline, reach * per_range, reach)
@@ -105,10 +109,10 @@ class DrawnAreas:
         corners = tuple((round(x, _DIGITS), round(y, _DIGITS)) for x, y in drawn)
         if not corners:
             return ()
-        if len(corners) < LEAST_CORNERS:
-            raise DrawingError(f"the polygon has {len(corners)} corners: draw three or more")
+        if len(corners) < MIN_CORNERS:
+            raise DrawingError(f"the polygon has {len(corners)} corners: draw at least three")
         off = next(filter(None, (self.off_map(*corner) for corner in corners)), "")
-        objection = f"has an impossible corner: {off}" if off else outline_objection(corners, self.fence)
+        objection = f"has an invalid corner: {off}" if off else outline_objection(corners, self.fence)
         if objection:
             raise DrawingError(f"the outline {objection}")
         return corners
@@ -117,13 +121,13 @@ class DrawnAreas:
         if math.isnan(poa):
             if before is None and self.zones.areas:
                 raise DrawingError(
-                    "the probability (poa) is missing: write one, because the other zones have one"
+                    "the probability (poa) is missing: write a number from 0 to 1, because every other zone has a poa"
                 )
             return before
         if not 0.0 <= poa <= 1.0:
             raise DrawingError(f"the probability is {poa:g}: write a number from 0 to 1")
         if not self.zones.areas:
-            raise DrawingError("no zone of this mission has a probability (poa): omit it")
+            raise DrawingError("no zone of this mission has a probability (poa): omit the poa")
         if before is not None:
             return before._replace(poa=poa)
         return SearchExpectation(poa, random_search_pod(COVERAGE), ground.sweep_sec(self.zones.speed_mps))

@@ -1,6 +1,6 @@
-"""Battery consumption of driving and waiting: a prior estimate, corrected by the robot's own battery readings.
+"""Model of the battery consumption by driving and waiting: a prior estimate, corrected by the robot's battery readings.
 
-Energy is measured as a share of a full battery, as in `sensor_msgs/BatteryState.percentage`, 0 to 1.
+Energy is a share of a full battery, 0 to 1, as in `sensor_msgs/msg/BatteryState.percentage`.
 """
 
 import math
@@ -10,20 +10,20 @@ from statistics import median
 from typing import NamedTuple
 
 WINDOW_SHARE = 0.01
-"""Smallest expected consumption between two compared readings; batteries round to about this share."""
+"""Minimum expected consumption between two compared readings. Many batteries report their charge with about this resolution."""
 RISE_SHARE = 0.03
-"""Rise of the battery from which it is regarded as charged or swapped."""
+"""Minimum rise of the charge that is regarded as a charged or swapped battery."""
 
-# Weight of the prior: as if this share of the battery had been used by driving, and the same share by time.
+# Weight of the prior: as much as an observed consumption of this share by driving, and of the same share by time.
 _PRIOR_SHARE = 0.03
-# Older observations are forgotten: the last half of a battery is remembered.
+# The weight of an observation falls to 1/e after an expected consumption of this share.
 _MEMORY_SHARE = 0.5
-# A larger fall than both together is not consumption: the battery was swapped, or its gauge recalibrated.
-_MOST_TIMES, _MOST_FALL = 5.0, 0.1
-# Below this a robot's odometry may drift at rest; above that it was reset, metres.
-_GRAIN_M, _JUMP_M = 0.05, 2.0
-# Readings closer together are the same one, received by two leaves, seconds.
-_APART_SEC = 0.2
+# A fall above _MAX_FACTOR * expected + _MAX_FALL is not consumption: the battery was swapped, or the gauge was recalibrated.
+_MAX_FACTOR, _MAX_FALL = 5.0, 0.1
+# Smaller steps of the odometry may be drift of a robot at rest; larger steps mean that the odometry was reset; metres.
+_MIN_STEP_M, _MAX_STEP_M = 0.05, 2.0
+# Readings at a smaller interval are the same message, received by two leaves, seconds.
+_MIN_INTERVAL_SEC = 0.2
 
 
 class TripEstimate(NamedTuple):
@@ -39,7 +39,7 @@ class TripEstimate(NamedTuple):
 
 
 class ConsumptionRates(NamedTuple):
-    """Rates of consumption.
+    """Rates of battery consumption.
 
     Attributes:
         per_m: Share of a full battery for each metre driven.
@@ -58,17 +58,17 @@ class _BatteryReading(NamedTuple):
 
 @dataclass(eq=False)
 class EnergyModel:
-    """Battery consumption of a robot by distance and time, learned during the run.
+    """Model of a robot's battery consumption by distance and time, learned during the run.
 
-    Both rates are multiples of a prior, fitted by least squares to the consumption between battery readings. The prior enters as
-    observations of its own. It therefore decides whatever the run cannot distinguish, such as both rates in a drive at one speed.
+    Both rates are multiples of a prior, fitted by least squares to the consumption between battery readings. The prior is included as
+    additional observations. If the readings cannot separate the two rates, as in a drive at constant speed, the prior determines their ratio.
 
     Args:
         prior: The expected rates before the run; both are above 0.
-        wrong_by: Largest error of the prior, as a share of itself: 0.25 for 25 %.
+        wrong_by: Maximum relative error of the prior: 0.25 for 25 %.
 
     Attributes:
-        share: The charge of the battery: the median of the last three readings; NaN before the first one.
+        share: The charge of the battery, as the median of the last three readings; NaN before the first reading.
         read_sec: Time of the last reading, seconds of the node's clock.
         charges: Number of times the battery was charged or swapped.
     """
@@ -89,22 +89,22 @@ class EnergyModel:
     def on_odometry(self, x: float, y: float) -> None:
         """Update the robot's position from its odometry, metres."""
         step = math.dist(self._at, (x, y)) if self._at is not None else math.inf
-        if step > _JUMP_M:
-            # The distance driven since then is unknown.
+        if step > _MAX_STEP_M:
+            # The distance driven since the last compared reading is unknown.
             self._since = None
-        elif step >= _GRAIN_M:
+        elif step >= _MIN_STEP_M:
             self._metres += step
-        if step >= _GRAIN_M:
+        if step >= _MIN_STEP_M:
             self._at = x, y
 
     def read(self, now: float, share: float) -> None:
-        """Process a battery reading and learn from it.
+        """Process a battery reading, and update the rates.
 
         Args:
             now: The time, seconds of the node's clock.
             share: The charge, 1 for a full battery.
         """
-        if 0.0 <= now - self.read_sec < _APART_SEC:
+        if 0.0 <= now - self.read_sec < _MIN_INTERVAL_SEC:
             return
         self.read_sec = now
         self._readings.append(share)
@@ -112,7 +112,7 @@ class EnergyModel:
         self._compare(_BatteryReading(now, self._metres, self.share))
 
     def _compare(self, reading: _BatteryReading) -> None:
-        """Learn from the consumption since an earlier reading, unless the battery was swapped."""
+        """Update the rates from the consumption since an earlier reading, unless the battery was charged or swapped."""
         since = self._since
         self._lowest = min(self._lowest, reading.share)
         if reading.share >= self._lowest + RISE_SHARE:
@@ -124,27 +124,27 @@ class EnergyModel:
             driven = self.prior.per_m * (reading.metres - since.metres)
             waited = self.prior.per_sec * (reading.sec - since.sec)
             used, expected = since.share - reading.share, driven + waited
-            # A reading that rose slightly is ignored until it has fallen again, or the battery was charged.
+            # After a slight rise, wait until the charge has fallen again or the battery was charged.
             if expected >= WINDOW_SHARE and used >= 0.0:
-                if used <= _MOST_TIMES * expected + _MOST_FALL:
+                if used <= _MAX_FACTOR * expected + _MAX_FALL:
                     self._add_observation(driven, waited, used)
                 self._since = reading
 
     def _add_observation(self, driven: float, waited: float, used: float) -> None:
-        """Add an observation of driving, waiting and consumption, weighted by the consumption that the prior expects."""
+        """Add an observed consumption and the shares that the prior expects for driving and waiting; decay earlier observations."""
         expected = driven + waited
-        kept = math.exp(-expected / _MEMORY_SHARE)
-        self._mm = kept * self._mm + driven * driven / expected
-        self._ms = kept * self._ms + driven * waited / expected
-        self._ss = kept * self._ss + waited * waited / expected
-        self._mu = kept * self._mu + driven * used / expected
-        self._su = kept * self._su + waited * used / expected
+        decay = math.exp(-expected / _MEMORY_SHARE)
+        self._mm = decay * self._mm + driven * driven / expected
+        self._ms = decay * self._ms + driven * waited / expected
+        self._ss = decay * self._ss + waited * waited / expected
+        self._mu = decay * self._mu + driven * used / expected
+        self._su = decay * self._su + waited * used / expected
 
     @property
     def rates(self) -> ConsumptionRates:
         """Current estimate of the rates."""
         by_metre, by_second = self._solve(self._mu + _PRIOR_SHARE, self._su + _PRIOR_SHARE)
-        # If the optimum has a negative rate, the best valid solution has that rate at 0.
+        # If one rate of the optimum is negative, the best valid solution has 0 for this rate.
         if by_metre < 0.0:
             by_metre, by_second = 0.0, (self._su + _PRIOR_SHARE) / (self._ss + _PRIOR_SHARE)
         elif by_second < 0.0:
@@ -152,7 +152,7 @@ class EnergyModel:
         return ConsumptionRates(by_metre * self.prior.per_m, by_second * self.prior.per_sec)
 
     def _solve(self, first: float, second: float) -> tuple[float, float]:
-        """Solve the least-squares equations for a right-hand side."""
+        """Return the solution of the least-squares equations for a right-hand side."""
         mm, ss = self._mm + _PRIOR_SHARE, self._ss + _PRIOR_SHARE
         determinant = mm * ss - self._ms * self._ms
         return (ss * first - self._ms * second) / determinant, (mm * second - self._ms * first) / determinant
@@ -160,9 +160,9 @@ class EnergyModel:
     def need(self, trip: TripEstimate) -> float:
         """Return the maximum consumption of a trip, as a share of a full battery.
 
-        The learned rate is between the truth and the prior. The remaining weight of the prior bounds its error for this trip.
+        The learned rates are between the true rates and the prior. The remaining weight of the prior bounds the error for this trip.
         """
         rates, (metres, seconds) = self.rates, trip
-        off = self._solve(self.prior.per_m * metres, self.prior.per_sec * seconds)
-        margin = self.wrong_by * _PRIOR_SHARE * (abs(off[0]) + abs(off[1]))
+        weights = self._solve(self.prior.per_m * metres, self.prior.per_sec * seconds)
+        margin = self.wrong_by * _PRIOR_SHARE * (abs(weights[0]) + abs(weights[1]))
         return rates.per_m * metres + rates.per_sec * seconds + margin

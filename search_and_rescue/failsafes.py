@@ -1,4 +1,4 @@
-"""Conditions of failsafes: SUCCESS in normal operation, FAILURE with a reason to end the mission early."""
+"""Failsafe conditions: SUCCESS in normal operation, FAILURE with a reason to end the mission early."""
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
@@ -31,10 +31,10 @@ _BASE_LOST = "losses_left -= base_lost ? 0 : 1; base_lost = true"
 
 @dataclass(eq=False, repr=False)
 class _Failsafe(RosLeaf):
-    """Base class of these conditions, which report a problem once until it is solved.
+    """Base class of the failsafe conditions. Each condition reports a problem once until the problem is solved.
 
     Args:
-        record: Records the reason for `AbandonZones`.
+        record: Records each problem as an alarm, whose text `AbandonZones` uses as the reason.
     """
 
     name: str
@@ -45,8 +45,8 @@ class _Failsafe(RosLeaf):
         super().__init__(self.name)
         self._raised = False
 
-    def _judge(self, problem: str) -> Status:
-        """Return FAILURE for a problem, or SUCCESS for an empty string."""
+    def _report_problem(self, problem: str) -> Status:
+        """Return FAILURE if there is a problem, and report a new problem; return SUCCESS if the string is empty."""
         if problem and not self._raised:
             self.warn(f"Failsafe: {problem}.")
             self.record.record_alarm(problem)
@@ -57,11 +57,11 @@ class _Failsafe(RosLeaf):
 
 @dataclass(eq=False, repr=False)
 class _CommandCondition(_Failsafe):
-    """Base class of conditions on a command that ends the mission early.
+    """Base class of conditions that fail once the operator has given a command that ends the mission early.
 
     Args:
-        orders: The commands that were given.
-        record: Records the reason.
+        orders: The operator's commands.
+        record: Records the command as an alarm.
     """
 
     orders: OperatorCommands
@@ -69,18 +69,18 @@ class _CommandCondition(_Failsafe):
     command = subject = ""
 
     def setup(self, **kwargs: Any) -> None:
-        """Offer the service."""
+        """Create the service of the command."""
         super().setup(**kwargs)
         self.orders.offer(self.node, self.command, self._on_command)
 
     def shutdown(self) -> None:
-        """Withdraw the service."""
+        """Destroy the services of the commands."""
         self.orders.destroy_services()
         super().shutdown()
 
     def update(self) -> Status:
-        """Check the commands."""
-        return self._judge(self._reason() if self.command in self.orders.given else "")
+        """Check whether the command was given."""
+        return self._report_problem(self._reason() if self.command in self.orders.given else "")
 
     def _reason(self) -> str:
         return f"{self.subject} was {self.orders.describe(self.command)}"
@@ -109,7 +109,7 @@ class NotAborted(_CommandCondition):
     outcomes=(Outcome("SUCCESS", "not recalled"), Outcome("FAILURE", "recalled")),
 )
 class NotRecalled(_CommandCondition):
-    """Check that the operator has not called the robot home: FAILURE once `~/go_home` (`std_srvs/srv/Trigger`) was called."""
+    """Check that the operator has not called the robot home: FAILURE once the service `~/go_home` (`std_srvs/srv/Trigger`) was called."""
 
     command, subject = "go_home", "the robot"
 
@@ -124,18 +124,18 @@ class NotRecalled(_CommandCondition):
     facts={"navigation_lost": False},
 )
 class NavigationAvailable(_Failsafe):
-    """Check that navigation is available: FAILURE if Nav2 or its localisation was unavailable when the last drive ended.
+    """Check that navigation is available: FAILURE if Nav2 or the localisation was unavailable when the last drive ended.
 
-    Such a failure says nothing about the target, so it is no reason to postpone or to abandon a zone.
+    A drive that failed for this reason does not show whether the target is reachable, so the zone is neither postponed nor abandoned.
 
     Args:
-        record: Holds the state of navigation, and records the reason.
+        record: Contains the state of navigation, and records the problem as an alarm.
     """
 
     def update(self) -> Status:
         """Check the result of the last drive."""
         lost = self.record.navigation_lost
-        return self._judge(f"navigation is unavailable ({lost})" if lost else "")
+        return self._report_problem(f"navigation is unavailable ({lost})" if lost else "")
 
 
 @register(
@@ -146,18 +146,18 @@ class NavigationAvailable(_Failsafe):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class BatterySuffices(_Failsafe, TopicLeaf):
-    """Check that the battery suffices: FAILURE below a limit, or if its charge is unknown for too long.
+    """Check that the battery's charge is sufficient: FAILURE if the charge is below a limit, or unknown for too long.
 
     A percentage that is not a number from 0 to 1 is ignored.
 
-    If the tree checks the way home (`ReturnInReach`), the reserve is added to this limit.
+    If the tree checks the way home (`ReturnInReach`), this limit is added to the reserve of `ReturnInReach`.
 
     Args:
-        record: Records the reason.
-        homing: Estimates the way home; receives the limit.
-        at_least: The limit, 1 for a full battery.
-        topic: A topic of `sensor_msgs/msg/BatteryState`, whose `percentage` is used.
-        max_age_sec: Maximum silence of the topic, seconds of the node's clock.
+        record: Records the problem as an alarm.
+        homing: The estimates for the way home, which take the limit into account.
+        at_least: The minimum charge, 1 for a full battery.
+        topic: The topic of the battery state (`sensor_msgs/msg/BatteryState`), whose `percentage` is used.
+        max_age_sec: Maximum time without a message on the topic, seconds of the node's clock.
     """
 
     at_least: Annotated[float, plausible_number(0, 1)] = 0.2
@@ -171,36 +171,36 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         super().__post_init__()
         self.topic_name = self.topic
         self._silent_since: float | None = None
-        self._is_limit_told = False
+        self._is_limit_recorded = False
 
     def setup(self, **kwargs: Any) -> None:
-        """Report the limit at which the mission ends."""
+        """Subscribe to the topic, and pass the limit to the estimates for the way home."""
         super().setup(**kwargs)
         if self.homing is not None:
             self.homing.ends_below = max(self.homing.ends_below, self.at_least)
 
     def check_message(self, message: Any) -> None:
-        """Check the percentage against its definition."""
+        """Check that the percentage is a number from 0 to 1."""
         battery_share(message)
 
     def on_message(self, message: Any) -> Status:
-        """Check the percentage."""
+        """Compare the percentage with the limit."""
         self._silent_since = None
         share = battery_share(message)
-        if not self._is_limit_told:  # the gauge shows it
-            self._is_limit_told = True
+        if not self._is_limit_recorded:  # the pages display the limit beside the charge
+            self._is_limit_recorded = True
             self.record.journal.record_observation(BATTERY, share=share, at_least=self.at_least)
         low = f"the battery is at {share:.0%}, below {self.at_least:.0%}"
-        return self._judge(low if share < self.at_least else "")
+        return self._report_problem(low if share < self.at_least else "")
 
     def on_silence(self) -> Status:
-        """Return the status without a message, allowing time for the first one."""
+        """Return SUCCESS while the first message is awaited, and FAILURE after `max_age_sec` without a message."""
         if self._silent_since is None:
             self._silent_since = self._now_sec()
-        # After a message, the base class has already waited.
+        # After a first message, the base class calls this method only when `max_age_sec` has passed.
         waited = math.isfinite(self._received_sec) or self._now_sec() - self._silent_since > self.max_age_sec
         nothing = f"no message on '{self.topic_name}' for {self.max_age_sec:g} s"
-        return self._judge(f"{nothing}{self.absence_reason}" if waited else "")
+        return self._report_problem(f"{nothing}{self.absence_reason}" if waited else "")
 
 
 @register(
@@ -210,14 +210,14 @@ class BatterySuffices(_Failsafe, TopicLeaf):
 )
 @dataclass(eq=False, repr=False)
 class InsideFence(_Failsafe):
-    """Check that the robot is inside the parameter `geofence`: SUCCESS without a geofence, and while the robot's position is unknown.
+    """Check that the robot is inside the parameter `geofence`. SUCCESS also without a geofence, and while the robot's position is unknown.
 
-    The position comes from the transform from `map` and the odometry, otherwise from the last `amcl_pose`. FAILURE also if the pose is
-    unusable: a localisation that has diverged publishes NaN.
+    The position comes from the transform from `map` and the odometry, otherwise from the last `amcl_pose`. FAILURE also if the last pose is
+    unusable, such as the NaN that a diverged localisation publishes.
 
     Args:
         fence: The geofence.
-        record: Records the reason.
+        record: Records the problem as an alarm.
     """
 
     fence: Geofence
@@ -233,14 +233,16 @@ class InsideFence(_Failsafe):
 
     def update(self) -> Status:
         """Check the position."""
-        # Without a fence there is no need to read a transform on each tick.
+        # Without a geofence, do not read a transform on each tick.
         robot = self._robot if self.fence else None
         if robot is not None and robot.pose_problem:
-            return self._judge(f"the last pose of the localisation is unusable: {robot.pose_problem}")
-        place = robot.last_pose() if robot is not None else None
-        if place is None or self.fence.contains(*place[:2]):
-            return self._judge("")
-        return self._judge(f"the robot, at ({place[0]:.2f}, {place[1]:.2f}), is outside the geofence")
+            return self._report_problem(
+                f"the last pose of the localisation is unusable: {robot.pose_problem}"
+            )
+        pose = robot.last_pose() if robot is not None else None
+        if pose is None or self.fence.contains(*pose[:2]):
+            return self._report_problem("")
+        return self._report_problem(f"the robot is at ({pose[0]:.2f}, {pose[1]:.2f}), outside the geofence")
 
 
 @register(
@@ -250,12 +252,12 @@ class InsideFence(_Failsafe):
 )
 @dataclass(eq=False, repr=False)
 class MissionTimeLeft(_Failsafe):
-    """Check that mission time is left: FAILURE after the limit. Time runs from the first tick on, even while nodes are halted.
+    """Check that mission time is left: FAILURE after the time limit, which starts with the first tick and includes times of halted nodes.
 
     Args:
         limit: Time limit of the mission, seconds of the mission's clock.
-        clock: The clock.
-        record: Records the reason.
+        clock: The mission's clock.
+        record: Records the problem as an alarm.
     """
 
     limit: Seconds
@@ -270,8 +272,9 @@ class MissionTimeLeft(_Failsafe):
         now = self.clock.now()
         if self._began is None:
             self._began = now
-        up = now - self._began > self.limit
-        return self._judge(f"the mission's time limit of {self.limit:g} s has expired" if up else "")
+        has_expired = now - self._began > self.limit
+        problem = f"the mission's time limit of {self.limit:g} s has expired" if has_expired else ""
+        return self._report_problem(problem)
 
 
 @register(
@@ -286,15 +289,15 @@ class MissionTimeLeft(_Failsafe):
 )
 @dataclass(eq=False, repr=False)
 class BaseInReach(_Failsafe):
-    """Check that the base station is available: FAILURE if its service was missing from the network for too long.
+    """Check that the base station is available: FAILURE if no node has offered the base station's service for longer than `patience`.
 
-    A killed base station remains visible for about 20 s (the lease of the middleware), in addition to the patience.
+    The service of a killed base station remains visible for about 20 s (the lease duration of the middleware), in addition to `patience`.
 
     Args:
-        clock: The clock that measures the patience.
-        record: Records the reason.
-        service: Its service, of the type `sar_interfaces/srv/ReportSurvivor`.
-        patience: Maximum absence, seconds of the mission's clock.
+        clock: The mission's clock, which measures the absence of the service.
+        record: Records the problem as an alarm.
+        service: The base station's service (`sar_interfaces/srv/ReportSurvivor`).
+        patience: Maximum absence of the service, seconds of the mission's clock.
     """
 
     clock: Clock
@@ -310,10 +313,10 @@ class BaseInReach(_Failsafe):
         self._seen: float | None = None
 
     def update(self) -> Status:
-        """Check whether a server exists."""
+        """Check whether a server of the service exists."""
         now, service = self.clock.now(), self.node.resolve_service_name(self.service_name)
         if self._seen is None or self.node.count_services(service):
             self._seen = now
-        away = now - self._seen
-        lost = f"base ('{self.service_name}') has been unreachable for {away:.0f} s"
-        return self._judge(lost if away > self.patience else "")
+        absent_sec = now - self._seen
+        problem = f"the base station ('{self.service_name}') has been unreachable for {absent_sec:.0f} s"
+        return self._report_problem(problem if absent_sec > self.patience else "")

@@ -1,6 +1,6 @@
-"""A simulated hidden survivor: position and detection are random, according to the areas' probabilities.
+"""A simulated hidden survivor, whose position and detection are random according to the probabilities of the areas.
 
-In an area with a polygon the survivor is at a random position in it, and is detected only within the detection range.
+In an area with a polygon, the survivor is at a random position inside the polygon, and is detected only within the detection range.
 """
 
 import math
@@ -12,26 +12,26 @@ from search_and_rescue.search_theory import Ground, SearchExpectation
 from search_and_rescue.zone_manager import MapPose
 
 HIDDEN = "hidden_survivor"
-"""The parameter that hides a survivor."""
-# Distance of the survivor ahead of the robot, metres: a detection is not at the robot's own position.
+"""The parameter that makes the simulator hide a survivor at random."""
+# In an area without a polygon, the distance of the survivor ahead of the robot's search pose, metres.
 _AHEAD_M = 1.0
 
 
 class HiddenSurvivor:
-    """A survivor placed in an area with probability POA, and detected by a search there with probability POD.
+    """A survivor who is in each area with the probability POA, and is detected by each search of that area with the probability POD.
 
-    The seed determines the survivor's position and the detecting search in that area, independent of the order of areas
-    and searches.
+    The seed determines the survivor's position, and the number of searches of the survivor's area until the detection. Both are independent
+    of the order of areas and searches.
 
     Args:
-        poses: The pose from which the robot searches each area.
-        areas: The probabilities of each area.
+        poses: The pose from which the robot searches each area, by area name.
+        areas: The probabilities of each area, by name.
         seed: The seed of the run.
-        grounds: Polygons of areas, with their detection ranges.
+        grounds: The polygon and detection range of areas that have a polygon, by area name.
 
     Attributes:
-        area: The survivor's area; None if outside all areas.
-        ground: The ground of that area; None if it has none.
+        area: The survivor's area; None if the survivor is outside all areas.
+        ground: The ground of the survivor's area; None if the area has no polygon.
 
     Raises:
         ImportError: If the survivor's area has a polygon, and shapely is not installed.
@@ -69,11 +69,11 @@ class HiddenSurvivor:
                 return x, y
 
     def search(self, area: str, robot: tuple[float, float] | None = None) -> tuple[float, float] | None:
-        """Search an area and return the detected survivor's position, metres, frame `map`; None if none is detected.
+        """Search an area, and return the position of a detected survivor, metres, frame `map`; None if no survivor is detected.
 
         Args:
-            area: The area.
-            robot: The robot's position, metres, frame `map`; if it is unknown, no survivor in a polygon is detected.
+            area: The name of the area.
+            robot: The robot's position, metres, frame `map`; None if unknown, so that no survivor in a polygon is detected.
         """
         if area != self.area:
             return None
@@ -85,12 +85,13 @@ class HiddenSurvivor:
 
 
 def read_hidden_survivor(reader: ParameterReader, areas: Mapping[str, SearchExpectation]) -> bool:
-    """Read `hidden_survivor`: whether the simulator hides a survivor according to the probabilities of the areas."""
+    """Read the parameter `hidden_survivor`, and return whether the simulator hides a survivor at random."""
     hides = reader.switch(HIDDEN, default=False)
     if hides and not areas:
-        reader.report_error(HIDDEN, "needs poa and pod of the zones, which place the survivor")
+        reader.report_error(HIDDEN, "needs probabilities to place the survivor: add poa and pod of each zone")
     if hides and any(key.partition(".")[0] == "survivors" for key in reader.parameters):
         reader.report_error(
-            HIDDEN, "places a survivor at random, while survivors has fixed positions: remove one of them"
+            HIDDEN,
+            f"places a survivor at random, but survivors has fixed positions: remove {HIDDEN} or survivors",
         )
     return hides

@@ -1,4 +1,4 @@
-"""Estimates of the battery and time for the mission's legs and the way home."""
+"""Estimates of the battery charge and the time that the robot needs for the next leg and the way home."""
 
 import math
 
@@ -9,14 +9,15 @@ from search_and_rescue.sweep_record import SweepStates
 from search_and_rescue.zone_manager import Geofence, MapPose, PosePair, ZoneManager
 
 CHARGING = "charging"
-"""The group of parameters with the poses of charging places."""
+"""Prefix of the parameters with the poses of charging places."""
 ENERGY = "energy"
-"""The group of parameters for battery consumption."""
+"""Prefix of the parameters for battery consumption."""
 RESERVE = 0.15
-"""Default reserve in the battery on arrival at home, 1 for a full battery."""
+"""Default charge that must be left on arrival at home, 1 for a full battery."""
 PRIOR = ConsumptionRates(per_m=0.0005, per_sec=0.0001)
-"""Default consumption of a robot."""
+"""Default battery consumption of a robot."""
 _WRONG_BY = EnergyModel.wrong_by
+# Maximum distance from the pose of the last search at which planned paths from this pose are used.
 _NEAR_M = 1.5
 _POSE = ("x", "y", "yaw")
 _NAMES = (*ConsumptionRates._fields, "wrong_by", "reserve")
@@ -29,9 +30,9 @@ def _preview() -> "HomingEstimator":
 
 @mission_context(preview=_preview)
 class HomingEstimator:
-    """Estimates battery and time for the way home, now and after the next leg.
+    """Estimates the charge and the time for the way home, from the robot's position and after the next leg.
 
-    Path lengths come from the `ZoneManager`. The search of a piece takes its share of the zone's `look_sec`.
+    Path lengths come from the `ZoneManager`. The search of a piece is assumed to take `look_sec` of the zone divided by the number of pieces.
 
     Args:
         zones: The mission's zones and base station.
@@ -43,11 +44,11 @@ class HomingEstimator:
     Attributes:
         zones: The mission's zones and base station.
         energy: The model of the robot's battery.
-        reserve: Charge that must be left on arrival at home.
-        ends_below: Charge below which a failsafe ends the mission, 1 for a full battery; the reserve is added to it. 0 without a failsafe.
-        place: The robot's last known position.
-        is_asked: Whether the tree checks the way home, so that its figures are displayed.
-        ends_at: Time limit of the mission, seconds of the mission's clock.
+        reserve: Charge that must be left on arrival at home, in addition to `ends_below`.
+        ends_below: Charge below which a failsafe ends the mission, 1 for a full battery; 0 without such a failsafe.
+        place: The robot's last known pose; None if unknown.
+        is_asked: Whether the tree checks the way home, so that `figures` are displayed.
+        ends_at: Time at which the mission must end, seconds of the mission's clock.
     """
 
     def __init__(
@@ -68,12 +69,12 @@ class HomingEstimator:
 
     @property
     def has_next(self) -> bool:
-        """Whether a zone is left."""
+        """Whether a zone is left to visit."""
         return self.zones.has_remaining()
 
     @property
     def next_zone(self) -> str:
-        """The next zone.
+        """The ID of the zone to visit next.
 
         Raises:
             IndexError: If every zone is visited.
@@ -82,7 +83,7 @@ class HomingEstimator:
 
     @property
     def next_leg(self) -> str:
-        """The target of the next leg, in words.
+        """The target of the next leg in words, such as `zone_b` or `piece 3/12 of zone_b`.
 
         Raises:
             IndexError: If every zone is visited.
@@ -91,7 +92,7 @@ class HomingEstimator:
         return sweep.describe_piece(self.next_zone) if sweep.open_count else self.next_zone
 
     def required_paths(self) -> list[PosePair]:
-        """Return the paths of the next leg.
+        """Return the pairs of poses whose path lengths are needed for the next leg and the way home.
 
         Raises:
             IndexError: If every zone is visited.
@@ -99,7 +100,7 @@ class HomingEstimator:
         return self.zones.required_paths([self._target()[0]], between=False)
 
     def _target(self) -> tuple[MapPose, float]:
-        """Return the target of the next leg, and the duration of a search there, seconds."""
+        """Return the target of the next leg, and the duration of a search at the target, seconds."""
         zone = self.zones.current_zone()
         look_sec = self.zones.areas.get(zone["id"], SearchExpectation(0.0, 0.0)).look_sec
         sweep = self._sweeps.state_of(zone["id"])
@@ -108,23 +109,23 @@ class HomingEstimator:
         )
 
     def await_charge(self) -> None:
-        """Start watching for a charged or swapped battery."""
+        """Start to wait for a charged or swapped battery; `is_charged` is False until then."""
         self._charges = self.energy.charges
 
     @property
     def is_charged(self) -> bool:
-        """Whether the battery has been charged or swapped since `await_charge`."""
+        """Whether the battery has been charged or swapped since the last call of `await_charge`."""
         return self.energy.charges > self._charges
 
     def home(self) -> TripEstimate:
-        """Return the trip home."""
+        """Return the trip from the robot's position to the base station."""
         return self._drive(self._trip_from_robot(self.zones.base_pose()))
 
     def leg(self, start: MapPose | None = None) -> TripEstimate:
-        """Return the trip to the current zone or piece, including a search there and the way home from it.
+        """Return the trip to the current zone or piece, including the search and the way home afterwards.
 
         Args:
-            start: The start; the robot's position if None.
+            start: The start of the trip; None for the robot's position.
 
         Raises:
             IndexError: If every zone is visited.
@@ -134,11 +135,11 @@ class HomingEstimator:
         return self._drive(out + self.zones.path_length_m(target, self.zones.base_pose()), look_sec)
 
     def _trip_from_robot(self, target: MapPose) -> float:
-        looked = self.zones.last_pose()
-        apart = self.zones.path_length_m(self.place, looked) if self.place is not None else 0.0
-        # The planner's path starts where the robot searched last, and is more accurate than a straight line from nearby.
+        searched = self.zones.last_pose()
+        apart = self.zones.path_length_m(self.place, searched) if self.place is not None else 0.0
+        # The planner's paths start at the pose of the last search. Near this pose they are more accurate than a straight line.
         if self.place is None or apart <= _NEAR_M:
-            return apart + self.zones.path_length_m(looked, target)
+            return apart + self.zones.path_length_m(searched, target)
         return self.zones.path_length_m(self.place, target)
 
     def _drive(self, metres: float, waited_sec: float = 0.0) -> TripEstimate:
@@ -146,7 +147,7 @@ class HomingEstimator:
 
     @property
     def spare_charge(self) -> float:
-        """Charge above the reserve, 1 for a full battery."""
+        """Charge above the reserve and the failsafe's limit, 1 for a full battery; negative if below."""
         return self.energy.share - self._reserve
 
     @property
@@ -154,10 +155,10 @@ class HomingEstimator:
         return self.reserve + self.ends_below
 
     def late(self, now: float) -> str:
-        """Return why the mission time does not suffice for the next leg and the way home; empty if it does.
+        """Return why the mission time does not suffice for the next leg and the way home; empty if the time suffices.
 
         Args:
-            now: Seconds of the mission's clock.
+            now: The current time, seconds of the mission's clock.
 
         Raises:
             IndexError: If every zone is visited.
@@ -165,13 +166,13 @@ class HomingEstimator:
         needed, left = self.leg().seconds, self.ends_at - now
         if needed <= left:
             return ""
-        return f"{self.next_leg} needs {needed:.0f} s out and home, and {max(0.0, left):.0f} s of the mission time are left"
+        return f"{self.next_leg} and the way home need {needed:.0f} s, but only {max(0.0, left):.0f} s of the mission time are left"
 
     def shortage(self, now: float = 0.0) -> str:
-        """Return why battery or time do not suffice for the next leg and the way home; empty if they do.
+        """Return why charge or mission time do not suffice for the next leg and the way home; empty if both suffice.
 
         Args:
-            now: Seconds of the mission's clock.
+            now: The current time, seconds of the mission's clock.
 
         Raises:
             IndexError: If every zone is visited.
@@ -187,43 +188,45 @@ class HomingEstimator:
         )
 
     def charging_stop(self) -> tuple[str, MapPose]:
-        """Return the stop for charging: the ID of the charging place, empty for home; and its pose.
+        """Return the best place for charging: the ID of the charging place (empty for the base station), and the pose.
 
-        The stop is the nearest place that the robot reaches with its reserve. Places from which a full battery suffices for the current zone are
-        preferred. Without charging places home is assumed to be reachable, because every leg is planned to end there.
+        The best place is the nearest one that the robot reaches without using the reserve. Places from which a full battery suffices for the
+        next leg are preferred. If no charging place is reachable, the base station is assumed to be, because every leg is planned to end there.
         """
-        stops = self._stops()
-        useful = {name: pose for name, pose in stops.items() if self.has_next and self._suffices_from(pose)}
+        stops = self._reachable_stops()
+        useful = {
+            name: pose for name, pose in stops.items() if self.has_next and self._full_battery_suffices(pose)
+        }
         among = useful or stops
         name = min(among, key=lambda each: self._trip_from_robot(among[each]))
         return name, among[name]
 
     def trip_to(self, pose: MapPose) -> TripEstimate:
-        """Return the trip from the robot to a pose."""
+        """Return the trip from the robot's position to a pose."""
         return self._drive(self._trip_from_robot(pose))
 
-    def _stops(self) -> dict[str, MapPose]:
-        """Return the stops for charging that the robot reaches with its reserve."""
-        near = {name: pose for name, pose in self.zones.charging.items() if self._is_at_charging_place(pose)}
+    def _reachable_stops(self) -> dict[str, MapPose]:
+        """Return the poses of the places for charging that the robot reaches without using the reserve, by ID; empty ID for home."""
+        near = {name: pose for name, pose in self.zones.charging.items() if self._is_in_reach(pose)}
         base = self.zones.base_pose()
-        return {"": base, **near} if not near or self._is_at_charging_place(base) else near
+        return {"": base, **near} if not near or self._is_in_reach(base) else near
 
-    def _is_at_charging_place(self, pose: MapPose) -> bool:
+    def _is_in_reach(self, pose: MapPose) -> bool:
         return self.energy.need(self.trip_to(pose)) <= self.spare_charge
 
-    def _suffices_from(self, start: MapPose) -> bool:
+    def _full_battery_suffices(self, start: MapPose) -> bool:
         return self.energy.need(self.leg(start)) <= 1.0 - self._reserve
 
     def excess(self) -> str:
-        """Return why even a full battery does not suffice for the next leg; empty if it does.
+        """Return why even a full battery does not suffice for the next leg and the way home; empty if a full battery suffices.
 
         Raises:
             IndexError: If every zone is visited.
         """
-        if any(map(self._suffices_from, self._stops().values())):
+        if any(map(self._full_battery_suffices, self._reachable_stops().values())):
             return ""
         if self.zones.charging and self.energy.need(self.leg()) <= self.spare_charge:
-            # From home the leg is too long, while the robot itself is nearer.
+            # The leg is too long from every place for charging, but the robot is nearer to the target.
             return ""
         trip = self.leg(self.zones.base_pose())
         need = self.energy.need(trip)
@@ -233,7 +236,7 @@ class HomingEstimator:
         )
 
     def shortage_figures(self) -> dict[str, float | None]:
-        """Return the figures of a shortage: the leg's battery, metres and seconds, and the charge.
+        """Return the figures for the event of a shortage: needed charge, metres and seconds of the next leg, and the battery's charge.
 
         Raises:
             IndexError: If every zone is visited.
@@ -247,9 +250,9 @@ class HomingEstimator:
         }
 
     def figures(self) -> list[Figure]:
-        """Return the battery for the way home, and the distance and time left before the point of no return.
+        """Return the charge for the way home, and the distance and time before the point of no return.
 
-        The figures are None until the tree checks the way home and the battery's charge is known.
+        There are no figures until the tree checks the way home and the battery's charge is known.
         """
         if not self.is_asked or not math.isfinite(self.energy.share):
             return []
@@ -268,7 +271,7 @@ class HomingEstimator:
 def read_homing(
     reader: ParameterReader, zones: ZoneManager, sweeps: SweepStates, speed_mps: float
 ) -> HomingEstimator:
-    """Read the parameters `energy.{per_m,per_sec,wrong_by,reserve}`, which all have defaults."""
+    """Read the parameters `energy.{per_m,per_sec,wrong_by,reserve}`, and return the estimator; all of them have defaults."""
     reader.report_unknown_names(ENERGY, _NAMES)
     prior = ConsumptionRates(
         *(reader.positive(f"{ENERGY}.{name}", getattr(PRIOR, name)) for name in ConsumptionRates._fields)
@@ -284,12 +287,12 @@ def read_homing(
 
 
 def read_charging(reader: ParameterReader, fence: Geofence) -> dict[str, MapPose]:
-    """Read the poses of charging places, `charging.<id>.{x,y,yaw}`, in addition to the base station."""
+    """Read the poses of charging places other than the base station from the parameters `charging.<id>.{x,y,yaw}`."""
     places = dict[str, MapPose]()
     for name, given in reader.group(CHARGING, _POSE).items():
         for missing in sorted({"x", "y"} - given):
             reader.report_error(
-                f"{CHARGING}.{name}.{missing}", "is missing: add x and y of the charging place in metres"
+                f"{CHARGING}.{name}.{missing}", "is missing: add x and y of the charging place, in metres"
             )
         x, y, yaw = (reader.number(f"{CHARGING}.{name}.{axis}", 0.0) for axis in _POSE)
         if not fence.contains(x, y):
@@ -301,5 +304,5 @@ def read_charging(reader: ParameterReader, fence: Geofence) -> dict[str, MapPose
 def _read_share(reader: ParameterReader, name: str, default: float) -> float:
     value = reader.number(f"{ENERGY}.{name}", default)
     if value == 1.0:
-        reader.report_error(f"{ENERGY}.{name}", "is 1: write a share from 0 to below 1")
+        reader.report_error(f"{ENERGY}.{name}", "is 1: write a share of at least 0 and below 1")
     return value

@@ -1,4 +1,4 @@
-"""The operator's commands, each declared with its service, button, event and text."""
+"""The operator's commands: declarations with service, button, event and text, and the commands given in a mission."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -24,16 +24,16 @@ _UNKNOWN_AUTHOR = "the operator"
 
 @mission_context
 class OperatorCommands:
-    """The operator's commands with their authors, until they take effect.
+    """The commands that the operator has given in one mission, and the services for commands.
 
-    The services belong to the leaves that execute the commands: a tree without these leaves offers none.
+    The leaves that execute the commands create the services. A tree without such leaves therefore offers no service.
 
     Attributes:
-        given: Author and reason of each command in effect, by the command's name.
+        given: Author and reason of each command in effect, by command name.
         held: Whether the mission is paused.
-        plan_change: Description of the last change of the plan, which the mission must take into account; empty if there is none.
-        has_skipped: Whether that change skipped a zone.
-        journal: Records commands (`search_events.COMMAND_GIVEN`); the owners of zones and survivors record commands on these.
+        plan_change: Description of the last change of the plan that `NotHeld` has not processed; empty if there is none.
+        has_skipped: Whether a zone was skipped since `NotHeld` last processed a change of the plan.
+        journal: Records the commands that change the mission's mode. Commands on zones and survivors are recorded by the owners of these.
     """
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ class OperatorCommands:
 
     @property
     def author(self) -> CommandAuthor:
-        """Author and reason of the current command: `Ann (page, 127.0.0.1)`, `the property 'home at the end'`."""
+        """Name and reason of the author of the command being executed; a name is, for example, `Ann (page, 127.0.0.1)`."""
         author = self.journal.author
         return author if author.name else CommandAuthor(_UNKNOWN_AUTHOR)
 
@@ -56,56 +56,56 @@ class OperatorCommands:
         )
 
     def change_plan(self, how: str, *, skips: bool = False) -> None:
-        """Request that the mission re-evaluates its plan.
+        """Request that `NotHeld` restarts the mission, because the plan has changed.
 
         Args:
             how: Description of the change.
-            skips: Whether a zone was skipped.
+            skips: Whether the change skipped a zone.
         """
         self.plan_change, self.has_skipped = how, self.has_skipped or skips
 
     def apply(self, fact: JournalEntry) -> None:
-        """Apply the event of a command.
+        """Update the commands from an event; events of other kinds are ignored.
 
         Raises:
-            LookupError or ValueError: If the command is unknown.
+            LookupError or ValueError: If the command is unknown, or does not change the mission's mode.
         """
         if fact.kind != search_events.COMMAND_GIVEN:
             return
         command = fact.data["command"]
         if not _COMMANDS[command].done:
             raise ValueError(f"{command!r} does not change the mission's mode")
-        # Repeating a command in effect changes nothing, not even its author.
-        lasts = self.held if command == "pause" else command != "resume"
-        if not (lasts and command in self.given):
+        # A repeated command that is still in effect keeps the first author and reason.
+        in_effect = self.held if command == "pause" else command != "resume"
+        if not (in_effect and command in self.given):
             self.given[command] = str(CommandAuthor.from_data(fact.data))
-        # A mission that returns home or was aborted is no longer paused.
+        # A command to return home or to abort also ends a pause.
         self.held = command == "pause"
 
     def describe(self, command: str) -> str:
-        """Return a command's effect, author and reason: `paused by Ann (page, 127.0.0.1): smoke in the corridor`."""
+        """Return the effect, author and reason of a command, such as `paused by Ann (page, 127.0.0.1): smoke in the corridor`."""
         return f"{_COMMANDS[command].done} by {self.given.get(command, _UNKNOWN_AUTHOR)}"
 
     def line(self, command: str, more: str = "") -> str:
-        """Return a log line about the current command."""
+        """Return a log line about the command being executed; the first sentence ends with `more` unless empty."""
         by, reason = self.author
-        said = f"Command {command} by {by}{f': {more}' if more else ''}."
-        return f"{said} Reason: {reason}." if reason else said
+        sentence = f"Command {command} by {by}{f': {more}' if more else ''}."
+        return f"{sentence} Reason: {reason}." if reason else sentence
 
-    def offer(self, node: "Node", command: str, answer: Callable[[Any, Any], Any]) -> None:
-        """Offer the service `~/command` on a node, unless another leaf already does.
+    def offer(self, node: "Node", command: str, execute: Callable[[Any, Any], Any]) -> None:
+        """Create the service of a command on a node, unless another leaf has already created the service.
 
         Args:
             node: The mission's node.
             command: The name of the command.
-            answer: The service callback: receives the request and the response, and returns the response.
+            execute: The service callback: receives the request and the response, and returns the response.
         """
         if command not in self._services:
             kind = find_interface("CommandSpec", "srv", command, _COMMANDS[command].verb.service_type)
-            self._services[command] = node, node.create_service(kind, f"~/{command}", answer)
+            self._services[command] = node, node.create_service(kind, f"~/{command}", execute)
 
     def destroy_services(self) -> None:
-        """Destroy the services, unless they were destroyed with their node."""
+        """Destroy the services, unless the node was destroyed together with the services."""
         services, self._services = self._services, {}
         for node, service in services.values():
             if is_node_valid(node):
@@ -115,15 +115,15 @@ class OperatorCommands:
 def _add_zone(request: Any, values: Mapping[str, Any]) -> None:
     request.zone_id = values["zone"]
     request.pose.header.frame_id = MAP_FRAME
-    place, turn = request.pose.pose.position, request.pose.pose.orientation
-    place.x, place.y = values["x"], values["y"]
-    turn_by(turn, math.radians(values["heading"]))
+    point, orientation = request.pose.pose.position, request.pose.pose.orientation
+    point.x, point.y = values["x"], values["y"]
+    turn_by(orientation, math.radians(values["heading"]))
 
 
 def _add_hint(request: Any, values: Mapping[str, Any]) -> None:
     request.zone_id, request.likelihood_ratio = values["zone"], values["times"]
     request.point.header.frame_id = MAP_FRAME
-    # Without a zone and a position it is refused.
+    # The leaf refuses a hint without a zone and without a position.
     request.point.point.x, request.point.point.y = (
         math.nan if values[axis] is None else values[axis] for axis in ("x", "y")
     )
@@ -139,7 +139,7 @@ def _add_area(request: Any, values: Mapping[str, Any]) -> None:
     )
 
 
-def _judge(request: Any, values: Mapping[str, Any]) -> None:
+def _review_survivor(request: Any, values: Mapping[str, Any]) -> None:
     request.survivor_id, request.same_as = values["survivor"], values["same_as"]
     request.verdict = getattr(type(request), values["verdict"])
 
@@ -148,7 +148,7 @@ def _position_text(x: float, y: float) -> str:
     return f"({x:.2f}, {y:.2f})"
 
 
-def _given_text(command: str, by: str, reason: str = "") -> str:
+def _command_text(command: str, by: str, reason: str = "") -> str:
     return f"{by}: {_COMMANDS[command].verb.label.lower()}{f': {reason}' if reason else ''}"
 
 
@@ -164,25 +164,25 @@ def _hint_text(zone: str, ratio: float) -> str:
     return f"{_UNKNOWN_AUTHOR}: a hint on {zone}, times {ratio:g}"
 
 
-def _judged_text(survivor: str, standing: str, same_as: str | None) -> str:
+def _review_text(survivor: str, standing: str, same_as: str | None) -> str:
     return f"{_UNKNOWN_AUTHOR}: {survivor} is {standing}{f' with {same_as}' if same_as else ''}"
 
 
 class CommandSpec(NamedTuple):
-    """A command to the mission.
+    """The declaration of a command to the mission.
 
     Attributes:
-        verb: Its service with the request's fields, and its button.
-        served_by: Tags of the leaves that offer the service; a tree needs one of them.
-        fact: The kind of the event that records it.
-        sentence: Formats the event as a sentence; None if leaves also record this kind without a command.
-        done: Its effect, followed by `by` and the author in messages; empty for a command that only changes the plan or the probabilities.
+        verb: The service with the fields of the request, and the button of the command.
+        served_by: Tags of the leaves that offer the service; a tree needs at least one of these leaves.
+        fact: The kind of the event that records the command.
+        sentence: Formats the event as a sentence; None if leaves also record events of this kind without a command.
+        done: The effect in messages, such as `paused`, which is followed by `by` and the author; empty if the command does not change the mode.
     """
 
     verb: OperatorCommand
     served_by: tuple[str, ...]
     fact: str = search_events.COMMAND_GIVEN
-    sentence: Callable[..., str] | None = _given_text
+    sentence: Callable[..., str] | None = _command_text
     done: str = ""
 
 
@@ -234,11 +234,11 @@ COMMANDS = (
             "A further area is swept. An area whose search has not started can be changed.",
             "sar_interfaces/srv/AddArea",
             (
-                CommandField("zone", "Name; an existing name changes that area", landmark="zone"),
+                CommandField("zone", "Name; the name of an existing area changes that area", landmark="zone"),
                 CommandField("corners", "Corners", "polygon", optional=True),
                 CommandField("poa", "probability that a person is there, 0 to 1", "number", optional=True),
                 CommandField(
-                    "detection_range", "how far a survivor can be seen, metres", "number", optional=True
+                    "detection_range", "maximum distance of a detection, metres", "number", optional=True
                 ),
             ),
             fill=_add_area,
@@ -251,18 +251,20 @@ COMMANDS = (
         OperatorCommand(
             "add_hint",
             "Add a hint",
-            "A person is more or less likely in a zone. Takes effect when the next zone is chosen.",
+            "A person is more or less likely to be in a zone. The hint takes effect when the next zone is chosen.",
             "sar_interfaces/srv/AddHint",
             (
                 CommandField(
                     "zone",
-                    "Zone; empty for the one at the position, or the nearest",
+                    "Zone; empty for the zone at the position, or the nearest zone",
                     optional=True,
                     landmark="zone",
                 ),
                 CommandField("x", "x, metres", "number", optional=True),
                 CommandField("y", "y, metres", "number", optional=True),
-                CommandField("times", "likelihood ratio: 3 for more likely, 0.3 for less", "number"),
+                CommandField(
+                    "times", "likelihood ratio, such as 3 for more likely or 0.3 for less likely", "number"
+                ),
             ),
             fill=_add_hint,
         ),
@@ -290,11 +292,11 @@ COMMANDS = (
                 ),
                 CommandField("same_as", "Duplicate of", "found", optional=True),
             ),
-            fill=_judge,
+            fill=_review_survivor,
         ),
         ("NotHeld",),
         search_events.SURVIVOR_JUDGED,
-        _judged_text,
+        _review_text,
     ),
     CommandSpec(
         OperatorCommand(
@@ -323,9 +325,9 @@ COMMANDS = (
 _COMMANDS = {each.verb.name: each for each in COMMANDS}
 
 VERBS = tuple(each.verb for each in COMMANDS)
-"""Their services and buttons."""
+"""The services and buttons of all commands."""
 
 SENTENCES: Mapping[str, Callable[..., str]] = {
     each.fact: each.sentence for each in COMMANDS if each.sentence is not None
 }
-"""Texts of the events of commands, by kind."""
+"""The functions that format the events of commands as sentences, by event kind."""

@@ -1,4 +1,4 @@
-"""Leaves for operator commands: pause, resume, changes of the plan, and reviews of detections."""
+"""Leaves that execute operator commands: pause, resume, changes of the plan, and reviews of detections."""
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, field
@@ -40,16 +40,16 @@ _SKIPPED = "orders_left -= 1; zones_left -= 1; zones_abandoned += 1"
 class NotHeld(RosLeaf):
     """Check that the mission may run: FAILURE between `~/pause` and `~/resume`, and for one tick after the operator changed the plan.
 
-    Put it before the mission in a ReactiveSequence: its failure halts the mission, which cancels the goal; the mission then
-    starts over. The services are on the mission's node: `~/pause`, `~/resume`, `~/skip_zone` (the current one; all
-    three `std_srvs/srv/Trigger`), `~/add_zone` (`sar_interfaces/srv/AddZone`) and `~/judge_survivor`
+    Put this condition before the mission in a ReactiveSequence. FAILURE halts the mission, which cancels the current goal; the mission
+    later starts over. The services on the mission's node are `~/pause`, `~/resume` and `~/skip_zone` for the current zone
+    (`std_srvs/srv/Trigger`), `~/add_zone` (`sar_interfaces/srv/AddZone`) and `~/judge_survivor`
     (`sar_interfaces/srv/JudgeSurvivor`).
 
     Args:
         orders: The operator's commands.
         zone_manager: The mission's zones.
-        fence: The geofence, for zones that are added.
-        record: Records commands.
+        fence: The geofence, which must contain every added zone.
+        record: Records reviews of detections.
     """
 
     name: str
@@ -64,7 +64,7 @@ class NotHeld(RosLeaf):
         self._extent: MapExtent | None = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Subscribe to the map, and offer the services."""
+        """Subscribe to the map, and create the services of the commands."""
         super().setup(**kwargs)
         self._extent = map_extent_of(self.node)
         carry_out: dict[str, Callable[[Any], str | None]] = {
@@ -78,7 +78,7 @@ class NotHeld(RosLeaf):
             self.orders.offer(self.node, command, partial(self._execute, command, action))
 
     def update(self) -> Status:
-        """Check the commands."""
+        """Check whether the mission is paused, or the plan has changed."""
         orders = self.orders
         if orders.plan_change:
             label = "zone skipped" if orders.has_skipped else "plan changed"
@@ -90,14 +90,14 @@ class NotHeld(RosLeaf):
         return self.outcome(Status.FAILURE, "held") if self.orders.held else Status.SUCCESS
 
     def shutdown(self) -> None:
-        """Withdraw the services."""
+        """Destroy the services of the commands."""
         self.orders.destroy_services()
         super().shutdown()
 
     def _execute(
         self, command: str, carry_out: Callable[[Any], str | None], request: Any, response: Any
     ) -> Any:
-        """Execute a command and send the response; it is refused if `carry_out` returns an error."""
+        """Execute a command and return the response; if `carry_out` returns an error, the response refuses the command."""
         refusal = carry_out(request)
         response.success, response.message = not refusal, refusal or "done"
         if refusal:
@@ -127,8 +127,8 @@ class NotHeld(RosLeaf):
         if objection or not self.fence.contains(pose.x, pose.y):
             return objection or f"({pose.x:.2f}, {pose.y:.2f}) is outside the geofence"
         if (same := self.zone_manager.zone_at(pose.x, pose.y)) is not None:
-            return f"{same} is at ({pose.x:.2f}, {pose.y:.2f}) already: choose another position"
-        # Even if the robot is already on its way home, the mission starts over with this zone.
+            return f"{same} is already at ({pose.x:.2f}, {pose.y:.2f}): choose another position"
+        # If no other zone is left, restart the mission with this zone, because the robot may be on the way home.
         if not self.zone_manager.has_remaining():
             self.orders.change_plan(f"{zone_id} was added by {self.orders.author}")
         self.zone_manager.add(Zone(id=zone_id, x=pose.x, y=pose.y, yaw=pose.yaw))
@@ -136,7 +136,7 @@ class NotHeld(RosLeaf):
 
     def _review_survivor(self, request: Any) -> str:
         survivor_id, same_as = request.survivor_id, request.same_as
-        standing = _STANDINGS.get(request.verdict)
+        standing = _VERDICTS.get(request.verdict)
         if standing is None:
             return f"unknown verdict {request.verdict}"
         if self.record.survivor(survivor_id) is None:
@@ -154,10 +154,10 @@ class NotHeld(RosLeaf):
     outcomes=(Outcome("SUCCESS", "stands"), Outcome("RUNNING", "moves")),
 )
 class AwaitStandstill(RosLeaf):
-    """Wait until the odometry shows that the robot stands still: RUNNING for `settle_timeout_sec` at most, then SUCCESS with a warning.
+    """Wait until the odometry shows that the robot stands still: RUNNING for at most `settle_timeout_sec`, then SUCCESS with a warning.
 
-    Without odometry the robot is assumed to stand as soon as the mission's goals have ended. With odometry the goals of every action must
-    have ended as well: a standing robot may be about to drive, and any action might move the robot.
+    The goals of all actions must have ended as well, because a robot with an active goal may be about to drive. Without odometry, the robot is
+    assumed to stand still as soon as the goals have ended.
     """
 
     def __init__(self, name: str) -> None:
@@ -170,18 +170,18 @@ class AwaitStandstill(RosLeaf):
         robot_estimate(self.node)
 
     def initialise(self) -> None:
-        """Restart the wait."""
+        """Start to wait for standstill."""
         self._rest = Standstill(self, self._wake, "the command to stop", with_goals=True)
 
     def update(self) -> Status:
-        """Check the goals and the odometry."""
+        """Check whether all goals have ended and the robot stands still."""
         return Status.RUNNING if self._rest is not None and self._rest.is_awaited() else Status.SUCCESS
 
     def terminate(self, new_status: Status) -> None:
-        """Stop waiting if the leaf was halted."""
+        """Stop waiting for standstill if the leaf was halted."""
         if new_status is Status.INVALID and self._rest is not None:
             self._rest.give_up()
 
 
 # The constants of sar_interfaces/srv/JudgeSurvivor.
-_STANDINGS = {1: DetectionVerdict.CONFIRMED, 2: DetectionVerdict.REJECTED, 3: DetectionVerdict.MERGED}
+_VERDICTS = {1: DetectionVerdict.CONFIRMED, 2: DetectionVerdict.REJECTED, 3: DetectionVerdict.MERGED}

@@ -1,4 +1,4 @@
-"""Path lengths from Nav2's planner."""
+"""Requests for path lengths to Nav2's planner."""
 
 import itertools
 import math
@@ -29,13 +29,13 @@ _ACTION = "compute_path_to_pose"
 
 
 class PathRequests:
-    """Requests paths from the planner, one after the other, and passes their lengths to the zones.
+    """Requests paths from the planner, one after the other, and stores the path lengths in the `ZoneManager`.
 
     Args:
         node: The mission's node.
-        zones: Receives each length.
-        timeout_sec: Time limit for all paths together, seconds of the machine's clock.
-        planner_id: ID of the planner in the server; empty for its only one.
+        zones: Stores the path lengths.
+        timeout_sec: Time limit for the whole sequence of requests, seconds of the machine's clock.
+        planner_id: ID of the planner in the planner server; empty if the server has only one planner.
         wake: Called when the last response has arrived.
     """
 
@@ -44,54 +44,54 @@ class PathRequests:
     ) -> None:
         self._zones, self._timeout_sec, self._planner_id, self._wake = zones, timeout_sec, planner_id, wake
         self._planner = ActionQueries(node, "nav2_msgs/action/ComputePathToPose", _ACTION)
-        # A planner computes by the machine's clock, even if simulated time runs faster.
+        # The planner needs the same real time if simulated time runs faster.
         self._due = Deadline(0.0)
-        self._ways: Sequence[PosePair] = ()
-        self._left: list[PosePair] = []
+        self._paths: Sequence[PosePair] = ()
+        self._open: list[PosePair] = []
         self._is_waiting = False
         self._reasons: set[str] = set()
-        self._told = ""
+        self._reported_reason = ""
 
-    def request_paths(self, ways: Sequence[PosePair]) -> None:
-        """Request the unknown paths; without a server, request none."""
+    def request_paths(self, paths: Sequence[PosePair]) -> None:
+        """Start to request the paths of unknown length; if no server is available, request none."""
         self.give_up()
-        self._ways, self._reasons = ways, set()
-        self._left = [way for way in ways if not self._zones.has_path_length(*way)]
+        self._paths, self._reasons = paths, set()
+        self._open = [path for path in paths if not self._zones.has_path_length(*path)]
         self._due = Deadline(self._timeout_sec)
-        if self._left and not self._planner.has_server:
+        if self._open and not self._planner.has_server:
             self._stop(f"no server offers {_ACTION}")
 
     def are_awaited(self) -> bool:
-        """Return whether a response is pending; sends the first request as soon as the server is available."""
-        if self._left and self._due.has_passed:
+        """Return whether a path is still awaited; send the first request as soon as the server is available."""
+        if self._open and self._due.has_passed:
             self._stop(f"no response within {self._timeout_sec:g} s")
-        elif self._left and not self._is_waiting:
+        elif self._open and not self._is_waiting:
             self._request_next()
-        return bool(self._left)
+        return bool(self._open)
 
     def shortfall(self) -> str:
-        """Return the number of paths estimated by straight lines, with the reason; empty if all are known."""
-        unknown = sum(not self._zones.has_path_length(*way) for way in self._ways)
+        """Return a sentence with the number of estimated paths and the reason; empty if the length of every path is known."""
+        unknown = sum(not self._zones.has_path_length(*path) for path in self._paths)
         if not unknown:
             return ""
-        return f"{unknown} of {len(self._ways)} paths estimated as {DETOUR:g} times the straight line: {self._reason}"
+        return f"{unknown} of {len(self._paths)} paths are estimated as {DETOUR:g} times the straight line: {self._reason}"
 
     def new_shortfall(self) -> str:
-        """Return the shortfall once for each reason."""
-        told, self._told = self._told, self._reason
-        return self.shortfall() if self._reason != told else ""
+        """Return the shortfall if its reason differs from the reason at the previous call; otherwise an empty string."""
+        previous, self._reported_reason = self._reported_reason, self._reason
+        return self.shortfall() if self._reason != previous else ""
 
     @property
     def _reason(self) -> str:
         return ", ".join(sorted(self._reasons))
 
     def give_up(self) -> None:
-        """Stop the requests; later responses are ignored."""
-        self._left, self._is_waiting = [], False
+        """Stop requesting paths, and ignore later responses."""
+        self._open, self._is_waiting = [], False
         self._planner.give_up()
 
     def release(self) -> None:
-        """Release the client."""
+        """Stop requesting paths, and release the action client."""
         self.give_up()
         self._planner.release()
 
@@ -102,7 +102,7 @@ class PathRequests:
     def _request_next(self) -> None:
         if self._planner.is_ready:
             self._is_waiting = True
-            self._planner.send_goal(self._goal(*self._left[0]), self._on_result)
+            self._planner.send_goal(self._goal(*self._open[0]), self._on_result)
 
     def _goal(self, start: MapPose, target: MapPose) -> Any:
         goal = self._planner.interface.Goal(planner_id=self._planner_id, use_start=True)
@@ -113,26 +113,26 @@ class PathRequests:
         return goal
 
     def _on_result(self, status: int, result: Any) -> None:
-        """Store the response, and request the next path."""
-        start, target = self._left.pop(0)
+        """Store the path length from a response, and request the next path."""
+        start, target = self._open.pop(0)
         self._is_waiting = False
         try:
             points = path_points(result.path) if status == SUCCEEDED else []
         except UnusableValueError as error:
-            points, why = [], f"its path contains an invalid point: {error}"
+            points, why = [], f"the path contains an invalid point: {error}"
         else:
-            why = describe_end(status, result) if status else "it rejected the request"
+            why = describe_end(status, result) if status else "the request was rejected"
         if points:
             self._zones.store_path_length(start, target, _length(start, points, target))
         else:
             self._reasons.add(f"the planner returned no path: {why}")
-        if self._left:
+        if self._open:
             self._request_next()
         else:
             self._wake()
 
 
 def _length(start: MapPose, points: Sequence[tuple[float, float]], target: MapPose) -> float:
-    """Return the length of a path from the start over its points to the target, metres."""
+    """Return the length of a path from the start through all points to the target, metres."""
     whole = [(start["x"], start["y"]), *points, (target["x"], target["y"])]
     return math.fsum(math.dist(*step) for step in itertools.pairwise(whole))

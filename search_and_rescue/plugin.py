@@ -1,4 +1,4 @@
-"""Search and rescue as a mission: the plug-in of the entry point `sar_compiler.missions`."""
+"""The mission plug-in for search and rescue, registered as an entry point of the group `sar_compiler.missions`."""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -32,7 +32,7 @@ from search_and_rescue.zone_manager import Geofence, ZoneManager, read_fence
 
 
 class SearchAndRescue(Mission):
-    """Search zones for survivors, report them, come home."""
+    """The search and rescue mission: search zones for survivors, report the survivors, and return home."""
 
     name = "search_and_rescue"
     context_types = (
@@ -63,11 +63,11 @@ class SearchAndRescue(Mission):
     is_resumable = True
 
     def default_parameters(self) -> Path:
-        """Return the shipped parameter file."""
+        """Return the path of the parameter file in the package."""
         return shared_file_path("config", "mission_params.yaml")
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:
-        """Return the shipped properties that fit a tree."""
+        """Return the path of the property file for trees with these leaves; None for trees that do not visit zones and return home."""
         if not {ZonesRemaining, NavigateToBase} <= set(leaves):
             return None
         early = "search_areas" if ReturnInReach in leaves else "mission"
@@ -76,14 +76,14 @@ class SearchAndRescue(Mission):
         )
 
     def begin(self, reader: ParameterReader) -> "Search":
-        """Start a run with no zone visited."""
+        """Read the parameters, and return a run at the start of the mission."""
         read_areas_file(reader)
         zones, base = reader.places("zone", AREA_KEYS), reader.pose("base_station")
         radius = reader.positive("duplicate_radius_m", DUPLICATE_RADIUS_M)
         speed, fence = reader.cruise_speed(), read_fence(reader)
         grounds = read_grounds(reader, zones, fence)
         sweeps_sec: dict[str, float] = {}
-        # A value already reported as wrong may be 0, so avoid a division by it.
+        # Avoid a division by a speed or sweep width of 0, which has already been reported as an error.
         if not reader.problems:
             sweeps_sec = {zone: each.sweep_sec(speed) for zone, each in grounds.items()}
             add_plausibility_notes(reader, zones, grounds)

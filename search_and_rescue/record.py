@@ -1,4 +1,4 @@
-"""The record of a mission's events for its summary and exit status."""
+"""The record of a mission, from which the summary and the exit status are derived."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -19,21 +19,22 @@ from search_and_rescue import search_events
 from search_and_rescue.zone_manager import ZoneManager
 
 DUPLICATE_RADIUS_M = 3.0
+"""Default distance below which two detections may be the same survivor, metres."""
 UNSEARCHED = "visited, not searched"
-"""State of a zone that the robot visited without finishing a search."""
+"""State of a zone that the robot has visited without finishing a search."""
 
 
 class DetectionVerdict(str, Enum):
     """The operator's review of a detection."""
 
     CANDIDATE = "candidate"
-    """Nothing yet."""
+    """Not reviewed yet."""
     CONFIRMED = "confirmed"
-    """It is a survivor."""
+    """The detection is a survivor."""
     REJECTED = "rejected"
-    """It is not a survivor."""
+    """The detection is not a survivor."""
     MERGED = "merged"
-    """It is a survivor with another name."""
+    """The detection is a survivor that already has another name."""
 
 
 @dataclass(frozen=True)
@@ -42,17 +43,17 @@ class FoundSurvivor:
 
     Attributes:
         zone_id: The zone of the detection; empty if unknown.
-        x: Position in the frame `map`, metres.
-        y: Position in the frame `map`, metres.
-        survivor_id: The survivor's name, also the name of the TF frame; None until it is assigned.
-        acknowledged: Whether the base station has confirmed the report.
+        x: The x coordinate in the frame `map`, metres.
+        y: The y coordinate in the frame `map`, metres.
+        survivor_id: The survivor's name, which is also the TF frame; None until a name is assigned.
+        acknowledged: Whether the base station has acknowledged the report.
         kept: Whether the report is stored for later delivery.
-        possibly: The name of an earlier survivor close enough to be the same one.
-        standing: The operator's review.
+        possibly: The name of an earlier survivor who may be the same person; None if there is none.
+        standing: The operator's review of the detection.
         found_at: Time of the detection.
-        sent_at: Time of the last report.
-        times_sent: Number of reports that were sent.
-        acknowledged_at: Time of the base station's acknowledgement.
+        sent_at: Time of the last report; None if no report was sent.
+        times_sent: Number of times the report was sent.
+        acknowledged_at: Time of the base station's acknowledgement; None without an acknowledgement.
     """
 
     zone_id: str
@@ -70,26 +71,26 @@ class FoundSurvivor:
 
     def __str__(self) -> str:
         name = self.survivor_id or "a survivor without a name"
-        place = f" in {self.zone_id}" if self.zone_id else ""
-        said = "" if self.standing is DetectionVerdict.CANDIDATE else f", {self.standing.value}"
+        zone = f" in {self.zone_id}" if self.zone_id else ""
+        review = "" if self.standing is DetectionVerdict.CANDIDATE else f", {self.standing.value}"
         if self.possibly is not None:
-            how = " with" if self.standing is DetectionVerdict.MERGED else ", possibly"
-            said += f"{how} {self.possibly}"
-        return f"{name}{place} at ({self.x:.2f}, {self.y:.2f}){said}"
+            relation = " with" if self.standing is DetectionVerdict.MERGED else ", possibly"
+            review += f"{relation} {self.possibly}"
+        return f"{name}{zone} at ({self.x:.2f}, {self.y:.2f}){review}"
 
     @property
     def counts(self) -> bool:
-        """Whether base must receive its report: the operator has not rejected it or merged it with another survivor."""
+        """Whether the base station must receive a report: the operator has neither rejected nor merged the detection."""
         return self.standing in (DetectionVerdict.CANDIDATE, DetectionVerdict.CONFIRMED)
 
     @property
     def is_unanswered(self) -> bool:
-        """Whether the base station has not acknowledged a report, so that it was sent again."""
+        """Whether the base station has not acknowledged the report although it was sent more than once."""
         return self.times_sent > 1 and self.counts and not self.acknowledged
 
     @property
     def report_state(self) -> str:
-        """State of the report, in words."""
+        """State of the report: `acknowledged`, `kept`, `sent` or `not sent`."""
         if self.acknowledged:
             return "acknowledged"
         return "kept" if self.kept else "sent" if self.sent_at is not None else "not sent"
@@ -100,12 +101,12 @@ class ZoneRecord:
     """The record of a zone.
 
     Attributes:
-        attempts: Number of drives to it.
-        started: Time of the last start of a drive to it.
-        searched: Time of its last finished search; None if there is none.
-        left: Time at which it was visited, postponed or abandoned.
-        unplaced: Why the position of a survivor in its last search is unusable; empty if there is no such survivor.
-        given_up: How and why it was abandoned, as a text that follows its name and `was`; empty if it was not.
+        attempts: Number of drives to the zone.
+        started: Start of the last drive to the zone; None if there is none.
+        searched: End of the last finished search of the zone; None if there is none.
+        left: Time at which the zone was visited, postponed or abandoned; None if not yet.
+        unplaced: Why the position of a survivor from the last search is unusable; empty if there is no such survivor.
+        given_up: How and why the zone was abandoned, such as `abandoned after attempt 3`; empty if the zone was not abandoned.
     """
 
     attempts: int = 0
@@ -117,18 +118,18 @@ class ZoneRecord:
 
 
 def describe_abandonment(attempts: int, reason: str) -> str:
-    """Describe how and why a zone was abandoned, to complete a sentence."""
+    """Return how and why a zone was abandoned, as the end of a sentence such as `zone_b was abandoned after attempt 3`."""
     return f"abandoned: {reason}" if reason else f"abandoned after attempt {attempts}"
 
 
 def _state_sentences(zones: Iterable[tuple[str, str]]) -> list[str]:
-    """Return a sentence for each state of zones, joining zones of equal state."""
+    """Return a sentence for each state in the pairs of a zone and its state; the sentence lists all zones in the state."""
     names: dict[str, list[str]] = {}
-    for zone, what in zones:
-        names.setdefault(what, []).append(zone)
+    for zone, state in zones:
+        names.setdefault(state, []).append(zone)
     return [
-        f"{', '.join(others)} and {last} were {what}." if others else f"{last} was {what}."
-        for what, (*others, last) in names.items()
+        f"{', '.join(others)} and {last} were {state}." if others else f"{last} was {state}."
+        for state, (*others, last) in names.items()
     ]
 
 
@@ -137,9 +138,9 @@ class SurvivorReport:
     """The report of a survivor to the base station.
 
     Attributes:
-        survivor_id: The survivor's name, which is also the name of the TF frame.
-        x: Position in the frame `map`, metres.
-        y: Position in the frame `map`, metres.
+        survivor_id: The survivor's name, which is also the TF frame.
+        x: The x coordinate in the frame `map`, metres.
+        y: The y coordinate in the frame `map`, metres.
     """
 
     survivor_id: str
@@ -149,17 +150,17 @@ class SurvivorReport:
 
 @mission_context
 class StoredReports:
-    """The undelivered reports of one mission, one for each survivor, the oldest first. Built from the mission's events."""
+    """The undelivered reports of one mission, built from the mission's events: one report for each survivor, the oldest first."""
 
     def __init__(self) -> None:
         self._reports: dict[str, SurvivorReport] = {}
 
     def __len__(self) -> int:
-        """Return the number of reports."""
+        """Return the number of undelivered reports."""
         return len(self._reports)
 
     def __iter__(self) -> Iterator[SurvivorReport]:
-        """Yield the reports, from a snapshot taken at the start of the iteration."""
+        """Iterate over a copy of the reports, so that reports may be delivered during the iteration."""
         return iter(list(self._reports.values()))
 
     def apply(self, fact: JournalEntry) -> None:
@@ -179,13 +180,13 @@ class StoredReports:
 
 
 class ResumedOutcomes:
-    """Results of earlier runs that a resumed tree must not produce again.
+    """Results of earlier runs of a mission, which a resumed tree reuses instead of repeating the work.
 
-    Searches and names are those of the zone, or of the piece of its sweep, that the earlier run had not left. Each is returned once, in order, so
-    that whatever the tree repeats on purpose is repeated.
+    The results are the searches and survivor names since the robot last left a zone or finished a piece of a sweep. Each result is returned
+    only once and in order, so that a search that the tree repeats on purpose is repeated.
 
     Attributes:
-        home: Whether the robot is home.
+        home: Whether the robot was at the base station at the end of the earlier runs.
     """
 
     def __init__(self) -> None:
@@ -196,7 +197,7 @@ class ResumedOutcomes:
 
     @classmethod
     def from_events(cls, facts: Iterable[JournalEntry]) -> "ResumedOutcomes":
-        """Return the results in the events of the mission's earlier runs."""
+        """Return the results recorded by the events of the mission's earlier runs."""
         before = cls()
         for fact in facts:
             before._add_event(fact)
@@ -223,60 +224,59 @@ class ResumedOutcomes:
             self.home = fact.kind == search_events.BASE_REACHED
 
     def has_searched(self, zone_id: str) -> bool:
-        """Return whether a search of a zone is available."""
+        """Return whether the result of a search of a zone is available."""
         return any(zone == zone_id for zone, _ in self._searches)
 
     def has_found(self, zone_id: str) -> bool:
-        """Return whether the first available search of a zone found a survivor."""
+        """Return whether the first available search of a zone detected a survivor."""
         return next((place is not None for zone, place in self._searches if zone == zone_id), False)
 
     def pop_search(self, zone_id: str) -> tuple[float, float] | None:
-        """Remove the first search of a zone and return its survivor's position, None if it found none."""
+        """Remove the first search of a zone, and return the position of the detected survivor; None if none was detected."""
         index = next(index for index, (zone, _) in enumerate(self._searches) if zone == zone_id)
         return self._searches.pop(index)[1]
 
     def pop_name(self, x: float, y: float) -> str | None:
-        """Remove and return the name of the survivor at a position."""
+        """Remove and return the name of the survivor at a position; None if no name is available."""
         index = next((index for index, (_, place) in enumerate(self._names) if place == (x, y)), None)
         return None if index is None else self._names.pop(index)[0]
 
     def has_open_name(self, x: float, y: float) -> bool:
-        """Return whether a name of the survivor at a position is available."""
+        """Return whether the name of a survivor at a position is available."""
         return any(place == (x, y) for _, place in self._names)
 
     def has_named(self, survivor_id: str) -> bool:
-        """Return whether an earlier run assigned this name, in any zone."""
+        """Return whether an earlier run has assigned this name to a survivor, in any zone."""
         return survivor_id in self._survivors
 
     def pop_home(self) -> bool:
-        """Return whether the robot was home; later calls return False."""
+        """Return whether the robot was at the base station at the end of the earlier runs; later calls return False."""
         home, self.home = self.home, False
         return home
 
 
 @mission_context
 class MissionRecord:
-    """The record of one mission, built from the events that its leaves report.
+    """The record of one mission, built from the events that the mission's leaves report.
 
-    Each report is recorded as an event, and the event updates the record (`apply`), both now and when a later run resumes. The record does not
-    influence a running mission, except a resumed one: `before` then lists the results that are not repeated. A survivor
-    detected again, in the same zone at the same position, is the same survivor. One detected near another is
-    kept separate and marked; only the operator merges them.
+    Each method that records something writes an event to the journal. The event updates the record (`apply`), both immediately and when a
+    later run resumes. A survivor who is detected again in the same zone at the same position is the same survivor. A detection near another
+    survivor is a separate survivor with a mark (`FoundSurvivor.possibly`), and only the operator can merge the two.
 
     Args:
-        duplicate_radius_m: Distance below which detections may be the same survivor, metres.
+        duplicate_radius_m: Distance below which two detections may be the same survivor, metres.
 
     Attributes:
-        journal: Stores events before they are reported anywhere; the `ZoneManager` records those of the zones.
-        before: Results of an earlier run that are not repeated.
+        journal: Stores an event before anything else is informed of it. The `ZoneManager` records the events of zones.
+        before: Results of earlier runs, which a resumed mission does not repeat.
         zones_visited: The visited zones, in the order of the visits.
         zone: The zone that the robot drives to or searches; empty if there is none.
-        home: Whether the robot has returned to the base station and not left it for a zone since.
-        alarms: The reasons to end the mission early, in words, the latest last.
-        homing_for: Why the robot goes home before the next zone; empty if it does not, after a charge, or once the mission ends early.
-        homing_to: The charging place that it goes to instead; empty for home.
-        charging_at: The robot's current charging place; empty if there is none.
-        navigation_lost: Why drives cannot be judged; empty while they can. Not an event.
+        home: Whether the robot has returned to the base station and has not left for a zone since.
+        alarms: The reasons to end the mission early, in words; the latest is last.
+        homing_for: Why the robot goes home or to a charging place before the next zone; empty if it does not, after a charge, or after an alarm.
+        homing_to: The charging place where the robot charges; empty for the base station.
+        charging_at: The charging place where the robot is; empty if the robot is elsewhere.
+        navigation_lost: Why navigation was unavailable when the last drive ended; empty if available. Not part of the journal.
     """
 
     def __init__(self, duplicate_radius_m: float = DUPLICATE_RADIUS_M) -> None:
@@ -302,7 +302,7 @@ class MissionRecord:
 
     @property
     def is_searched(self) -> bool:
-        """Whether the current zone has been searched since the robot started for it."""
+        """Whether the current zone has been searched since the start of the drive to this zone."""
         zone = self.zone_record(self.zone)
         return zone.searched is not None and zone.started is not None and zone.searched >= zone.started
 
@@ -312,16 +312,16 @@ class MissionRecord:
 
     @property
     def survivors(self) -> tuple[FoundSurvivor, ...]:
-        """The survivors in order of detection."""
+        """The survivors, in the order of detection."""
         return tuple(self._survivors)
 
     @property
     def first_detection_sec(self) -> float | None:
-        """Mission time of the first detection, seconds; None if there is none."""
+        """Time from the start of the mission to the first detection that counts, seconds; None if there is none."""
         found = next((each.found_at for each in self._survivors if each.counts), None)
         if found is None or self._began is None:
             return None
-        # Each run may have a clock of its own.
+        # Two runs may use different clocks, so use wall time between runs.
         same = found.run == self._began.run
         return found.time - self._began.time if same else found.wall - self._began.wall
 
@@ -331,7 +331,7 @@ class MissionRecord:
         return self.alarms[-1] if self.alarms else ""
 
     def zone_started(self, zone_id: str) -> None:
-        """Record that the robot starts for a zone."""
+        """Record the start of a drive to a zone."""
         self.journal.record_event(search_events.ZONE_STARTED, zone=zone_id)
 
     def zone_searched(self, zone_id: str, survivor: tuple[float, float] | None) -> None:
@@ -344,27 +344,27 @@ class MissionRecord:
         self.journal.record_event(search_events.ZONE_SEARCHED, zone=zone_id, survivor=survivor)
 
     def survivor_unplaced(self, zone_id: str, reason: str) -> None:
-        """Record that a search detected a survivor at an impossible position; the next search of the zone replaces this.
+        """Record that a search detected a survivor at an unusable position; the next search of the zone removes this record.
 
         Args:
             zone_id: The zone.
-            reason: Why the position is impossible, in words.
+            reason: Why the position is unusable, in words.
         """
         if reason != self.zone_record(zone_id).unplaced:
             self.journal.record_event(search_events.SURVIVOR_UNPLACED, zone=zone_id, reason=reason)
 
     def record_alarm(self, reason: str) -> None:
-        """Record a reason to end the mission early, in words."""
+        """Record an alarm, which is a reason to end the mission early, in words."""
         self.journal.record_event(search_events.ALARMED, reason=reason)
 
     def home_first(self, zone_id: str, reason: str, to: str = "", **figures: float | None) -> None:
-        """Record that the robot goes home, or to a charging place, before the next zone.
+        """Record that the robot goes home or to a charging place before the next zone.
 
         Args:
-            zone_id: The zone.
-            reason: Why, in words.
-            to: The charging place; empty for home.
-            figures: The figures of the decision.
+            zone_id: The next zone.
+            reason: Why the robot cannot go to the next zone first, in words.
+            to: The charging place; empty for the base station.
+            figures: The estimates that led to the decision.
         """
         self.journal.record_event(
             search_events.HOME_FIRST, zone=zone_id, reason=reason, **figures, **({"to": to} if to else {})
@@ -375,22 +375,22 @@ class MissionRecord:
         self.journal.record_event(search_events.CHARGING_REACHED, place=place)
 
     def record_charge(self, share: float) -> None:
-        """Record that the battery suffices again, with its charge as a share of a full one."""
+        """Record that the battery suffices again, with the battery's charge (1 for a full battery)."""
         self.journal.record_event(search_events.CHARGED, share=round(share, 4))
 
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
-        """Record the name assigned to the survivor at a position (replaces an earlier name)."""
-        possibly = self._nearby_survivor(self._place_of(x, y), x, y)
+        """Record the name assigned to the survivor at a position; an earlier name is replaced."""
+        possibly = self._nearby_survivor(self._index_at(x, y), x, y)
         self.journal.record_event(
             search_events.SURVIVOR_NAMED, survivor=survivor_id, x=x, y=y, possibly=possibly
         )
 
     def survivor(self, survivor_id: str) -> FoundSurvivor | None:
-        """Return the survivor of a name; None if there is none."""
+        """Return the survivor with a name; None if there is none."""
         return next((known for known in self._survivors if known.survivor_id == survivor_id), None)
 
     def survivors_near(self, x: float, y: float, within: float) -> list[FoundSurvivor]:
-        """Return the named survivors detected at a position, or within a distance of it in metres."""
+        """Return the named survivors within a distance of a position; all values are in metres, positions in the frame `map`."""
         return [
             each
             for each in self._survivors
@@ -403,9 +403,9 @@ class MissionRecord:
         """Record the operator's review of a detection.
 
         Args:
-            survivor_id: Its name.
-            standing: The verdict.
-            same_as: The name of the survivor that it is merged with.
+            survivor_id: The name of the detection.
+            standing: The operator's verdict.
+            same_as: If the verdict is `MERGED`, the name of the survivor with which the detection is merged.
         """
         self.journal.record_event(
             search_events.SURVIVOR_JUDGED, survivor=survivor_id, standing=standing.value, same_as=same_as
@@ -416,7 +416,7 @@ class MissionRecord:
         self.journal.record_event(search_events.REPORT_SENT, survivor=survivor_id)
 
     def record_acknowledgement(self, survivor_id: str) -> None:
-        """Record the base station's acknowledgement; the report is no longer stored."""
+        """Record the base station's acknowledgement of a report; the report is no longer stored for later delivery."""
         self.journal.record_event(search_events.REPORT_ACKNOWLEDGED, survivor=survivor_id)
 
     def report_kept(self, report: SurvivorReport) -> None:
@@ -430,12 +430,12 @@ class MissionRecord:
         self.journal.record_event(search_events.BASE_REACHED)
 
     def was_reported(self, survivor_id: str) -> bool:
-        """Return whether an earlier run named a survivor and received the base station's acknowledgement."""
+        """Return whether an earlier run has named a survivor, and the base station has acknowledged the report."""
         found = self.survivor(survivor_id)
         return self.before.has_named(survivor_id) and found is not None and found.acknowledged
 
     def unplaced_survivors(self) -> list[str]:
-        """Return a sentence for each survivor whose detected position is unusable."""
+        """Return a sentence without a full stop for each survivor whose detected position is unusable."""
         return [
             f"There is a survivor at an unusable position in {zone_id}: {zone.unplaced}"
             for zone_id, zone in self._zones.items()
@@ -448,7 +448,7 @@ class MissionRecord:
         return [zone for zone in self.zones_visited if self.zone_record(zone).searched is None]
 
     def open_points(self) -> list[str]:
-        """Return sentences about open points of a complete mission, which only requires that every zone was visited."""
+        """Return sentences about visited but unsearched zones, which do not make the mission incomplete."""
         return _state_sentences((zone, UNSEARCHED) for zone in self.unsearched_zones)
 
     def shortfalls(self, zones: ZoneManager) -> list[str]:
@@ -485,7 +485,7 @@ class MissionRecord:
         self._on_zone_postponed(at, zone)
 
     def _on_zone_postponed(self, at: EventTime, zone: str, given_up: str = "") -> None:
-        # Abandoned zones are listed in the order of abandonment.
+        # Reinsert the zone at the end, so that abandoned zones are listed in the order of abandonment.
         self._zones[zone] = replace(self._zones.pop(zone, ZoneRecord()), left=at, given_up=given_up)
         self.zone = ""
 
@@ -496,14 +496,14 @@ class MissionRecord:
         self, at: EventTime, survivor: str, x: Any, y: Any, possibly: str | None = None
     ) -> None:
         x, y = position(x, y)
-        index = self._place_of(x, y)
+        index = self._index_at(x, y)
         if index == len(self._survivors):
             self._survivors.append(FoundSurvivor("", x, y, found_at=at))
         self._survivors[index] = replace(self._survivors[index], survivor_id=survivor, possibly=possibly)
 
     def _on_survivor_judged(self, _: EventTime, survivor: str, standing: str, same_as: str | None) -> None:
-        said = {"possibly": same_as} if same_as else {}
-        self._set(survivor, standing=DetectionVerdict(standing), **said)
+        changes = {"possibly": same_as} if same_as else {}
+        self._set(survivor, standing=DetectionVerdict(standing), **changes)
 
     def _on_report_sent(self, at: EventTime, survivor: str) -> None:
         sent = next((each.times_sent for each in self._survivors if each.survivor_id == survivor), 0)
@@ -536,7 +536,7 @@ class MissionRecord:
     def _on_alarmed(self, _: EventTime, reason: str) -> None:
         self.alarms, self.homing_for = (*self.alarms, str(reason)), ""
 
-    # Other kinds do not change the record.
+    # Events of other kinds do not change the record.
     _HANDLERS: ClassVar[Mapping[str, Callable[..., None]]] = {
         RUN_BEGAN: _on_run_began,
         RUN_ENDED: _on_run_ended,
@@ -558,13 +558,13 @@ class MissionRecord:
         search_events.ALARMED: _on_alarmed,
     }
 
-    def _place_of(self, x: float, y: float) -> int:
-        """Return the index of the last survivor detected at a position; the length of the list if there is none."""
+    def _index_at(self, x: float, y: float) -> int:
+        """Return the index of the last survivor detected at a position; if there is none, return the length of the list."""
         found = [index for index, known in enumerate(self._survivors) if (known.x, known.y) == (x, y)]
         return found[-1] if found else len(self._survivors)
 
     def _nearby_survivor(self, before: int, x: float, y: float) -> str | None:
-        """Return the name of the nearest earlier survivor that may be the same; None if there is none."""
+        """Return the name of the nearest survivor with an index below `before` who may be the same person; None if there is none."""
         named = [known for known in self._survivors[:before] if known.survivor_id and known.counts]
         nearest = min(named, key=lambda known: math.hypot(known.x - x, known.y - y), default=None)
         if nearest is None or math.hypot(nearest.x - x, nearest.y - y) > self._duplicate_radius_m:

@@ -1,4 +1,4 @@
-"""One run of the mission: applies its events to plan, record, reports and commands, and builds the display."""
+"""A run of the search and rescue mission: the shared state of the run, its display, its summary and its sentences."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
@@ -56,30 +56,30 @@ KINDS = (
     LandmarkKind("area", "areas", shaded_by="probability now"),
     LandmarkKind("gap", "gaps", remedy="Send people to search"),
 )
-"""Map layers of a search."""
+"""The landmark kinds of every search."""
 CHARGING_KIND = LandmarkKind("charging place", "charging places", "square")
-"""Additional figures, if the zones have probabilities."""
-# Longest list of visits in the log.
-_MOST_LINES = 20
-# Phases as in a log line: the robot goes home and intends to continue.
+"""The additional landmark kind if there are charging places."""
+# Maximum number of lines of the order of visits in the log.
+_MAX_LINES = 20
+# Alarm level of a return home after which the mission continues; the number is that of a warning in the log.
 _WARNING = 30
 BASE = "base station"
-"""The base station's name."""
+"""The name of the base station in the display."""
 
 
 @dataclass(eq=False, repr=False)
 class Search(MissionRun):
-    """A run of a search: its parts share one journal, and each event updates all parts that it concerns.
+    """A run of a search. The parts of the run share one journal, and each event updates all parts that the event concerns.
 
     Args:
-        zones: The plan.
+        zones: The plan of the mission.
         record: The record of the mission.
         orders: The operator's commands.
         fence: The geofence.
-        homing: Estimates the way home; uses the default rates if None.
-        sweeps: The ground of zones that can be swept, and its coverage.
-        hides: Whether the simulator hides a survivor at random, instead of using its table.
-        wanted_success: The wanted probability of success, 0 to 1; a person decides about an ended search with less.
+        homing: The estimator for the way home; None for an estimator with default rates.
+        sweeps: The grounds of the zones that can be swept, and the coverage of the grounds.
+        hides: Whether the simulator hides a survivor at random, instead of using the table of survivors.
+        wanted_success: The wanted probability of success, 0 to 1. If a search ends below it, a person must decide.
     """
 
     zones: ZoneManager
@@ -117,7 +117,7 @@ class Search(MissionRun):
         self._set_journal(Journal(apply=self.apply))
 
     def start_lines(self) -> list[str]:
-        """Return log lines with the zones, the base station, and the order of visits."""
+        """Return log lines with the number of zones, the base station, and the expected order of visits."""
         base = self.zones.base_pose()
         return [
             f"Loaded {self.zones.total_zones()} search zones from parameters.",
@@ -126,8 +126,8 @@ class Search(MissionRun):
         ]
 
     def _order_of_visits(self) -> list[str]:
-        """Describe the initial order of `ChooseZone order="expected_find"`."""
-        # Without probabilities, the start needs no NumPy.
+        """Return log lines with the order in which `ChooseZone order="expected_find"` would visit the zones."""
+        # Import NumPy only if the zones have probabilities.
         from search_and_rescue.zone_order import approximation, order_areas
 
         zones, groups = list[Zone](), self.zones.zones_by_urgency()
@@ -139,22 +139,25 @@ class Search(MissionRun):
         for area, end in enumerate(tour.ends(order)):
             pos += tour.finds[area]
             lines.append(f"  {zones[area]['id']}: searched after {end:.0f} s, POS {pos:.0%}")
-        if len(lines) > _MOST_LINES:
-            lines[_MOST_LINES - 2 : -1] = [f"  … {len(lines) - _MOST_LINES + 1} more zones …"]
-        soon = f"{tour.expected_find(order):.0f} s to the first detection, if there is one"
+        if len(lines) > _MAX_LINES:
+            lines[_MAX_LINES - 2 : -1] = [f"  … {len(lines) - _MAX_LINES + 1} more zones …"]
         largest = max(map(len, groups), default=0)
-        how = f"; {largest} zones are ordered by {found}" if (found := approximation(largest)) else ""
-        return [f"By expected_find ({soon}; paths are {DETOUR:g} times the straight line{how}):", *lines]
+        method = f", approximated for {largest} zones by {name}" if (name := approximation(largest)) else ""
+        estimate = f"first detection, if any, after {tour.expected_find(order):.0f} s"
+        return [
+            f"Order by expected_find{method} ({estimate} with paths of {DETOUR:g} times the straight line):",
+            *lines,
+        ]
 
     def identity(self) -> dict[str, object]:
-        """Return the zones in order, with their probabilities if any, and the base station."""
+        """Return the data that identify the mission: zones in order, base station, probabilities, charging places and grounds."""
         return self._identity
 
     def use_journal(self, journal: Journal) -> None:
-        """Apply the events of earlier runs, and record events in the journal from now on.
+        """Apply the events of earlier runs in a journal, and record all later events in the journal.
 
         Raises:
-            JournalError: If the events are not those of a search.
+            JournalError: If the events cannot be applied to this search.
         """
         journal.attach(self, self.kinds)
         self.record.before = ResumedOutcomes.from_events(journal.earlier_events())
@@ -164,13 +167,13 @@ class Search(MissionRun):
         self.zones.journal = self.record.journal = self.orders.journal = self.sweeps.journal = journal
 
     def apply(self, fact: JournalEntry) -> None:
-        """Update the state from an event.
+        """Update all parts of the run from an event.
 
         Raises:
-            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the event contradicts the current state.
+            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the event is unknown, or contradicts the current state.
         """
         if fact.kind not in _SENTENCES and fact.kind not in OF_EVERY_MISSION:
-            # This includes journals written by a newer version: a run resumed without the event would not be that mission.
+            # A newer version may have written the journal. Without the event, the resumed run would have a wrong state.
             raise ValueError(f"this version does not support the event '{fact.kind}'")
         for part in (self.zones, self.kept, self.record, self.orders, self.sweeps):
             part.apply(fact)
@@ -178,7 +181,7 @@ class Search(MissionRun):
             self._plan |= {zone["id"]: zone for zone in self.zones.remaining_zones()}
 
     def display(self) -> Display:
-        """Return the display: zones, survivors, the base station, and progress."""
+        """Return the display state: landmarks, figures, alarms, phase, and coverage layers."""
         survivors, zones = self.record.survivors, self.zones
         found = map(_survivor, survivors, count(1))
         poa_map = zones.poa_map()
@@ -216,7 +219,7 @@ class Search(MissionRun):
         )
 
     def _objects(self, phase: MissionPhase) -> dict[str, str]:
-        """Return the objects of commands: the next zone, the state that a command changes, and the plan."""
+        """Return what each command refers to, by command: the mission's phase, the zones of the plan, or the current zone."""
         zones, plan = self.zones, ", ".join(self._plan)
         state = " ".join(filter(None, (phase.name or "active", phase.reason)))
         return {
@@ -241,7 +244,7 @@ class Search(MissionRun):
 
     def _zone(self, zone: Zone, likely: Mapping[str, float]) -> Landmark:
         known, name = self.record.zone_record(zone["id"]), zone["id"]
-        # The robot may have visited the zone without a search.
+        # The robot may have visited or left the zone without a finished search.
         is_searched = known.searched is not None
         if name in self.record.zones_visited:
             state = "visited" if is_searched else UNSEARCHED
@@ -262,7 +265,7 @@ class Search(MissionRun):
         }
         if name in likely:
             details["probability now"] = f"{likely[name]:.1%}"
-        # The state completes the sentence.
+        # The landmark's state already contains the word `abandoned`.
         reason = known.given_up.removeprefix("abandoned: ").removeprefix("abandoned ")
         return Landmark("zone", name, zone["x"], zone["y"], state, level, reason, details=details)
 
@@ -283,7 +286,7 @@ class Search(MissionRun):
         return [Landmark("geofence", "geofence", *corners[0], corners=corners)] if corners else []
 
     def _grounds(self, zones: Sequence[Landmark], likely: Mapping[str, float]) -> Iterator[Landmark]:
-        """Yield the swept polygons with the progress of their zones, and their gaps."""
+        """Yield a landmark for each polygon of a zone, with the progress of the sweep, and for each gap in the polygon."""
         for zone in zones:
             ground, sweep = self.sweeps.grounds.get(zone.name), self.sweeps.state_of(zone.name)
             if ground is None:
@@ -302,7 +305,7 @@ class Search(MissionRun):
                 yield Landmark("gap", name, *gap[0], level=Level.GIVEN_UP, within=zone.name, corners=gap)
 
     def _swept(self, zone: str, likely: Mapping[str, float]) -> dict[str, object]:
-        """Return the figures of a zone's sweep, in the terms of the manuals."""
+        """Return the figures of a zone's sweep, labelled with the terms of the search manuals."""
         ground, sweep = self.sweeps.grounds[zone], self.sweeps.state_of(zone)
         before = self.zones.areas.get(zone)
         return {
@@ -321,42 +324,42 @@ class Search(MissionRun):
         }
 
     def sentence(self, fact: JournalEntry) -> str:
-        """Return an event as a sentence."""
+        """Return a sentence about an event; empty for events of every mission."""
         say = _SENTENCES.get(fact.kind)
         return say(**fact.data) if say is not None else ""
 
     def initial_facts(self) -> dict[str, int]:
-        """Return the number of zones."""
+        """Return the number of zones for verification, as the initial value of the fact `zones_left`."""
         return {"zones_left": self.zones.total_zones()}
 
     def added_facts(self) -> dict[str, int]:
-        """Return the number of zones added by commands since the first call of `initial_facts`."""
+        """Return the number of zones that commands have added since the start, as an addition to the fact `zones_left`."""
         return {"zones_left": self.zones.total_zones() - self._zones_at_start}
 
     def limits(self) -> dict[str, int]:
-        """Return the upper limits of the numbers of pieces and commands."""
+        """Return the upper limits of the facts that a search cannot bound: the numbers of further pieces and commands."""
         return {"more_pieces": _ANY_NUMBER, "orders_left": _ANY_NUMBER}
 
     def verbs(self) -> Sequence[OperatorCommand]:
-        """Return the commands that trees with these leaves execute."""
+        """Return the operator commands that the leaves of this mission can execute."""
         return VERBS
 
     def places(self) -> dict[str, tuple[float, float]]:
-        """Return the positions of the zones."""
+        """Return the positions of the remaining zones by ID, metres, frame `map`."""
         return {zone["id"]: (zone["x"], zone["y"]) for zone in self.zones.remaining_zones()}
 
     def route(self) -> list[tuple[str, float, float]]:
-        """Return the remaining zones and the base station."""
+        """Return the names and positions of the remaining zones and of the base station, in the order of the plan."""
         base = self.zones.base_pose()
         zones = [(zone["id"], zone["x"], zone["y"]) for zone in self.zones.remaining_zones()]
         return [*zones, ("base station", base["x"], base["y"])]
 
     def optional_stops(self) -> list[tuple[str, float, float]]:
-        """Return the charging places."""
+        """Return the names and positions of the charging places."""
         return [(name, pose["x"], pose["y"]) for name, pose in self.zones.charging.items()]
 
     def searched_areas(self) -> list[SearchedArea]:
-        """Return the grounds of the remaining zones, swept once at coverage 1."""
+        """Return the grounds of the remaining zones with their sweep widths, for the estimate of one sweep at coverage 1."""
         left = {zone["id"] for zone in self.zones.remaining_zones()}
         return [
             SearchedArea(zone, ground.polygon, ground.sweep_width)
@@ -369,7 +372,7 @@ class Search(MissionRun):
         return self.fence.contains(x, y)
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":
-        """Create the two servers."""
+        """Create the simulated servers `detect_survivor` and `report_survivor`."""
         from search_and_rescue.hiding import HiddenSurvivor
         from search_and_rescue.servers import DetectSurvivorServer, ReportSurvivorServer
 
@@ -389,11 +392,11 @@ class Search(MissionRun):
         return self.record.open_points()
 
     def idle_reason(self) -> str:
-        """Return a sentence if no zone is left; otherwise an empty string."""
+        """Return the reason why a run has nothing to do: no zone is left; empty if a zone is left."""
         return "" if self.zones.has_remaining() else "No zone is left"
 
     def summary(self, elapsed_sec: float, ticks: int) -> str:
-        """Return the zones, the survivors, the return home, and the missing items."""
+        """Return the summary of the run: visited zones, survivors, return home, duration, and unfinished items."""
         record, visited = self.record, self.record.zones_visited
         shortfalls = self.shortfalls()
         names = f" ({', '.join(visited)})" if visited else ""
@@ -418,7 +421,7 @@ def _survivor(survivor: FoundSurvivor, number: int) -> Landmark:
     given_up = Level.GIVEN_UP if not survivor.counts else None
     level = given_up or (Level.DONE if survivor.acknowledged else Level.IN_HAND)
     name, standing = survivor.survivor_id or f"find {number}", survivor.standing
-    who = f"{'the same as' if standing is DetectionVerdict.MERGED else 'possibly'} {survivor.possibly}"
+    relation = f"{'the same as' if standing is DetectionVerdict.MERGED else 'possibly'} {survivor.possibly}"
     details = {
         "report": survivor.report_state,
         "found": survivor.found_at,
@@ -432,7 +435,7 @@ def _survivor(survivor: FoundSurvivor, number: int) -> Landmark:
         survivor.y,
         standing.value,
         level,
-        who if survivor.possibly or standing is DetectionVerdict.MERGED else "",
+        relation if survivor.possibly or standing is DetectionVerdict.MERGED else "",
         within=survivor.zone_id,
         is_certain=standing is DetectionVerdict.CONFIRMED,
         details=details,
@@ -470,7 +473,7 @@ def _home_first(reason: str, to: str) -> str:
     return f"{reason}: {to or 'home'} first"
 
 
-# More pieces than any sweep has, and more commands than an operator gives.
+# Larger than the number of pieces of any sweep, and than the number of commands in any mission.
 _ANY_NUMBER = 1_000_000_000
 
 _SENTENCES: Mapping[str, Callable[..., str]] = {
@@ -503,8 +506,8 @@ def _survivor_lines(record: MissionRecord) -> list[str]:
     label = "  survivors found: "
     if not record.survivors:
         return [f"{label}none"]
-    told = [
+    lines = [
         f"{survivor}, {'acknowledged' if survivor.acknowledged else 'NOT acknowledged'}"
         for survivor in record.survivors
     ]
-    return [f"{label}{told[0]}", *(" " * len(label) + line for line in told[1:])]
+    return [f"{label}{lines[0]}", *(" " * len(label) + line for line in lines[1:])]

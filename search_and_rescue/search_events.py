@@ -9,6 +9,6 @@ REPORT_SENT, REPORT_KEPT, REPORT_ACKNOWLEDGED = "report_sent", "report_kept", "r
 BASE_REACHED, CHARGING_REACHED = "base_reached", "charging_reached"
 HOME_FIRST, CHARGED, ALARMED = "home_first", "charged", "alarmed"
 
-# Kinds of commands; a command can also abandon a zone.
+# Kinds that only commands record; the command `skip_zone` records ZONE_ABANDONED.
 COMMAND_GIVEN, ZONE_ADDED, AREA_DRAWN = "command_given", "zone_added", "area_drawn"
 HINT_GIVEN, SURVIVOR_JUDGED = "hint_given", "survivor_judged"

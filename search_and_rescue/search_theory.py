@@ -1,6 +1,8 @@
-"""Terms and formulas of search theory: the probability of a person's location, and of detection by searches.
+"""Terms and formulas of search theory.
 
-POA is the probability that a person is in an area, POD the probability that a search there detects them, POS the probability of success.
+- POA (probability of area): the probability that the missing person is in an area.
+- POD (probability of detection): the probability that a search of the person's area detects the person.
+- POS (probability of success): the probability that the searches detect the person.
 """
 
 import itertools
@@ -16,20 +18,20 @@ if TYPE_CHECKING:
 ROUNDING = 1e-9
 """Tolerance above 1 for a sum of probabilities."""
 SWEEP_FACTORS = {"high": 1.8, "medium": 1.6, "low": 1.1}
-"""Ratio of sweep width to detection range, by visibility (Koester et al., Wilderness & Environmental Medicine 25, 2014)."""
+"""Ratio of sweep width to detection range, by visibility of the person (Koester et al., Wilderness & Environmental Medicine 25, 2014)."""
 COVERAGE = 0.9
-"""The default coverage of a sweep: the number of times each position is covered by the sweep width."""
+"""The default coverage of a sweep, which is the swept area (sweep width times track length) divided by the area of the ground."""
 
 Corners = tuple[tuple[float, float], ...]
 
 
 class Ground(NamedTuple):
-    """The ground of a zone that is swept.
+    """The polygon of a zone that can be swept, with the ranges of the sensor in this zone.
 
     Attributes:
-        polygon: Its corners in the frame `map`, metres.
-        sweep_width: Width of the swath within which as many survivors are missed as are detected outside it (W), metres.
-        detection_range: Distance up to which a survivor can be seen, metres.
+        polygon: The corners of the polygon in the frame `map`, metres.
+        sweep_width: The sweep width W, metres: as many survivors are missed within a swath of this width as are detected outside the swath.
+        detection_range: Maximum distance at which a survivor can be detected, metres.
     """
 
     polygon: Corners
@@ -38,36 +40,36 @@ class Ground(NamedTuple):
 
     @property
     def area_m2(self) -> float:
-        """The area, square metres."""
+        """The area of the polygon, square metres."""
         sides = itertools.pairwise((*self.polygon, *self.polygon[:1]))
         return abs(math.fsum(ax * by - bx * ay for (ax, ay), (bx, by) in sides)) / 2.0
 
     def sweep_sec(self, speed_mps: float) -> float:
-        """Return the duration of a sweep's legs at the default coverage, seconds, without turns and stops."""
+        """Return the duration of the legs of a sweep at the default coverage, seconds; turns and stops are not included."""
         return self.area_m2 * COVERAGE / (self.sweep_width * speed_mps)
 
 
 def sweep_width_of(detection_range: float, visibility: str = "medium") -> float:
-    """Return the sweep width W of a detection range, both in metres."""
+    """Return the sweep width W for a detection range; both are in metres."""
     return SWEEP_FACTORS[visibility] * detection_range
 
 
 def random_search_pod(coverage: float) -> float:
-    """Return the POD of a random search, a lower bound: 1 - exp(-C) (Koopman 1946)."""
+    """Return the POD of a random search with a coverage C, which is a lower bound: 1 - exp(-C) (Koopman 1946)."""
     return -math.expm1(-coverage)
 
 
 def parallel_sweep_pod(coverage: float) -> float:
-    """Return the POD of accurately kept parallel legs, by the inverse-cube law of detection: erf(√π / 2 · C) (Koopman 1946)."""
+    """Return the POD of exact parallel legs with a coverage C by the inverse-cube law of detection: erf(√π / 2 · C) (Koopman 1946)."""
     return math.erf(math.sqrt(math.pi) / 2.0 * coverage)
 
 
 class SearchExpectation(NamedTuple):
-    """Expectations of a search in an area.
+    """The probabilities and the duration of a search of an area.
 
     Attributes:
-        poa: Probability that the missing person is there, before the first search, 0 to 1.
-        pod: Probability that a search detects a person who is there, 0 to 1.
+        poa: Probability that the missing person is in the area, before the first search, 0 to 1.
+        pod: Probability that a search of the area detects a person in the area, 0 to 1.
         look_sec: Duration of a search, seconds.
     """
 
@@ -78,18 +80,18 @@ class SearchExpectation(NamedTuple):
 
 @dataclass(frozen=True)
 class PoaMap:
-    """Probabilities of a missing person's location, given searches without a detection.
+    """Probabilities of a missing person's location after searches without a detection.
 
-    The areas' remainder to 1 is the probability of all other locations, which are never searched.
+    If the probabilities of the areas sum to less than 1, the rest is the probability of all other locations, which are never searched.
 
     Args:
-        poa: Probability of each area before the first search, 0 to 1; at most 1 in sum.
-        pod: Probability that a search of each area detects a person who is there, 0 to 1.
-        looks: Number of searches of an area; 0 for areas that are not named.
-        swept: Probability that the sweeps of an area detected a person who is there, 0 to 1; 0 for areas that are not named.
+        poa: Probability that the person is in each area before the first search, 0 to 1. The sum is at most 1.
+        pod: Probability that a search of each area detects a person in the area, 0 to 1.
+        looks: Number of searches of each area; 0 for areas that are not listed.
+        swept: Probability that the sweeps of each area have detected a person in the area, 0 to 1; 0 for areas that are not listed.
 
     Raises:
-        ValueError: If a value is no probability, the areas sum above 1, or an area has no `pod`.
+        ValueError: If a value is not a probability, the POA of the areas sum to more than 1, or an area has no `pod`.
     """
 
     poa: Mapping[str, float]
@@ -118,10 +120,10 @@ class PoaMap:
         """Return the map of areas after searches, sweeps and hints.
 
         Args:
-            areas: The initial expectations.
-            looks: Number of searches of each area.
-            swept: Probability that the sweeps of each area detected a person who is there.
-            hints: Likelihood ratio of all hints on an area: presence over absence; 1 for other areas and for other locations.
+            areas: The probabilities of each area before the first search and hint.
+            looks: Number of searches of each area; 0 for areas that are not listed.
+            swept: Probability that the sweeps of each area have detected a person in the area; 0 for areas that are not listed.
+            hints: Likelihood ratio (presence to absence) of all hints on each area; 1 for areas that are not listed.
         """
         weights = {name: area.poa * (hints or {}).get(name, 1.0) for name, area in areas.items()}
         total = max(0.0, 1.0 - math.fsum(area.poa for area in areas.values())) + math.fsum(weights.values())
@@ -129,30 +131,30 @@ class PoaMap:
         return cls(poa, {name: area.pod for name, area in areas.items()}, looks, swept or {})
 
     def missed_probability(self, area: str) -> float:
-        """Return the probability that all searches and sweeps of an area missed a person there: (1 - POD) for each search, and for its sweeps."""
+        """Return the probability that all searches and sweeps of an area have missed a person in the area."""
         return (1.0 - self.pod[area]) ** self.looks.get(area, 0) * (1.0 - self.swept.get(area, 0.0))
 
     def current_probabilities(self) -> dict[str, float]:
-        """Return the current probability of each area by Bayes' rule; 0 everywhere if every location is ruled out."""
+        """Return the current probability of each area by Bayes' rule; all are 0 if every location is ruled out."""
         left = {area: poa * self.missed_probability(area) for area, poa in self.poa.items()}
         elsewhere = max(0.0, 1.0 - math.fsum(self.poa.values()))
         total = elsewhere + math.fsum(left.values())
         return {area: value / total if total else 0.0 for area, value in left.items()}
 
     def pos(self) -> float:
-        """Return the prior probability that the searches so far detect a person: Σ POA · (1 - Π(1 - POD))."""
+        """Return the POS of the searches so far, as estimated before the first search: Σ POA · (1 - Π(1 - POD))."""
         return math.fsum(poa * (1.0 - self.missed_probability(area)) for area, poa in self.poa.items())
 
 
 @dataclass(frozen=True, eq=False)
 class TourInputs:
-    """Inputs for choosing an order of areas.
+    """Inputs for choosing the order in which areas are searched.
 
     Args:
-        from_start: Travel time from the robot to each area, seconds.
-        between: Travel time from each area (row) to each other (column), seconds.
+        from_start: Travel time from the start of the tour to each area, seconds.
+        between: Travel time from each area (row) to each area (column), seconds.
         looks: Duration of a search of each area, seconds.
-        finds: Probability of a detection by the search of each area: POA · POD.
+        finds: Probability that the search of each area detects the person: POA · POD.
     """
 
     from_start: Sequence[float]
@@ -161,7 +163,7 @@ class TourInputs:
     finds: Sequence[float]
 
     def ends(self, order: Sequence[int]) -> list[float]:
-        """Return the end of each search in an order, seconds from now."""
+        """Return the end of each search in an order of areas, seconds from the start of the tour."""
         steps = [self.from_start[order[0]]] if order else []
         steps += [float(self.between[before][after]) for before, after in itertools.pairwise(order)]
         return list(
@@ -169,7 +171,7 @@ class TourInputs:
         )
 
     def expected_find(self, order: Sequence[int]) -> float:
-        """Return the expected time to the first detection in an order, given that there is one, seconds; 0 if detection is impossible."""
+        """Return the expected time to the first detection, if there is one, in an order of areas, seconds; 0 if detection is impossible."""
         pos = sum(self.finds[area] for area in order)
         cost = sum(end * self.finds[area] for end, area in zip(self.ends(order), order, strict=True))
         return cost / pos if pos else 0.0

@@ -1,6 +1,6 @@
-"""The two servers as commands, `sar-detect-survivor-server` and `sar-report-survivor-server`.
+"""The commands `sar-detect-survivor-server` and `sar-report-survivor-server`.
 
-`serve` imports ROS, and reports an error if it is missing.
+`serve` imports ROS, and reports an error if ROS is missing.
 """
 
 from collections.abc import Sequence
@@ -15,13 +15,14 @@ if TYPE_CHECKING:
 
 DETECT = (
     "sar-detect-survivor-server",
-    "Serve detect_survivor (sar_interfaces/srv/DetectSurvivor). The parameters survivors.<zone>.x and .y replace the default survivors.",
+    "Serve detect_survivor (sar_interfaces/srv/DetectSurvivor). The parameters survivors.<zone>.x and survivors.<zone>.y replace the default survivors.",
 )
+"""The name and the description of the first command."""
 REPORT = (
     "sar-report-survivor-server",
-    "Serve report_survivor (sar_interfaces/srv/ReportSurvivor): acknowledge survivors reported in map.",
+    "Serve report_survivor (sar_interfaces/srv/ReportSurvivor). Reports with a position in the frame map are acknowledged.",
 )
-"""The name and the description of each command."""
+"""The name and the description of the second command."""
 
 
 def detect(argv: Sequence[str] | None = None) -> int:

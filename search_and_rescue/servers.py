@@ -1,4 +1,4 @@
-"""The mission's two servers: `detect_survivor`, which searches for survivors, and `report_survivor`, the base station."""
+"""The servers of the services `detect_survivor`, which searches for survivors, and `report_survivor`, which is the base station."""
 
 import math
 from typing import Any
@@ -19,24 +19,25 @@ from search_and_rescue.hiding import HiddenSurvivor
 from search_and_rescue.zone_manager import MAP_FRAME, read_survivors
 
 SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
-"""The survivors' default positions: x and y in metres in the frame `map`, by zone."""
+"""The default positions of the survivors by zone: x and y in metres, frame `map`."""
 _SEEN_EVERY_SEC = 0.5
 
 
 class DetectSurvivorServer(DataNode):
-    """Responds from a table of survivors: its parameters `survivors.<zone>.{x,y}`, or the default table.
+    """Server of `detect_survivor`, which responds from a table of survivors: the parameters `survivors.<zone>.{x,y}`, or the default table.
 
-    In a zone with a `zones.<zone>.detection_range` (metres), a survivor is detected only from within that range of the robot. Twice a second the
-    server also publishes such survivors on `survivor_detections` (`geometry_msgs/msg/PointStamped`, frame `map`), except a hidden one.
+    In a zone with the parameter `zones.<zone>.detection_range` (metres), a survivor is detected only while the robot is within this distance.
+    Unless a survivor is hidden, the server also publishes these survivors on `survivor_detections` twice a second while they are detected
+    (`geometry_msgs/msg/PointStamped`, frame `map`).
 
     Args:
         faults: The faults to inject.
-        hiding: The hidden survivor; replaces the table.
-        options: Keyword arguments of `DataNode`: `context`, `cli_args` and so on.
+        hiding: The hidden survivor, which replaces the table; None for the table.
+        options: Keyword arguments of `DataNode`, such as `context` and `cli_args`.
 
     Raises:
         ParameterError: If the table in the parameters is invalid.
-        RosArgumentError: If a name or a value in its arguments is not allowed for a node.
+        RosArgumentError: If a name or a value in the ROS arguments is not allowed for a node.
     """
 
     def __init__(
@@ -46,7 +47,7 @@ class DetectSurvivorServer(DataNode):
         parameters = flat_parameters(self)
         table = read_survivors(parameters, SURVIVORS)
         self._table, self._hiding = table, hiding
-        # One file with parameters for all nodes also sets the mission's parameters here.
+        # The zone parameters of the mission are also set on this node if a parameter file addresses all nodes.
         ranges = {zone: parameters.get(f"zones.{zone}.detection_range") for zone in table}
         self._ranges = {zone: reach for zone, reach in ranges.items() if isinstance(reach, int | float)}
         depends_on_place = hiding.ground is not None if hiding else bool(self._ranges)
@@ -71,16 +72,16 @@ class DetectSurvivorServer(DataNode):
 
     def _publish_seen(self) -> None:
         for zone in self._ranges:
-            if place := self._detect(zone):
+            if survivor := self._detect(zone):
                 message = PointStamped()
                 message.header.frame_id, message.header.stamp = MAP_FRAME, self.get_clock().now().to_msg()
-                message.point.x, message.point.y = place
+                message.point.x, message.point.y = survivor
                 self._seen.publish(message)
 
     def _detect(self, zone: str) -> tuple[float, float] | None:
-        """Return the position of a survivor detected in a zone; None if none is."""
-        place = self._robot.last_pose() if self._robot is not None else None
-        robot = place[:2] if place is not None else None
+        """Return the position of a survivor detected in a zone, metres, frame `map`; None if no survivor is detected."""
+        pose = self._robot.last_pose() if self._robot is not None else None
+        robot = pose[:2] if pose is not None else None
         if self._hiding is not None:
             return self._hiding.search(zone, robot)
         survivor = self._table.get(zone)
@@ -90,16 +91,16 @@ class DetectSurvivorServer(DataNode):
 
 
 class ReportSurvivorServer(DataNode):
-    """Acknowledges every report in the frame `map`.
+    """Server of `report_survivor`, which acknowledges every report with a position in the frame `map`.
 
-    A report that is sent again, because the sender missed the response, is acknowledged again and counted once.
+    A report that is sent again, because the sender missed the response, is acknowledged again and logged as a repetition.
 
     Args:
         faults: The faults to inject.
-        options: Keyword arguments of `DataNode`: `context`, `cli_args` and so on.
+        options: Keyword arguments of `DataNode`, such as `context` and `cli_args`.
 
     Raises:
-        RosArgumentError: If a name or a value in its arguments is not allowed for a node.
+        RosArgumentError: If a name or a value in the ROS arguments is not allowed for a node.
     """
 
     def __init__(self, faults: ServiceFaults | None = None, **options: Any) -> None:

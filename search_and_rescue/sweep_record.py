@@ -1,4 +1,4 @@
-"""State of a mission's sweeps: open pieces, and the coverage of the ground."""
+"""The record of a mission's sweeps: the open pieces, the coverage of each ground, and the gaps."""
 
 import math
 from collections import defaultdict
@@ -23,20 +23,20 @@ class SweepState:
     """State of a zone's sweep.
 
     Attributes:
-        pieces: The poses of the last plan, in their order.
-        done: Number of pieces that were swept or skipped.
+        pieces: The poses of the last plan, in the order of the plan.
+        done: Number of pieces of the last plan that were swept or skipped.
         skipped: Number of skipped pieces of all plans.
-        passes: Number of plans.
+        passes: Number of plans so far.
         pattern: Pattern of the last plan.
-        spacing: Spacing of the last plan, metres.
-        metres: Distance driven inside the ground (L).
+        spacing: Distance between legs of the last plan, metres.
+        metres: Distance driven inside the ground (L), metres.
         area_m2: Area of the searchable ground (A), square metres.
-        coverage: The mean coverage (C).
-        pod: Probability that a person there was detected, 0 to 1.
-        seen: Share of the ground that was in sight at least once, 0 to 1.
-        cells: The coverage of each cell, as written by `CoverageRaster`.
-        layer: The display layer; None before the first piece.
-        gaps: The polygons of the gaps found at the end of the last pass.
+        coverage: The mean coverage of the ground (C).
+        pod: Probability that the sweeps have detected a person in the ground, 0 to 1.
+        seen: Share of the searchable ground that was visible at least once, 0 to 1.
+        cells: The coverage of each cell, as returned by `CoverageRaster.share_text`.
+        layer: The display layer with the POD of each cell; None before the first swept piece.
+        gaps: The polygons of the gaps, computed when the last piece of a plan is swept; empty until then.
     """
 
     pieces: tuple[MapPose, ...] = ()
@@ -56,7 +56,7 @@ class SweepState:
 
     @property
     def pod_of_legs(self) -> float | None:
-        """The POD of accurately kept legs, if the first plan was swept completely; otherwise None."""
+        """The POD of exact parallel legs; None unless the first plan had legs and was swept completely."""
         in_legs = self.pattern in ("parallel", "creeping_line") and self.passes == 1
         return (
             parallel_sweep_pod(self.coverage) if in_legs and not (self.open_count or self.skipped) else None
@@ -64,28 +64,30 @@ class SweepState:
 
     @property
     def open_count(self) -> int:
-        """Number of open pieces."""
+        """Number of pieces of the last plan that were neither swept nor skipped."""
         return len(self.pieces) - self.done
 
     def describe_piece(self, zone: str) -> str:
-        """Describe the current piece of a zone."""
+        """Return the number of the current piece in words, such as `piece 3/12 of zone_b`."""
         return f"piece {self.done + 1}/{len(self.pieces)} of {zone}"
 
     def result(self, zone: str) -> str:
-        """Describe the result of the sweep of a zone."""
+        """Return a sentence about the result of the sweep: the seen share, the POD, and the number of gaps."""
         return f"{zone}: {self.seen:.0%} seen, POD {self.pod:.0%}, {len(self.gaps)} gaps."
 
 
 @mission_context
 class SweepStates:
-    """The sweeps of one mission, shared by its leaves. Events update their state; driven distances are summed between two events.
+    """The sweeps of one mission, shared by the mission's leaves.
+
+    Events update the state of the sweeps. Driven distances are summed until the next `piece_swept` event, which contains the sum.
 
     Args:
-        grounds: The ground of each zone that has one.
+        grounds: The grounds by zone ID, for the zones with a polygon.
 
     Attributes:
-        grounds: The ground of each zone that has one.
-        journal: Records the sweeps' events: `sweep_planned`, `piece_swept`, `piece_skipped`.
+        grounds: The grounds by zone ID, for the zones with a polygon.
+        journal: Records the events of sweeps: `sweep_planned`, `piece_swept` and `piece_skipped`.
     """
 
     def __init__(self, grounds: Mapping[str, Ground] | None = None) -> None:
@@ -100,22 +102,22 @@ class SweepStates:
         return self._sweeps.get(zone, SweepState())
 
     def zones_at(self, x: float, y: float) -> list[str]:
-        """Return the zones whose polygon contains a position, metres, frame `map`."""
+        """Return the IDs of the zones whose polygon contains a position, metres, frame `map`."""
         return [zone for zone, ground in self.grounds.items() if Geofence(ground.polygon).contains(x, y)]
 
     def seen_m2(self) -> tuple[float, float]:
-        """Return the seen and the total searchable area of all grounds, square metres."""
+        """Return the seen area and the total area of all grounds, square metres; obstacles count until a zone's first piece is swept."""
         sweeps = {zone: self.state_of(zone) for zone in self.grounds}
         seen = math.fsum(sweep.seen * sweep.area_m2 for sweep in sweeps.values())
         sizes = [sweep.area_m2 or self.grounds[zone].area_m2 for zone, sweep in sweeps.items()]
         return seen, math.fsum(sizes)
 
     def layers(self) -> list[RasterLayer]:
-        """Return the display layers of the searched ground."""
+        """Return the display layers of all grounds with a swept piece."""
         return [sweep.layer for sweep in self._sweeps.values() if sweep.layer is not None]
 
     def raster(self, zone: str, obstacles: "ObstacleMap | None") -> "CoverageRaster":
-        """Return the coverage of a zone's ground with the current map.
+        """Return the coverage raster of a zone's ground, with the current map as obstacles.
 
         Raises:
             ImportError: If shapely is not installed.
@@ -128,23 +130,23 @@ class SweepStates:
         return self._rasters[zone]
 
     def drive(self, zone: str, path: Sequence[tuple[float, float]], obstacles: "ObstacleMap | None") -> None:
-        """Add a drive along positions in the frame `map`, metres; the next `piece_swept` event includes it."""
+        """Add a drive along positions (metres, frame `map`) to the coverage of a zone; the next `piece_swept` event records the distance."""
         self._driven[zone] += self.raster(zone, obstacles).drive(path)
 
     def plan(self, zone: str, pattern: str, spacing: float, pieces: Sequence[MapPose]) -> None:
-        """Record the pieces of a sweep; open pieces of an earlier plan are dropped."""
-        places = [[round(pose[axis], 3) for axis in ("x", "y", "yaw")] for pose in pieces]
+        """Record the plan of a sweep; open pieces of an earlier plan are dropped."""
+        poses = [[round(pose[axis], 3) for axis in ("x", "y", "yaw")] for pose in pieces]
         self.journal.record_event(
-            search_events.SWEEP_PLANNED, zone=zone, pattern=pattern, spacing=round(spacing, 3), pieces=places
+            search_events.SWEEP_PLANNED, zone=zone, pattern=pattern, spacing=round(spacing, 3), pieces=poses
         )
 
     def finish_piece(self, zone: str, obstacles: "ObstacleMap | None", until_pod: float) -> None:
-        """Record that the current piece was swept, and the ground seen until then.
+        """Record that the current piece was swept, with the coverage of the ground so far.
 
         Args:
             zone: The zone.
-            obstacles: The map.
-            until_pod: Ground with a lower probability of detection is a gap; gaps are computed at the end of a pass.
+            obstacles: The map; None without a map.
+            until_pod: Cells with a lower POD form the gaps, which are computed with the last piece of a plan.
         """
         sweep, raster = self.state_of(zone), self.raster(zone, obstacles)
         gaps = [list(map(list, each)) for each in raster.gaps(until_pod)] if sweep.open_count <= 1 else []
@@ -168,7 +170,7 @@ class SweepStates:
         )
 
     def apply(self, fact: JournalEntry) -> None:
-        """Update the state from an event.
+        """Update the state of a sweep from an event; events of other kinds are ignored.
 
         Raises:
             ArithmeticError, LookupError, TypeError or ValueError: If the event contradicts the current state.
@@ -197,7 +199,7 @@ class SweepStates:
         self, sweep: SweepState, zone: str, pattern: str, spacing: Any, pieces: Sequence[Any]
     ) -> SweepState:
         if zone not in self.grounds:
-            raise ValueError(f"{zone} has no ground at that time")
+            raise ValueError(f"{zone} has no polygon at the time of the event")
         poses = tuple(_pose(*piece) for piece in pieces)
         planned = replace(sweep, pattern=str(pattern), spacing=_number(spacing))
         return replace(planned, pieces=poses, done=0, passes=sweep.passes + 1, gaps=())
@@ -224,7 +226,7 @@ class SweepStates:
     def _on_piece_skipped(self, sweep: SweepState, zone: str, piece: int, reason: str) -> SweepState:  # noqa: ARG002 - the event's keys
         return replace(_after_piece(sweep, zone, piece), skipped=sweep.skipped + 1)
 
-    # Other kinds do not change a sweep.
+    # Events of other kinds do not change a sweep.
     _HANDLERS: ClassVar[Mapping[str, Callable[..., SweepState]]] = {
         search_events.AREA_DRAWN: _on_area_drawn,
         search_events.SWEEP_PLANNED: _on_sweep_planned,
@@ -235,7 +237,9 @@ class SweepStates:
 
 def _after_piece(sweep: SweepState, zone: str, piece: int) -> SweepState:
     if piece != sweep.done or not sweep.open_count:
-        raise ValueError(f"the piece of {zone} at that time is {sweep.done} of {len(sweep.pieces)}")
+        raise ValueError(
+            f"the current piece of {zone} at the time of the event is {sweep.done} of {len(sweep.pieces)}"
+        )
     return replace(sweep, done=sweep.done + 1)
 
 
@@ -247,5 +251,5 @@ def _pose(x: Any, y: Any, yaw: Any) -> MapPose:
 def _number(value: Any) -> float:
     number = float(value)
     if not math.isfinite(number):
-        raise ValueError(f"{value!r} is not a number")
+        raise ValueError(f"{value!r} is not a finite number")
     return number

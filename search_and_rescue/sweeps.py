@@ -1,4 +1,4 @@
-"""Stops of a sweep: the patterns of the IAMSAR manual (vol. II), around the obstacles of the map."""
+"""Planner of sweeps: the stops of the search patterns in the IAMSAR manual (vol. II), without stops on obstacles."""
 
 import itertools
 import math
@@ -14,17 +14,24 @@ if TYPE_CHECKING:
     from search_and_rescue.search_theory import Corners
 
 SweepPattern = Literal["parallel", "creeping_line", "expanding_square", "sector"]
-"""Patterns: legs along the long side, along the short side, a square growing around the zone's pose, or diameters through it."""
-MOST_PIECES = 2000
-# Limit of legs, map cells, and stops that are examined, even if few of them are in the ground: seconds, and some hundred megabytes.
-_MOST_LEGS, _MOST_CELLS, _MOST_STOPS = 20_000, 16_000_000, 1_000_000
-# Closes slivers between two adjacent cells.
+"""The search patterns.
+
+- `parallel`: legs along the long side of the ground.
+- `creeping_line`: legs along the short side of the ground.
+- `expanding_square`: a square spiral around the zone's pose.
+- `sector`: three diameters through the zone's pose.
+"""
+MAX_PIECES = 2000
+"""Maximum number of stops of a sweep."""
+# Limits of the legs, map cells and stops that are computed, including those outside the ground. They bound time and memory.
+_MAX_LEGS, _MAX_CELLS, _MAX_STOPS = 20_000, 16_000_000, 1_000_000
+# Enlargement of cells that closes slivers between adjacent cells.
 _ROUNDING_M = 1e-6
 _Point = tuple[float, float]
 
 
 class GroundError(ValueError):
-    """Ground that this sweep cannot cover."""
+    """The ground cannot be swept with the chosen pattern and spacing."""
 
 
 def sweep(
@@ -35,26 +42,26 @@ def sweep(
     obstacles: "ObstacleMap | None" = None,
     clearance: float = 0.0,
 ) -> list[MapPose]:
-    """Return the poses of a sweep in order.
+    """Return the poses of the stops of a sweep, in the order of the sweep.
 
     Args:
-        polygons: The ground: polygons in the frame `map`, metres.
-        pattern: The pattern.
-        spacing: Distance between legs, and between stops on a leg, metres.
-        datum: The last known position of the person, for `expanding_square` and `sector`; also the start of a sweep.
-        obstacles: The map; None without one.
-        clearance: Distance of stops from obstacles, metres.
+        polygons: The polygons of the ground, metres, frame `map`.
+        pattern: The search pattern.
+        spacing: Maximum distance between adjacent legs, and between the stops on a leg, metres.
+        datum: The centre of the patterns `expanding_square` and `sector`. Legs start with the end that is nearest to this pose.
+        obstacles: The map; None without a map.
+        clearance: Minimum distance of stops from obstacles, metres.
 
     Raises:
         ImportError: If shapely is not installed.
-        GroundError: If the robot cannot drive to any of it, or the sweep has too many stops.
+        GroundError: If every stop is blocked, or the sweep is too large.
     """
     import shapely
 
     ground = shapely.union_all([shapely.Polygon(corners) for corners in polygons])
-    if ground.area / spacing**2 > MOST_PIECES:
+    if ground.area / spacing**2 > MAX_PIECES:
         raise GroundError(
-            f"{ground.area:.0f} m² in steps of {spacing:.2f} m need more than {MOST_PIECES} stops"
+            f"{ground.area:.0f} m² with a spacing of {spacing:.2f} m need more than {MAX_PIECES} stops: divide the zone"
         )
     here = (datum["x"], datum["y"])
     cell_m = obstacles.resolution if obstacles is not None else math.inf
@@ -75,33 +82,33 @@ def sweep(
 def _require_small(
     ground: "BaseGeometry", spacing: float, here: _Point, pattern: SweepPattern, cell_m: float
 ) -> None:
-    """Check that the extent of ground is not too large.
+    """Check that the extent of a ground is not too large for the computation of a sweep.
 
     Raises:
-        GroundError: If its legs, the stops around its datum, or the cells of the map around it are too many.
+        GroundError: If the ground has too many legs or map cells, or an expanding square would have too many stops.
     """
     import shapely
 
     left, low, right, high = ground.bounds
     wide, tall = right - left, high - low
-    size = f"it spans {wide:.0f} x {tall:.0f} m"
-    if math.hypot(wide, tall) / spacing > _MOST_LEGS:
+    size = f"the ground spans {wide:.0f} x {tall:.0f} m"
+    if math.hypot(wide, tall) / spacing > _MAX_LEGS:
         raise GroundError(
-            f"{size}, which is too large for legs {spacing:.2f} m apart: divide it into smaller zones"
+            f"{size}, which is too large for legs {spacing:.2f} m apart: divide the ground into smaller zones"
         )
-    if wide * tall / cell_m**2 > _MOST_CELLS:
+    if wide * tall / cell_m**2 > _MAX_CELLS:
         raise GroundError(
-            f"{size}, which has too many map cells of {cell_m:g} m: divide it into smaller zones"
+            f"{size}, which has too many map cells of {cell_m:g} m: divide the ground into smaller zones"
         )
     reach = shapely.hausdorff_distance(shapely.Point(here), ground)
-    if pattern == "expanding_square" and (2.0 * reach / spacing) ** 2 > _MOST_STOPS:
+    if pattern == "expanding_square" and (2.0 * reach / spacing) ** 2 > _MAX_STOPS:
         raise GroundError(
-            f"it extends {reach:.0f} m from the zone's pose: move the pose inside, or divide it"
+            f"the ground extends {reach:.0f} m from the zone's pose: move the pose inside the ground, or divide the zone"
         )
 
 
 def _blocked_ground(ground: "BaseGeometry", obstacles: "ObstacleMap", clearance: float) -> "BaseGeometry":
-    """Return the blocked part of the ground and its surroundings within the clearance."""
+    """Return the area closer than the clearance to a blocked cell in or near the ground."""
     import numpy as np
     import shapely
 
@@ -118,7 +125,7 @@ def _blocked_ground(ground: "BaseGeometry", obstacles: "ObstacleMap", clearance:
 
 
 def _runs(rows: Sequence[int], columns: Sequence[int]) -> Iterator[tuple[int, int, int]]:
-    """Yield the row, first and last column of each run of adjacent cells."""
+    """Yield the row, the first column and the last column of each run of adjacent cells in a row."""
     cells = zip(rows, columns, strict=True)
     for _, run in itertools.groupby(enumerate(cells), lambda each: (each[1][0], each[1][1] - each[0])):
         (row, first), *rest = (cell for _, cell in run)
@@ -126,7 +133,7 @@ def _runs(rows: Sequence[int], columns: Sequence[int]) -> Iterator[tuple[int, in
 
 
 def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_long_side: bool) -> list[_Point]:
-    """Return the stops on parallel legs over free ground."""
+    """Return the stops on parallel legs over the ground without obstacles, in the order of the sweep."""
     import shapely
 
     if not free.area:
@@ -134,13 +141,15 @@ def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_lon
     angle = _long_side(free) + (0.0 if along_long_side else math.pi / 2)
     turned = shapely.affinity.rotate(free, -angle, origin=(0.0, 0.0), use_radians=True)
     parts = _legs(turned, spacing)
-    # Ground behind a wall can be between two legs.
+    # A separate part of the ground, such as a strip behind a wall, may be between two legs. Such a part gets legs of its own.
     apart = [piece for piece in shapely.get_parts(turned) if piece.area > (spacing / 2) ** 2]
     for piece in apart:
         if not any(shapely.intersects_xy(piece, *stop) for part in parts for stop in part):
             parts += _legs(piece, spacing)
-    if len(parts) > MOST_PIECES:
-        raise GroundError(f"it has {len(parts)} pieces of legs, more than {MOST_PIECES}: divide it")
+    if len(parts) > MAX_PIECES:
+        raise GroundError(
+            f"obstacles cut the legs into {len(parts)} pieces, more than {MAX_PIECES}: divide the zone"
+        )
     start = shapely.affinity.rotate(shapely.Point(here), -angle, origin=(0.0, 0.0), use_radians=True)
     path = shapely.MultiPoint(_nearest_first(parts, (start.x, start.y))) if parts else shapely.MultiPoint()
     back = shapely.affinity.rotate(path, angle, origin=(0.0, 0.0), use_radians=True)
@@ -148,7 +157,7 @@ def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_lon
 
 
 def _legs(ground: "BaseGeometry", spacing: float) -> list[list[_Point]]:
-    """Return the stops on legs along x over ground, grouped by pieces of legs."""
+    """Return the stops on legs along the x axis over a ground, as a list for each uninterrupted piece of a leg."""
     import shapely
 
     left, low, right, high = ground.bounds
@@ -159,7 +168,7 @@ def _legs(ground: "BaseGeometry", spacing: float) -> list[list[_Point]]:
 
 
 def _long_side(free: "BaseGeometry") -> float:
-    """Return the direction of the longer side of the smallest enclosing rectangle, radians; along x if both are equal."""
+    """Return the direction of the longer side of the smallest enclosing rectangle, radians; of a square, the side closer to the x axis."""
     import shapely
 
     a, b, c = shapely.get_coordinates(free.minimum_rotated_rectangle)[:3].tolist()
@@ -190,7 +199,7 @@ def _nearest_first(parts: Sequence[list[_Point]], here: _Point) -> list[_Point]:
         end = path[-1] if path else here
         part, is_reversed = min(
             ((part, turned) for part in left for turned in (False, True)),
-            key=lambda way: math.dist(end, way[0][-1 if way[1] else 0]),
+            key=lambda choice: math.dist(end, choice[0][-1 if choice[1] else 0]),
         )
         left.remove(part)
         path += part[::-1] if is_reversed else part
@@ -198,7 +207,7 @@ def _nearest_first(parts: Sequence[list[_Point]], here: _Point) -> list[_Point]:
 
 
 def _square(spacing: float, reach: float) -> Iterator[_Point]:
-    """Yield the stops of an expanding square around (0, 0): legs of S, S, 2 S, 2 S, 3 S and so on."""
+    """Yield the stops of an expanding square around (0, 0), whose legs have the lengths S, S, 2 S, 2 S, 3 S and so on for a spacing S."""
     x = y = 0.0
     yield x, y
     for leg in itertools.count():
@@ -212,7 +221,7 @@ def _square(spacing: float, reach: float) -> Iterator[_Point]:
 
 
 def _sectors(spacing: float, reach: float) -> Iterator[_Point]:
-    """Yield the stops of a sector search around (0, 0)."""
+    """Yield the stops of a sector search around (0, 0), which consists of three diameters."""
     count = max(1, math.ceil(reach / spacing))
     out, across = range(1, count + 1), [at for at in range(count, -count - 1, -1) if at]
     yield 0.0, 0.0
@@ -224,7 +233,7 @@ def _sectors(spacing: float, reach: float) -> Iterator[_Point]:
 
 
 def _poses_towards_next(stops: Sequence[_Point]) -> list[MapPose]:
-    """Return stops as poses that face the next stop; the last pose keeps the previous direction."""
+    """Return the poses of stops. Each pose faces the next stop, and the last pose has the direction of the pose before."""
     poses, yaw = list[MapPose](), 0.0
     for at, (x, y) in enumerate(stops):
         if at + 1 < len(stops):

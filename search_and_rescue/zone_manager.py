@@ -1,4 +1,4 @@
-"""The plan of the mission: the remaining zones, the base station, the geofence, and the names assigned to survivors."""
+"""The plan of the mission: the zones and their probabilities, the base station, the geofence, and new survivor names."""
 
 import itertools
 import math
@@ -25,30 +25,30 @@ if TYPE_CHECKING:
     from search_and_rescue.search_theory import Ground
 
 _GEOFENCE = "geofence"
-_LEAST_CORNERS = 3
+_MIN_CORNERS = 3
 _POINT = ("x", "y")
 
 DETOUR = 1.5
-"""Ratio of path length to straight line, assumed for paths without a plan."""
+"""Assumed ratio of path length to straight line, for pairs of poses without a planned path."""
 SAME_M = 0.1
-"""Distance below which two zones are at the same position, metres."""
-_LARGEST_RATIO, _MOST_TOGETHER = 1000.0, 1e9
-MOST_PLANNED = 30
-"""Largest number of zones for which one choice asks the planner: 30 zones have 495 paths."""
-_SHORTEST_SEC = 1e-3
+"""Distance below which two positions are regarded as the same, metres."""
+_MAX_RATIO, _MAX_PRODUCT = 1000.0, 1e9
+MAX_PLANNED = 30
+"""Maximum number of zones for which the planner is queried before one choice; 30 zones have 495 paths."""
+_MIN_SEC = 1e-3
 VisitingOrder = Literal["listed", "nearest", "expected_find"]
-"""Rule for choosing the next zone."""
+"""The rules by which `ChooseZone` can order the zones."""
 MAP_FRAME = "map"
-"""The frame of every position that the mission sends or receives."""
+"""The TF frame of every position that the mission sends or receives."""
 
 
 def is_ratio(value: float) -> bool:
-    """Return whether a likelihood ratio is plausible: 0.001 to 1000."""
-    return 1.0 / _LARGEST_RATIO <= value <= _LARGEST_RATIO
+    """Return whether a likelihood ratio of a hint is in the allowed range from 0.001 to 1000."""
+    return 1.0 / _MAX_RATIO <= value <= _MAX_RATIO
 
 
 class MapPose(TypedDict):
-    """A pose in the frame `map`: metres, and radians counterclockwise from the x axis."""
+    """A pose in the frame `map`: `x` and `y` in metres, and `yaw` in radians counterclockwise from the x axis."""
 
     x: float
     y: float
@@ -56,13 +56,13 @@ class MapPose(TypedDict):
 
 
 class Zone(MapPose):
-    """A zone to search, with its name."""
+    """A zone to search: the pose from which the robot searches, and the zone's ID."""
 
     id: str
 
 
 PosePair = tuple[MapPose, MapPose]
-"""Start and target of a path."""
+"""The start and the target of a path."""
 
 
 def _preview() -> "ZoneManager":
@@ -71,28 +71,28 @@ def _preview() -> "ZoneManager":
 
 @mission_context(preview=_preview)
 class ZoneManager:
-    """The zones of one mission in the order of their visits, shared by all of its leaves.
+    """The plan of one mission, shared by all leaves of the mission: the zones in the order of the visits.
 
-    It stores and returns copies, so that callers cannot change the plan by accident. Each change is recorded as an event, and the event
-    updates the plan (`apply`), both now and when a later run resumes.
+    The plan stores and returns copies, so that callers cannot change the plan by accident. Each change is recorded as an event, and the event
+    updates the plan (`apply`), both immediately and when a later run resumes.
 
     Args:
         zones: The zones, each with `id`, `x`, `y` (metres) and `yaw` (radians) in the frame `map`.
-        base_station: The pose to return to: `x`, `y` (metres), `yaw` (radians).
-        areas: Expectations of a search in each zone, by ID; empty without probabilities.
-        priorities: Priority of zones by ID: higher ones are chosen first; default 0.
+        base_station: The pose of the base station: `x`, `y` (metres) and `yaw` (radians) in the frame `map`.
+        areas: The probabilities and the search duration of each zone, by ID; empty without probabilities.
+        priorities: The priorities of zones by ID; zones with a higher priority are chosen first. The default is 0.
         speed_mps: The robot's speed for estimates of time, m/s.
         charging: The poses of charging places other than the base station, by ID.
 
     Attributes:
-        charging: The poses of charging places.
-        journal: Records the zones' events: `zone_added`, `area_drawn`, `zone_chosen`, `zone_visited`, `zone_postponed`,
-                `zone_abandoned`.
-        areas: Expectations of a search in each zone.
+        charging: The poses of charging places other than the base station, by ID.
+        journal: Records the events of zones: `zone_added`, `area_drawn`, `zone_chosen`, `hint_given`, `zone_visited`, `zone_postponed`,
+            `zone_abandoned`.
+        areas: The probabilities and the search duration of each zone, by ID.
         speed_mps: The robot's speed for estimates of time, m/s.
-        looks: Number of searches of each zone. A sweep enters by its coverage instead; a search with a rejected detection does not count.
-        swept: Probability that the sweep of each zone detected a person who is there, 0 to 1.
-        hints: Likelihood ratio of all hints on a zone: presence over absence.
+        looks: Number of searches of each zone, without searches whose detection was rejected. Swept zones have `swept` instead.
+        swept: Probability that the sweeps of each zone have detected a person in the zone, 0 to 1.
+        hints: Likelihood ratio (presence to absence) of all hints on each zone.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class ZoneManager:
         self.charging = deepcopy(dict(charging or {}))
         self.areas = dict(areas or {})
         self.looks: Counter[str] = Counter()
-        # For searches with a detection: the zone, by position and by the survivor's name; and the rejected detections.
+        # The zones of searches with a detection, by the position and by the name of the survivor, and the names of rejected detections.
         self._found_at: dict[tuple[float, float], str] = {}
         self._found_in: dict[str, str] = {}
         self._rejected: set[str] = set()
@@ -125,10 +125,10 @@ class ZoneManager:
         self._survivors = 0
         self._postponed: Counter[str] = Counter()
         self._abandoned: list[Zone] = []
-        self._ways: dict[frozenset[tuple[float, float]], float] = {}
+        self._path_lengths: dict[frozenset[tuple[float, float]], float] = {}
 
     def current_zone(self) -> Zone:
-        """Return the zone to search now.
+        """Return the current zone, which is the first zone left to visit.
 
         Raises:
             IndexError: If every zone is visited.
@@ -138,26 +138,26 @@ class ZoneManager:
         return deepcopy(self._zones[self._index])
 
     def has_remaining(self) -> bool:
-        """Return whether a zone is left to visit (including the current one)."""
+        """Return whether a zone is left to visit, including the current zone."""
         return self._index < len(self._zones)
 
     def remaining_zones(self) -> list[Zone]:
-        """Return the zones left to visit, the current one first."""
+        """Return the zones left to visit; the current zone is first."""
         return [zone.copy() for zone in self._zones[self._index :]]
 
     def has_zone(self, zone_id: str) -> bool:
-        """Return whether a zone of this name exists or existed."""
+        """Return whether the mission has or had a zone with this ID, including visited and abandoned zones."""
         return any(zone["id"] == zone_id for zone in (*self._zones, *self._abandoned))
 
     def eligible_zones(self) -> list[Zone]:
-        """Return the candidates for the next zone: of the least postponed zones, those with the highest priority.
+        """Return the candidates for the next zone: the zones with the highest priority among the least postponed zones.
 
-        A postponed zone is therefore repeated only when all others have been tried equally often. The current zone is first.
+        A postponed zone is therefore repeated only after all other zones have been tried equally often. The order is that of the plan.
         """
         return next(iter(self.zones_by_urgency()), [])
 
     def zones_by_urgency(self) -> list[list[Zone]]:
-        """Return the remaining zones in groups of decreasing urgency."""
+        """Return the remaining zones in groups: less often postponed zones first, and among these, higher priorities first."""
         groups: defaultdict[tuple[int, float], list[Zone]] = defaultdict(list)
         for zone in self.remaining_zones():
             groups[self._urgency(zone)].append(zone)
@@ -167,47 +167,47 @@ class ZoneManager:
         return self._postponed[zone["id"]], -self._priorities.get(zone["id"], 0.0)
 
     def choose_zone(self, zone_id: str) -> None:
-        """Choose the current zone; the other zones keep their order."""
+        """Make a zone the current zone; the other zones keep their order."""
         self.journal.record_event(search_events.ZONE_CHOSEN, zone=zone_id)
 
     def poa_map(self) -> PoaMap:
-        """Return the probabilities after the searches so far; without areas if no probabilities are given."""
+        """Return the probabilities of the zones after the searches so far; empty if the zones have no probabilities."""
         return PoaMap.from_areas(self.areas, self.looks, self.swept, self.hints)
 
     def hint(self, zone_id: str, ratio: float) -> None:
-        """Record a hint on a zone as a likelihood ratio."""
+        """Record a hint on a zone, as the likelihood ratio of presence to absence."""
         self.journal.record_event(search_events.HINT_GIVEN, zone=zone_id, ratio=ratio)
 
     def nearest(self, x: float, y: float, among: Collection[str] = ()) -> str:
-        """Return the zone with probabilities whose pose is nearest to a position; empty if there is none.
+        """Return the ID of the zone with probabilities whose pose is nearest to a position; empty if there is none.
 
         Args:
-            x: Metres, frame `map`.
-            y: Metres, frame `map`.
-            among: The candidates; empty for all zones.
+            x: The x coordinate of the position, metres, frame `map`.
+            y: The y coordinate of the position, metres, frame `map`.
+            among: The IDs of the zones to consider; empty for all zones.
         """
         names = self.areas.keys() & (among or self.areas)
         zones = (zone for zone in (*self._zones, *self._abandoned) if zone["id"] in names)
-        place = (x, y)
-        return min(zones, key=lambda zone: math.dist((zone["x"], zone["y"]), place), default={"id": ""})["id"]
+        point = (x, y)
+        return min(zones, key=lambda zone: math.dist((zone["x"], zone["y"]), point), default={"id": ""})["id"]
 
     def zone_at(self, x: float, y: float) -> str | None:
-        """Return the remaining zone whose pose is at a position (metres, frame `map`); None if there is none."""
-        here = (
+        """Return the ID of the remaining zone whose pose is at a position (metres, frame `map`); None if there is none."""
+        found = (
             zone["id"]
             for zone in self.remaining_zones()
             if math.dist((zone["x"], zone["y"]), (x, y)) < SAME_M
         )
-        return next(here, None)
+        return next(found, None)
 
     def tour(self, zones: Sequence[Zone], start: MapPose | None = None) -> TourInputs:
-        """Return the inputs for ordering the given zones: travel times, durations and probabilities.
+        """Return the inputs for choosing the order of zones: travel times, search durations and probabilities of detection.
 
-        Without probabilities all zones have equal weight, and searches take no time.
+        Zones without probabilities have the duration 0 and the probability 0.
 
         Args:
             zones: The zones.
-            start: The start; if None, the pose of the last search, or the base station.
+            start: The start of the tour; None for `last_pose`.
         """
         return TourInputs(
             [self._travel_sec(start or self._here, zone) for zone in zones],
@@ -216,15 +216,15 @@ class ZoneManager:
         )
 
     def _durations_and_probabilities(self, zones: Sequence[Zone]) -> tuple[list[float], list[float]]:
-        """Return the duration of a search in each zone, seconds, and the probability of a detection."""
+        """Return, for each zone, the duration of a search in seconds, and the probability that the search detects the person."""
         now = self.poa_map().current_probabilities()
         areas = [self.areas.get(zone["id"], SearchExpectation(0.0, 0.0)) for zone in zones]
         finds = [now.get(zone["id"], 0.0) * area.pod for zone, area in zip(zones, areas, strict=True)]
         return [area.look_sec for area in areas], finds
 
     def _travels_sec(self, zones: Sequence[Zone]) -> "npt.NDArray[np.float64]":
-        """Return the travel time from each zone (row) to each other, seconds; 1,000 zones have a million paths."""
-        # A laptop that verifies trees needs no NumPy.
+        """Return the travel time from each zone (row) to each zone (column), seconds; 1,000 zones have a million paths."""
+        # Import NumPy only for this computation, because the verification of trees does not need NumPy.
         import numpy as np
 
         at = defaultdict[tuple[float, float], list[int]](list)
@@ -232,7 +232,7 @@ class ZoneManager:
             at[zone["x"], zone["y"]].append(number)
         places = np.array([(zone["x"], zone["y"]) for zone in zones], dtype=float).reshape(-1, 2)
         metres = DETOUR * np.hypot(*(places[:, None] - places[None]).T)
-        for ends, length in self._ways.items():
+        for ends, length in self._path_lengths.items():
             if ends <= at.keys():
                 one, other = (at[end] for end in (min(ends), max(ends)))
                 metres[np.ix_(one, other)] = metres[np.ix_(other, one)] = length
@@ -240,48 +240,48 @@ class ZoneManager:
         return seconds
 
     def zones_to_plan(self, zones: Sequence[Zone]) -> list[Zone]:
-        """Return the zones whose paths are requested from a planner, in order; at most `MOST_PLANNED`.
+        """Return the zones for which paths are requested from a planner, at most `MAX_PLANNED`, in the order of `zones`.
 
-        Of more zones, those with the highest probability per second of drive and search are returned; without probabilities, the nearest.
+        Of more zones, those with the highest probability per second of drive and search are chosen; without probabilities, the nearest zones.
         """
         looks, finds = self._durations_and_probabilities(zones)
         if not any(finds):
             finds = [1.0] * len(zones)
         seconds = [self._travel_sec(self._here, zone) + look for zone, look in zip(zones, looks, strict=True)]
-        ranked = sorted(range(len(zones)), key=lambda at: -finds[at] / max(seconds[at], _SHORTEST_SEC))
-        return [zones[at] for at in sorted(ranked[:MOST_PLANNED])]
+        ranked = sorted(range(len(zones)), key=lambda at: -finds[at] / max(seconds[at], _MIN_SEC))
+        return [zones[at] for at in sorted(ranked[:MAX_PLANNED])]
 
     def required_paths(self, zones: Sequence[MapPose], *, between: bool = True) -> list[PosePair]:
-        """Return the paths for ordering zones, returning home and charging, each in one direction.
+        """Return the pairs of poses whose path lengths are needed to order zones, return home and charge; each pair is listed in one direction only.
 
         Args:
-            zones: The zones, or pieces of a sweep. The number of paths between them grows with its square.
-            between: Whether to include paths from zone to zone, and not only those from the pose of the last search.
+            zones: The zones, or pieces of a sweep.
+            between: Whether to include the pairs of two zones, whose number grows with the square of the number of zones.
         """
         places = list(self.charging.values())
-        ways: list[PosePair] = [
+        pairs: list[PosePair] = [
             (start, zone) for start in (self._here, self._base_station, *places) for zone in zones
         ]
-        ways += [(self._here, place) for place in places]
-        ways += itertools.combinations(zones, 2) if between else ()
-        by_ends = {_ends(*way): way for way in ways}
-        return [way for ends, way in by_ends.items() if len(ends) > 1]
+        pairs += [(self._here, place) for place in places]
+        pairs += itertools.combinations(zones, 2) if between else ()
+        by_ends = {_ends(*pair): pair for pair in pairs}
+        return [pair for ends, pair in by_ends.items() if len(ends) > 1]
 
     def store_path_length(self, start: MapPose, target: MapPose, metres: float) -> None:
-        """Store a path's length from a planner, metres, for both directions."""
-        self._ways[_ends(start, target)] = metres
+        """Store the length of a planned path, metres, for both directions."""
+        self._path_lengths[_ends(start, target)] = metres
 
     def has_path_length(self, start: MapPose, target: MapPose) -> bool:
-        """Return whether a planner has provided the length of a path."""
-        return _ends(start, target) in self._ways
+        """Return whether the length of a planned path is stored for a pair of poses."""
+        return _ends(start, target) in self._path_lengths
 
     def path_length_m(self, start: MapPose, target: MapPose) -> float:
-        """Return the length of a path, metres: from the planner if known, otherwise the straight line times `DETOUR`."""
+        """Return the length of a path, metres: the planned length if stored, otherwise the straight line times `DETOUR`."""
         line = math.dist((start["x"], start["y"]), (target["x"], target["y"]))
-        return self._ways.get(_ends(start, target), DETOUR * line)
+        return self._path_lengths.get(_ends(start, target), DETOUR * line)
 
     def last_pose(self) -> MapPose:
-        """Return the pose of the last search, or the base station if the robot has been there since."""
+        """Return the pose of the last search, or of the base station or charging place if the robot has reached it since."""
         return deepcopy(self._here)
 
     def _travel_sec(self, start: MapPose, target: MapPose) -> float:
@@ -292,27 +292,27 @@ class ZoneManager:
         self.journal.record_event(search_events.ZONE_ADDED, **zone)
 
     def draw(self, zone: Zone, ground: "Ground", area: SearchExpectation | None) -> float:
-        """Add a zone with a polygon at the end of the plan, or change an existing one.
+        """Add a zone with a polygon at the end of the plan, or replace an existing zone.
 
         Args:
             zone: The zone.
-            ground: Its polygon, and the range of the sensor there.
-            area: Expectations of a search there; None without probabilities.
+            ground: The polygon of the zone, and the ranges of the sensor in the zone.
+            area: The probabilities and the duration of a search of the zone; None without probabilities.
 
         Returns:
-            The factor for the POA of the other zones: below 1 if the sum would otherwise exceed 1.
+            The factor by which the POA of every other zone is multiplied; below 1 if the sum of all POA would otherwise exceed 1.
         """
         before = math.fsum(each.poa for name, each in self.areas.items() if name != zone["id"])
         room = 1.0 - area.poa if area is not None else 1.0
         shrunk = room / before if before > room + ROUNDING else 1.0
-        places = [list(corner) for corner in ground.polygon]
+        polygon = [list(corner) for corner in ground.polygon]
         self.journal.record_event(
             search_events.AREA_DRAWN,
             zone=zone["id"],
             x=zone["x"],
             y=zone["y"],
             yaw=zone["yaw"],
-            polygon=places,
+            polygon=polygon,
             sweep_width=ground.sweep_width,
             detection_range=ground.detection_range,
             expected=list(area) if area is not None else None,
@@ -321,17 +321,17 @@ class ZoneManager:
         return shrunk
 
     def select_next_zone(self) -> None:
-        """Advance to the next zone; past the last zone, do nothing."""
+        """Record that the current zone was visited, so that the next zone becomes the current zone; do nothing if no zone is left."""
         if self.has_remaining():
             self.journal.record_event(search_events.ZONE_VISITED, zone=self._zones[self._index]["id"])
 
     def postpone(self) -> None:
-        """Move the current zone to the end of the plan; past the last zone, do nothing."""
+        """Move the current zone to the end of the plan; do nothing if no zone is left."""
         if self.has_remaining():
             self.journal.record_event(search_events.ZONE_POSTPONED, zone=self._zones[self._index]["id"])
 
     def times_postponed(self) -> int:
-        """Return how often the current zone was postponed.
+        """Return the number of times that the current zone was postponed.
 
         Raises:
             IndexError: If every zone is visited.
@@ -339,10 +339,10 @@ class ZoneManager:
         return self._postponed[self.current_zone()["id"]]
 
     def abandon(self, reason: str = "") -> None:
-        """Remove the current zone from the plan, unvisited; past the last zone, do nothing.
+        """Remove the current zone from the plan without a visit; do nothing if no zone is left.
 
         Args:
-            reason: Why it is abandoned without an attempt; empty if its attempts have failed.
+            reason: Why the zone is abandoned; empty if the attempts to search the zone have failed.
         """
         if self.has_remaining():
             zone_id, attempts = self._zones[self._index]["id"], self.times_postponed() + 1
@@ -359,21 +359,21 @@ class ZoneManager:
         return deepcopy(self._base_station)
 
     def next_survivor_id(self) -> str:
-        """Return a new name for a survivor, unique in this mission (`survivor_1`, `survivor_2`, …)."""
+        """Return a new survivor name, which is unique in this mission: `survivor_1`, `survivor_2` and so on."""
         self._survivors += 1
         self.journal.store_highest_number("survivor", self._survivors)
         return f"survivor_{self._survivors}"
 
     def current_index(self) -> int:
-        """Return the number of visited zones, which is the current zone's index."""
+        """Return the number of visited zones, which is the index of the current zone."""
         return self._index
 
     def total_zones(self) -> int:
-        """Return the number of the mission's zones, including abandoned ones."""
+        """Return the number of all zones of the mission, including abandoned zones."""
         return len(self._zones) + len(self._abandoned)
 
     def apply(self, fact: JournalEntry) -> None:
-        """Update the plan from an event.
+        """Update the plan from an event; events of other kinds are ignored.
 
         Raises:
             LookupError, TypeError or ValueError: If the event contradicts the current state.
@@ -384,7 +384,7 @@ class ZoneManager:
     def _on_zone_chosen(self, data: Mapping[str, Any]) -> None:
         left = [zone["id"] for zone in self.remaining_zones()]
         if data["zone"] not in left:
-            raise ValueError(f"{data['zone']} is not among the remaining zones at that time")
+            raise ValueError(f"{data['zone']} is not among the remaining zones at the time of the event")
         self._zones.insert(self._index, self._zones.pop(self._index + left.index(data["zone"])))
 
     def _on_zone_searched(self, data: Mapping[str, Any]) -> None:
@@ -405,16 +405,16 @@ class ZoneManager:
         self._here = MapPose(x=x, y=y, yaw=yaw)
 
     def _on_piece_skipped(self, _: Mapping[str, Any]) -> None:
-        # The paths may have changed.
-        self._ways.clear()
+        # A skipped piece shows that the planned paths may be outdated.
+        self._path_lengths.clear()
 
     def _on_hint_given(self, data: Mapping[str, Any]) -> None:
         zone, ratio = data["zone"], float(data["ratio"])
         if zone not in self.areas or not is_ratio(ratio):
             raise ValueError(f"invalid hint on {zone}")
-        # A bound keeps many hints from growing into a number that absorbs all others.
-        together = self.hints.get(zone, 1.0) * ratio
-        self.hints[zone] = min(max(together, 1.0 / _MOST_TOGETHER), _MOST_TOGETHER)
+        # Bound the product, so that many hints cannot make all other probabilities vanish by rounding.
+        product = self.hints.get(zone, 1.0) * ratio
+        self.hints[zone] = min(max(product, 1.0 / _MAX_PRODUCT), _MAX_PRODUCT)
 
     def _on_base_reached(self, _: Mapping[str, Any]) -> None:
         self._here = self._base_station
@@ -433,7 +433,7 @@ class ZoneManager:
         if at is None:
             self._zones.append(zone)
         elif at < self._index:
-            raise ValueError(f"{name} is already visited at that time")
+            raise ValueError(f"{name} is already visited at the time of the event")
         else:
             self._zones[at] = zone
         if data["expected"] is None:
@@ -444,7 +444,7 @@ class ZoneManager:
 
     def _on_survivor_named(self, data: Mapping[str, Any]) -> None:
         number = data["survivor"].rpartition("_")[2]
-        # A user's leaf may assign other names.
+        # Leaves of users may assign names that are not of the form `survivor_1`.
         self._survivors = max(self._survivors, int(number) if number.isdecimal() else 0)
         if zone := self._found_at.get(position(data["x"], data["y"])):
             self._found_in[data["survivor"]] = zone
@@ -452,7 +452,7 @@ class ZoneManager:
     def _on_survivor_judged(self, data: Mapping[str, Any]) -> None:
         name = data["survivor"]
         is_rejected = data["standing"] == "rejected"
-        # The search ended with a false detection, so it does not show whether another person is there.
+        # A search that ended with a false detection does not show whether a person is in the zone, so the search does not count.
         if name in self._found_in and is_rejected != (name in self._rejected):
             self.looks[self._found_in[name]] += -1 if is_rejected else 1
             self._rejected ^= {name}
@@ -468,7 +468,7 @@ class ZoneManager:
         self._check_current(data["zone"])
         self._zones.append(self._zones.pop(self._index))
         self._postponed[data["zone"]] += 1
-        self._ways.clear()
+        self._path_lengths.clear()
 
     def _on_zone_abandoned(self, data: Mapping[str, Any]) -> None:
         self._check_current(data["zone"])
@@ -476,9 +476,9 @@ class ZoneManager:
 
     def _check_current(self, zone_id: str) -> None:
         if zone_id != (current := self.current_zone()["id"]):
-            raise ValueError(f"the current zone at that time is {current}")
+            raise ValueError(f"the current zone at the time of the event is {current}")
 
-    # Other kinds do not change the plan.
+    # Events of other kinds do not change the plan.
     _HANDLERS: ClassVar[Mapping[str, Callable[["ZoneManager", Mapping[str, Any]], None]]] = {
         search_events.ZONE_CHOSEN: _on_zone_chosen,
         search_events.ZONE_SEARCHED: _on_zone_searched,
@@ -500,45 +500,45 @@ class ZoneManager:
 
 
 def _ends(start: MapPose, target: MapPose) -> frozenset[tuple[float, float]]:
-    """Return a key that is equal for both directions of a path."""
+    """Return the key of a pair of poses in the stored path lengths; the key is the same for both directions."""
     return frozenset({(start["x"], start["y"]), (target["x"], target["y"])})
 
 
 @mission_context
 class Geofence:
-    """A polygon in the frame `map`.
+    """The geofence of a mission: a polygon in the frame `map`.
 
     Args:
-        corners: Its corners in order, x and y in metres; empty for no fence, which allows every position.
+        corners: The corners in order, x and y in metres; empty if there is no geofence, so that every position is inside.
     """
 
     def __init__(self, corners: Sequence[tuple[float, float]] = ()) -> None:
         self.corners = tuple(corners)
 
     def __bool__(self) -> bool:
-        """Return whether the fence has corners."""
+        """Return whether there is a geofence."""
         return bool(self.corners)
 
     def contains(self, x: float, y: float) -> bool:
-        """Return whether a position is inside; without a fence always True.
+        """Return whether a position is inside the geofence; without a geofence, return True.
 
         Args:
-            x: Metres, frame `map`.
-            y: Metres, frame `map`.
+            x: The x coordinate of the position, metres, frame `map`.
+            y: The y coordinate of the position, metres, frame `map`.
         """
         inside = not self.corners
         for (ax, ay), (bx, by) in itertools.pairwise((*self.corners, *self.corners[:1])):
-            # A ray to the right crosses the boundary an odd number of times from inside.
+            # A ray from an inside position to the right crosses the boundary an odd number of times.
             if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
                 inside = not inside
         return inside
 
 
 def read_fence(reader: ParameterReader) -> Geofence:
-    """Read the parameter `geofence`: `[x1, y1, x2, y2, x3, y3, …]`; without it there is no fence."""
+    """Read the parameter `geofence`, `[x1, y1, x2, y2, x3, y3, …]`; without the parameter, return a geofence without corners."""
     numbers = reader.numbers(_GEOFENCE)
     corners = list(zip(numbers[::2], numbers[1::2], strict=False))
-    if numbers and (len(numbers) % 2 or len(corners) < _LEAST_CORNERS):
+    if numbers and (len(numbers) % 2 or len(corners) < _MIN_CORNERS):
         text = f"must contain x and y of three or more corners, [x1, y1, x2, y2, x3, y3], but contains {len(numbers)} numbers"
         reader.report_error(_GEOFENCE, text)
         return Geofence()
@@ -548,13 +548,13 @@ def read_fence(reader: ParameterReader) -> Geofence:
 def read_survivors(
     parameters: Mapping[str, object], default: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Read the survivors' positions by zone from `survivors.<zone>.{x,y}`.
+    """Read the positions of survivors from the parameters `survivors.<zone>.{x,y}`; if there are none, return the default.
 
     Returns:
-        The positions in metres in the frame `map`.
+        The positions by zone, metres, frame `map`.
 
     Raises:
-        ParameterError: If there are errors; lists all of them.
+        ParameterError: If any of these parameters is invalid; the exception lists all errors.
     """
     reader = ParameterReader(parameters)
     points = {

@@ -1,11 +1,12 @@
-"""Choose the order of searches that minimises the expected time to the first detection.
+"""Orders of searches that minimise the expected time to the first detection.
 
-The cost of an order is Σ over its searches of (time until the search ends) · (probability that it makes the first detection). This equals
-Σ over its steps of (time of the step) · (probability of a detection in it or later). So the cost of a step depends only on the set of areas
-before it and on the last of them. Dynamic programming over subsets is therefore exact (Held and Karp's, with another cost).
+The cost of an order is the sum over all searches of (end of the search) · (probability that the search makes the first detection). This equals
+the sum over all steps of (duration of the step) · (probability of a detection in this step or later). A step is the drive to an area and the
+search of the area. The cost of a step depends only on the previous area and on the set of areas searched before. Dynamic programming over
+subsets is therefore exact (the algorithm of Held and Karp, with another cost).
 
-Its time and memory grow as 2^n, those of a beam search as n³, and those of the index rule (probability per second) as n². The
-number of areas decides which of them is used. Any number of areas in a parameter file is ordered within 2 s and 200 MB.
+For n areas, time and memory of the dynamic programming grow as 2^n, of a beam search as n³, and of the greedy rule (probability per second)
+as n². The number of areas determines the algorithm, so that ordering any valid number of areas takes at most 2 s and 200 MB.
 """
 
 import itertools
@@ -18,20 +19,21 @@ from search_and_rescue.search_theory import TourInputs
 from search_and_rescue.zone_manager import VisitingOrder
 
 EXACT_UP_TO = 14
-"""Largest number of areas that are ordered exactly; more are ordered by a beam search."""
+"""Maximum number of areas that are ordered exactly; more areas are ordered by a beam search."""
 BEAM_UP_TO = 50
-"""Largest number of areas that are ordered by a beam search; more are ordered by the index rule."""
+"""Maximum number of areas that are ordered by a beam search; more areas are ordered by the greedy rule."""
 
 _BEAM_WIDTH = 400
-# Each pass visits all areas; after some ten passes hardly any area still moves.
-_MOST_PASSES = 20
-_FEWEST_FINDS = 1e-9
+# Maximum number of passes over all areas; after about ten passes, hardly any move still improves the order.
+_MAX_PASSES = 20
+# Relative cost difference, and share of the total probability, that is regarded as 0.
+_NEGLIGIBLE = 1e-9
 
 _Durations = npt.NDArray[np.float64]
 
 
 def order_areas(order: VisitingOrder, tour: TourInputs) -> list[int]:
-    """Return the area indices sorted by a visiting strategy."""
+    """Return the indices of the areas in a visiting order, which is approximate for more than `EXACT_UP_TO` areas."""
     count = len(tour.finds)
     if order == "listed" or count < 1:
         return list(range(count))
@@ -43,7 +45,7 @@ def order_areas(order: VisitingOrder, tour: TourInputs) -> list[int]:
 
 
 def approximation(count: int) -> str:
-    """Return the name of the approximation for a number of areas; empty for an exact order."""
+    """Return the name of the approximation that is used for a number of areas; empty if the order is exact."""
     if count <= EXACT_UP_TO:
         return ""
     return "a beam search" if count <= BEAM_UP_TO else "probability per second"
@@ -52,14 +54,14 @@ def approximation(count: int) -> str:
 def _nearest(tour: TourInputs) -> list[int]:
     left, order = set(range(len(tour.finds))), list[int]()
     while left:
-        ways = tour.between[order[-1]] if order else tour.from_start
-        order.append(min(left, key=lambda area: (ways[area], area)))
+        times = tour.between[order[-1]] if order else tour.from_start
+        order.append(min(left, key=lambda area: (times[area], area)))
         left.remove(order[-1])
     return order
 
 
 def optimal_order(tour: TourInputs) -> list[int]:
-    """Return the optimal order, by dynamic programming; each additional area doubles time and memory."""
+    """Return the optimal order, computed by dynamic programming; each additional area doubles time and memory."""
     start, between, weights = _steps(tour)
     count = len(weights)
     sets = np.arange(1 << count)
@@ -73,9 +75,9 @@ def optimal_order(tour: TourInputs) -> list[int]:
         layer = sets[sizes == size]
         for area in range(count):
             free = layer[has[layer, area] == 0]
-            ways = costs[free] + between[:, area] * left[free, None]
-            last = ways.argmin(axis=1)
-            costs[free | 1 << area, area] = ways[np.arange(len(free)), last]
+            extended = costs[free] + between[:, area] * left[free, None]
+            last = extended.argmin(axis=1)
+            costs[free | 1 << area, area] = extended[np.arange(len(free)), last]
             before[free | 1 << area, area] = last
     done, order = (1 << count) - 1, [int(costs[-1].argmin())]
     for _ in range(count - 1):
@@ -85,42 +87,42 @@ def optimal_order(tour: TourInputs) -> list[int]:
 
 
 def beam(tour: TourInputs, width: int = _BEAM_WIDTH) -> list[int]:
-    """Return a good order: the best result of a beam search over partial orders, then improved.
+    """Return a good order, found by a beam search over partial orders and improved by local search.
 
     Args:
-        tour: The inputs.
-        width: Number of partial orders kept of each length.
+        tour: Travel times, search durations and probabilities.
+        width: Maximum number of partial orders of each length that are extended.
     """
     start, between, weights = _steps(tour)
     count = len(weights)
-    # Lower bound for the rest of an order: the least time of each area, in descending order of probability per second.
+    # Lower bound for the rest of an order: each area takes its minimum time, in descending order of probability per second.
     least = np.minimum(start, np.where(np.eye(count, dtype=bool), np.inf, between).min(axis=0))
     ranked = np.argsort(least / weights)
     orders = np.arange(count)[:, None]
     costs, left = start * weights.sum(), weights.sum() - weights
     has = np.eye(count, dtype=bool)
     for _ in range(count - 1):
-        ways = costs[:, None] + between[orders[:, -1]] * left[:, None]
+        extended = costs[:, None] + between[orders[:, -1]] * left[:, None]
         rows, areas = np.nonzero(~has)
-        costs, left = ways[rows, areas], left[rows] - weights[areas]
+        costs, left = extended[rows, areas], left[rows] - weights[areas]
         orders, has = np.column_stack([orders[rows], areas]), has[rows]
         has[np.arange(len(areas)), areas] = True
         open_weights = np.where(has[:, ranked], 0.0, weights[ranked])
         open_times = np.where(has[:, ranked], 0.0, least[ranked]).cumsum(axis=1)
         bounds = costs + (open_weights * open_times).sum(axis=1)
-        kept = _best_of_each(np.argsort(bounds, kind="stable"), np.column_stack([has, areas]), costs, width)
-        orders, costs, left, has = orders[kept], costs[kept], left[kept], has[kept]
+        chosen = _best_of_each(np.argsort(bounds, kind="stable"), np.column_stack([has, areas]), costs, width)
+        orders, costs, left, has = orders[chosen], costs[chosen], left[chosen], has[chosen]
     return _improve_locally(orders[int(costs.argmin())].tolist(), start, between, weights)
 
 
 def greedy_index_order(tour: TourInputs) -> list[int]:
-    """Return a good order of many areas, found by a greedy rule and improved by moves.
+    """Return a good order of many areas, found by a greedy rule and improved by moves of single areas.
 
-    The rule always continues with the area of the highest probability per second of drive and search. It takes O(n²) time. A pass that moves
-    areas takes O(n²), too, because prefix sums of weights and times give the cost of a move without another pass over the order.
+    The greedy rule continues with the area that has the highest probability per second of drive and search. The rule takes O(n²) time. A pass
+    over the moves of all areas also takes O(n²), because prefix sums of weights and times give the cost of each move in constant time.
 
     Args:
-        tour: The inputs.
+        tour: Travel times, search durations and probabilities.
     """
     start, between, weights = _steps(tour)
     left, order, steps = np.ones(len(weights), dtype=bool), list[int](), start
@@ -136,13 +138,13 @@ def greedy_index_order(tour: TourInputs) -> list[int]:
 def _improve_order(
     order: list[int], start: _Durations, between: _Durations, weights: _Durations
 ) -> list[int]:
-    """Move each area of an order to its best position."""
-    for _ in range(_MOST_PASSES):
+    """Move each area of an order to the best position, until no move improves the order or the passes are used up."""
+    for _ in range(_MAX_PASSES):
         before = order
         for area in before:
             at = order.index(area)
             others = np.array(order[:at] + order[at + 1 :], dtype=np.intp)
-            # Position k is before others[k]; the last one is after all of them.
+            # Position k is before others[k], and the last position is after all others.
             into = np.concatenate([start[[area]], between[others, area]])
             on = np.append(between[area, others], 0.0)
             steps = np.concatenate([start[others[:1]], between[others[:-1], others[1:]]])
@@ -150,7 +152,7 @@ def _improve_order(
             after = np.append(weights[others][::-1].cumsum()[::-1], 0.0)
             costs = (ends + into) * weights[area] + (into + on - np.append(steps, 0.0)) * after
             best = int(costs.argmin())
-            if costs[best] < costs[at] - _FEWEST_FINDS * abs(costs[at]):
+            if costs[best] < costs[at] - _NEGLIGIBLE * abs(costs[at]):
                 order = [*others[:best].tolist(), area, *others[best:].tolist()]
         if order == before:
             break
@@ -160,23 +162,23 @@ def _improve_order(
 def _best_of_each(
     ranked: npt.NDArray[np.intp], states: npt.NDArray[np.intp], costs: _Durations, width: int
 ) -> list[int]:
-    """Return the cheapest of equivalent partial orders, which contain the same areas and end at the same one."""
-    kept: dict[bytes, int] = {}
+    """Return the indices of the first `width` partial orders; of orders with the same areas and the same last area, only the cheapest."""
+    best: dict[bytes, int] = {}
     for index in ranked:
         state = states[index].tobytes()
-        if state not in kept:
-            if len(kept) == width:
+        if state not in best:
+            if len(best) == width:
                 break
-            kept[state] = int(index)
-        elif costs[index] < costs[kept[state]]:
-            kept[state] = int(index)
-    return list(kept.values())
+            best[state] = int(index)
+        elif costs[index] < costs[best[state]]:
+            best[state] = int(index)
+    return list(best.values())
 
 
 def _improve_locally(
     order: list[int], start: _Durations, between: _Durations, weights: _Durations
 ) -> list[int]:
-    """Improve an order until no reversal of a part and no move of an area lowers its cost."""
+    """Improve an order until neither the reversal of a part nor the move of an area to another position lowers the cost."""
 
     def cost(order: Sequence[int]) -> float:
         steps = np.concatenate([start[list(order[:1])], between[list(order[:-1]), list(order[1:])]])
@@ -192,17 +194,17 @@ def _improve_locally(
             for change in [[*order[:first], *other, *order[last + 1 :]]]
         ]
         best = min(changed, key=cost, default=order)
-        if cost(best) >= least * (1.0 - _FEWEST_FINDS):
+        if cost(best) >= least * (1.0 - _NEGLIGIBLE):
             return order
         order, least = best, cost(best)
 
 
 def _steps(tour: TourInputs) -> tuple[_Durations, _Durations, _Durations]:
-    """Return travel times from the start and between areas (search time included), and detection weights.
+    """Return the durations of steps from the start and between areas, including the search, and the weight of each area.
 
-    Areas where detection is almost impossible have a small weight, so that the shorter path to them is preferred.
+    The weight is the probability of detection plus a small constant, so that shorter paths are preferred where detection is impossible.
     """
     looks = np.array(tour.looks, dtype=float)
     weights = np.array(tour.finds, dtype=float)
-    weights = weights + _FEWEST_FINDS * (weights.sum() or 1.0)
+    weights = weights + _NEGLIGIBLE * (weights.sum() or 1.0)
     return np.array(tour.from_start) + looks, np.array(tour.between) + looks, weights

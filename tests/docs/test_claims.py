@@ -286,7 +286,7 @@ def test_the_numbers_on_the_page_are_those_of_the_code():
             "a scenario, a world, a file of properties or a `sar.toml` {} MiB",
             opener.DOCUMENT.limit / mebibytes,
         ),
-        ("areas {} MiB", areas_file._MOST_BYTES / mebibytes),
+        ("areas {} MiB", areas_file._MAX_BYTES / mebibytes),
         ("the image of a map {} MiB", opener.IMAGE.limit / mebibytes),
         ("and {} million pixels", occupancy._MAX_CELLS / 1e6),
         ("{} values in a scenario", MAX_VALUES),

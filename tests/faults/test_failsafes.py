@@ -393,7 +393,7 @@ class TestFence:
             ros.spin_until(lambda: (robot.publish(message), leaf.update())[1] is status, f"{status} at {x}")
 
         comes_to(Status.FAILURE, 3.0)
-        assert record.alarm == "the robot, at (3.00, 1.00), is outside the geofence"
+        assert record.alarm == "the robot is at (3.00, 1.00), outside the geofence"
         comes_to(Status.SUCCESS, 1.0)
         comes_to(Status.FAILURE, float("nan"))
         assert record.alarm == "the last pose of the localisation is unusable: (nan, 1.0) is not a position"
@@ -424,7 +424,7 @@ class TestFence:
             return leaf.update() is Status.FAILURE
 
         ros.spin_until(is_told, "the alarm")
-        assert record.alarm == "the robot, at (2.10, 1.00), is outside the geofence"
+        assert record.alarm == "the robot is at (2.10, 1.00), outside the geofence"
 
 
 def fenced(ros: Any, record: MissionRecord) -> InsideFence:
@@ -688,7 +688,7 @@ def test_base_is_lost_when_it_was_away_for_longer_than_the_patience(ros: Any, re
     assert leaf.update() is Status.SUCCESS
     clock.advance(61.0)
     assert leaf.update() is Status.FAILURE
-    assert record.alarm == "base ('report_survivor') has been unreachable for 61 s"
+    assert record.alarm == "the base station ('report_survivor') has been unreachable for 61 s"
     leaf.shutdown()
 
 
@@ -740,6 +740,6 @@ def test_a_robot_that_leaves_its_fence_is_stopped_where_it_is(start: Any) -> Non
         "zone_order:=[zone_b]", "-p", "geofence:=[-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0]",
     )  # fmt: skip
     assert run.end() == 1, run.output
-    assert "is outside the geofence." in run.output
+    assert ", outside the geofence." in run.output
     assert "Navigating to base station..." not in run.log
     assert "  back at base:    no" in run.output

@@ -155,7 +155,7 @@ def test_a_mission_that_reads_a_file_lists_the_parameter_among_its_paths(tmp_pat
 
 
 def test_more_areas_than_anybody_searches_are_refused_before_they_are_understood(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="areas_file: has 10,001 areas: keep at most 10,000"):
+    with pytest.raises(ParameterError, match="areas_file: has 10,001 areas: write at most 10,000"):
         begun(tmp_path, [{"geometry": {"type": "Polygon"}}] * 10_001)
 
 
@@ -194,22 +194,22 @@ SWAPPED = [[corner[::-1] for corner in ring()]]
     [
         ("no json", {}, "areas_file: is not a valid GeoJSON file: "),
         ("[" * 100_000, {}, "areas_file: is not a valid GeoJSON file: "),
-        ("[]", {}, "areas_file: contains no GeoJSON polygons: write a FeatureCollection"),
-        ('{"features": [1]}', {}, "areas_file: contains no GeoJSON polygons"),
+        ("[]", {}, "areas_file: is not a GeoJSON FeatureCollection: export polygons"),
+        ('{"features": [1]}', {}, "areas_file: is not a GeoJSON FeatureCollection"),
         ([feature("")], {}, "areas_file: feature 1 needs a property `name` without a dot"),
         ([feature("a.b")], {}, "areas_file: feature 1 ('a.b') needs a property `name` without a dot"),
-        ([feature(), feature()], {}, "areas_file: feature 2 ('north') repeats the name of another feature"),
+        ([feature(), feature()], {}, "areas_file: feature 2 ('north') has the same name as another feature"),
         ([feature(kind="Point")], {}, "zone_order: is empty"),
         ([feature(rings=[[ring()], [ring()]], kind="MultiPolygon")], {}, "areas_file: feature 1 ('north') is a MultiPolygon: draw"),
         ([{**feature(), "properties": "none"}], {}, "areas_file: feature 1 needs a property `name` without a dot"),
-        ('{"crs": {"properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}, "features": []}', {}, "areas_file: uses the coordinates 'urn:ogc:def:crs:EPSG::25832': write WGS 84"),
+        ('{"crs": {"properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}, "features": []}', {}, "areas_file: uses the coordinate system 'urn:ogc:def:crs:EPSG::25832': export the file in WGS 84"),
         ([feature(rings=[5])], {}, "areas_file: feature 1 ('north') is a Polygon without corners"),
         ([feature(rings=[])], {}, "areas_file: feature 1 ('north') is a Polygon without corners"),
         ([feature(rings=[ring(), ring()])], {}, "areas_file: feature 1 ('north') has holes"),
-        ([feature(rings=[[[10, "a"], [1, 2]]])], {}, "areas_file: feature 1 ('north') has a corner that is no"),
-        ([feature(rings=[[[500, 10], [1, 2]]])], {}, "areas_file: feature 1 ('north') is not in degrees"),
-        ([feature(rings=SWAPPED)], {}, "areas_file: feature 1 ('north') is "),
-        ([feature()], {"georeference.lat": None}, "areas_file: is in degrees: add the map's georeference"),
+        ([feature(rings=[[[10, "a"], [1, 2]]])], {}, "areas_file: feature 1 ('north') has the corner [10, 'a']: write"),
+        ([feature(rings=[[[500, 10], [1, 2]]])], {}, "areas_file: feature 1 ('north') has corners that are not in degrees"),
+        ([feature(rings=SWAPPED)], {}, "areas_file: feature 1 ('north') has a corner "),
+        ([feature()], {"georeference.lat": None}, "areas_file: contains degrees, which need the georeference of the map"),
         ([feature()], {"areas_file": 3}, "areas_file: must be the path of a GeoJSON file, but is 3"),
         ([feature()], {"areas_file": "/nowhere/areas.geojson"}, "areas_file: /nowhere/areas.geojson cannot be read"),
         ([feature(poa=1.5)], {}, "zones.north.poa: must be a share from 0 to 1, but is 1.5"),
@@ -233,5 +233,5 @@ def test_a_corner_that_is_just_as_far_as_may_be_is_taken(
 
     inverse = Geod(ellps="WGS84").inv
     farthest = max(inverse(PLACE.lon, PLACE.lat, lon, lat)[2] for lon, lat in ring())
-    monkeypatch.setattr("search_and_rescue.areas_file._FARTHEST_M", farthest)
+    monkeypatch.setattr("search_and_rescue.areas_file._MAX_DISTANCE_M", farthest)
     assert list(begun(tmp_path, [feature()]).sweeps.grounds) == ["north"]

@@ -81,7 +81,7 @@ def test_without_such_a_parameter_nothing_is_shown_of_them() -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"dock__x": 2.0}, "charging.dock.y: is missing: add x and y of the charging place in metres"),
+        ({"dock__x": 2.0}, "charging.dock.y: is missing: add x and y of the charging place, in metres"),
         ({"dock__x": 2.0, "dock__y": "far"}, "charging.dock.y: must be a number"),
         ({"dock__x": 2.0, "dock__y": 1.0, "dock__z": 1.0}, "charging.dock.z: is unknown"),
         (

@@ -19,7 +19,7 @@ from search_and_rescue.plugin import MISSION
 from search_and_rescue.record import DetectionVerdict
 from search_and_rescue.search import Search
 from search_and_rescue.search_theory import Ground, PoaMap, SearchExpectation
-from search_and_rescue.zone_manager import MOST_PLANNED, MapPose, ZoneManager
+from search_and_rescue.zone_manager import MAX_PLANNED, MapPose, ZoneManager
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Host, Stage
@@ -86,7 +86,7 @@ def test_without_probabilities_there_is_no_map() -> None:
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"a__poa": 0.6}, "zones.a.poa: the zones' poa sum to 1.1: write 1 at most"),
+        ({"a__poa": 0.6}, "zones.a.poa: the poa of all zones sum to 1.1: the sum must be at most 1"),
         ({"a__poa": 1.5}, "zones.a.poa: must be a share from 0 to 1, but is 1.5"),
         ({"b__pod": -0.5}, "zones.b.pod: must be a share from 0 to 1, but is -0.5"),
         ({"b__poa": None}, "zones.b.poa: is missing"),
@@ -126,7 +126,7 @@ def test_the_chosen_zone_is_the_current_one_and_the_others_keep_their_order() ->
 def test_a_zone_that_is_not_left_cannot_be_chosen() -> None:
     zones = searching().zones
     zones.select_next_zone()
-    with pytest.raises(ValueError, match="a is not among the remaining zones at that time"):
+    with pytest.raises(ValueError, match="a is not among the remaining zones at the time of the event"):
         zones.choose_zone("a")
 
 
@@ -191,7 +191,7 @@ def test_other_probabilities_make_another_mission() -> None:
 def test_the_plan_is_told_before_the_flight_with_its_times_and_chances() -> None:
     # 3 m, 1 m and 1 m at 0.5 m/s are 9, 3 and 3 s with the detours; each look takes 5 s.
     assert searching().start_lines()[2:] == [
-        "By expected_find (18 s to the first detection, if there is one; paths are 1.5 times the straight line):",
+        "Order by expected_find (first detection, if any, after 18 s with paths of 1.5 times the straight line):",
         "  c: searched after 14 s, POS 30%",
         "  b: searched after 22 s, POS 40%",
         "  a: searched after 30 s, POS 45%",
@@ -244,16 +244,16 @@ def test_of_many_zones_the_planner_is_asked_for_those_that_reward_their_time_mos
     areas = {name: SearchExpectation(each, 0.9, 5.0) for name, each in poa.items()}
     manager = ZoneManager(zones, BASE, areas=areas)
     chosen = manager.zones_to_plan(manager.remaining_zones())
-    assert len(chosen) == MOST_PLANNED
+    assert len(chosen) == MAX_PLANNED
     assert chosen[-11:] == manager.remaining_zones()[-11:]
     # One of them is where the robot is.
-    assert len(manager.required_paths(chosen)) == math.comb(MOST_PLANNED, 2)
+    assert len(manager.required_paths(chosen)) == math.comb(MAX_PLANNED, 2)
     nearest = sorted(
         manager.remaining_zones(), key=lambda zone: math.dist((zone["x"], zone["y"]), (BASE["x"], BASE["y"]))
     )
     without = ZoneManager(zones, BASE)
     assert {zone["id"] for zone in without.zones_to_plan(without.remaining_zones())} == {
-        zone["id"] for zone in nearest[:MOST_PLANNED]
+        zone["id"] for zone in nearest[:MAX_PLANNED]
     }
 
 
@@ -261,7 +261,7 @@ def test_the_plan_of_many_zones_says_how_they_are_ordered_in_twenty_lines() -> N
     zones = many_zones(60, np.random.default_rng(6))
     areas = {zone["id"]: SearchExpectation(0.01, 0.9, 5.0) for zone in zones}
     head, *lines = Search(ZoneManager(zones, BASE, areas=areas)).start_lines()[2:]
-    assert head.endswith("; 60 zones are ordered by probability per second):")
+    assert head.startswith("Order by expected_find, approximated for 60 zones by probability per second (")
     assert len(lines) == 20
     assert lines[-2] == "  … 41 more zones …"
     assert lines[-1].endswith("POS 54%")
@@ -658,7 +658,7 @@ class TestAskingThePlanner:
         for _ in range(2):
             assert stage.run(leaf) is Status.SUCCESS
         assert stage.warnings == [
-            "'Choose': 1 of 6 paths estimated as 1.5 times the straight line: the planner returned no path: aborted (status 6), error code 208: there is no path to the goal."
+            "'Choose': 1 of 6 paths are estimated as 1.5 times the straight line: the planner returned no path: aborted (status 6), error code 208: there is no path to the goal."
         ]
         assert server.asked == [*self.NEEDED, (0.0, 3.0)]
         assert self.to_c(search.zones) == 4.5
@@ -666,7 +666,7 @@ class TestAskingThePlanner:
         assert stage.run(leaf) is Status.SUCCESS
         assert self.to_c(search.zones) == 3.0
         server.detour_m = {frozenset({0.0, 3.0}): None}
-        search.zones._ways.clear()
+        search.zones._path_lengths.clear()
         assert stage.run(leaf) is Status.SUCCESS
         assert stage.warnings[1:] == stage.warnings[:1]
 
@@ -682,7 +682,7 @@ class TestAskingThePlanner:
         server.accepts = False
         assert stage.run(self.take(stage, search, "nearest")) is Status.SUCCESS
         assert stage.warnings == [
-            "'Choose': 3 of 3 paths estimated as 1.5 times the straight line: the planner returned no path: it rejected the request."
+            "'Choose': 3 of 3 paths are estimated as 1.5 times the straight line: the planner returned no path: the request was rejected."
         ]
 
     def test_nobody_waits_for_a_planner_that_is_not_there_which_is_told_once(self, stage: "Stage") -> None:
@@ -693,7 +693,7 @@ class TestAskingThePlanner:
             assert leaf._choice
             assert stage.run(leaf) is Status.SUCCESS
         assert stage.warnings == [
-            "'Choose': 6 of 6 paths estimated as 1.5 times the straight line: no server offers compute_path_to_pose."
+            "'Choose': 6 of 6 paths are estimated as 1.5 times the straight line: no server offers compute_path_to_pose."
         ]
 
     def test_what_is_not_answered_in_time_is_a_straight_line(self, stage: "Stage") -> None:
@@ -709,7 +709,7 @@ class TestAskingThePlanner:
         server.gate.set()
         assert stage.run(leaf) is Status.SUCCESS
         assert stage.warnings == [
-            "'Choose': 6 of 6 paths estimated as 1.5 times the straight line: no response within 7 s."
+            "'Choose': 6 of 6 paths are estimated as 1.5 times the straight line: no response within 7 s."
         ]
         assert tuple(server.asked) == self.NEEDED[:1]
 

@@ -361,7 +361,7 @@ def test_a_call_without_an_announcement_is_held_to_what_was_announced_last(missi
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "said"), [(30.0, 1.0, "is not on the map"), (1.0, 1.0, "zone_a is at (1.00, 1.00) already")]
+    ("x", "y", "said"), [(30.0, 1.0, "is not on the map"), (1.0, 1.0, "zone_a is already at (1.00, 1.00)")]
 )
 def test_a_zone_off_the_map_or_on_another_one_is_refused(
     mission: CommandedMission, monkeypatch: pytest.MonkeyPatch, x: float, y: float, said: str

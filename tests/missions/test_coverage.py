@@ -173,13 +173,13 @@ def test_the_text_of_a_raster_brings_it_back_to_a_thousandth() -> None:
 
 @pytest.mark.parametrize("cells", ["no base64!", "AAAA"])
 def test_a_text_that_is_no_raster_is_refused(cells: str) -> None:
-    with pytest.raises(ValueError, match="the cells are not a raster"):
+    with pytest.raises(ValueError, match="the text of the raster is invalid"):
         CoverageRaster(field(), cells=cells)
 
 
 def test_the_raster_of_other_ground_is_refused() -> None:
     cells = CoverageRaster(Ground(((0.0, 0.0), (9.0, 0.0), (0.0, 9.0)), 3.2, 2.0)).share_text()
-    with pytest.raises(ValueError, match="the raster covers a different area"):
+    with pytest.raises(ValueError, match="the raster belongs to another area"):
         CoverageRaster(field(), cells=cells)
 
 

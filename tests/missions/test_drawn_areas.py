@@ -77,7 +77,7 @@ def test_a_survivor_is_seen_as_far_as_in_the_other_areas_unless_it_is_said() -> 
 
 def test_its_probability_takes_room_from_the_others_where_there_is_none_left() -> None:
     search = begun(**LIKELY)
-    assert draw(search, poa=0.5) == "'c' was added; the POA of the other zones was multiplied by 0.50"
+    assert draw(search, poa=0.5) == "'c' was added, and the POA of every other zone was multiplied by 0.50"
     assert {name: area.poa for name, area in search.zones.areas.items()} == pytest.approx(
         {"a": 0.3, "b": 0.2, "c": 0.5}
     )
@@ -107,7 +107,9 @@ def test_an_area_that_nobody_has_begun_to_search_is_changed() -> None:
 def test_an_area_that_is_being_searched_or_was_is_not_changed(zone: str) -> None:
     search = begun()
     search.zones.select_next_zone()
-    with pytest.raises(DrawingError, match=f"the search of '{zone}' has already started: draw another area"):
+    with pytest.raises(
+        DrawingError, match=f"the search of '{zone}' has already started: draw an area with another name"
+    ):
         draw(search, zone)
 
 
@@ -115,8 +117,8 @@ def test_an_area_that_is_being_searched_or_was_is_not_changed(zone: str) -> None
     ("what", "values", "said"),
     [
         ((""), {}, "the area has no name"),
-        (("c", SQUARE[:2]), {}, "the polygon has 2 corners: draw three or more"),
-        (("c", ()), {}, "the area has no polygon: draw three corners or more"),
+        (("c", SQUARE[:2]), {}, "the polygon has 2 corners: draw at least three"),
+        (("c", ()), {}, "the area has no polygon: draw at least three corners"),
         (("c", [(0.0, 0.0), (4.0, 4.0), (4.0, 0.0), (0.0, 4.0)]), {}, "crosses or touches itself at"),
         (
             ("c", [(0.0, 0.0), (0.0, 9.0), (-12.0, 0.0)]),
@@ -126,7 +128,7 @@ def test_an_area_that_is_being_searched_or_was_is_not_changed(zone: str) -> None
         (
             ("c", [(0.0, 0.0), (0.0, 9.0), (9.5, 0.0)]),
             {},
-            r"has an impossible corner: \(9.5, 0\) is not on the map",
+            r"has an invalid corner: \(9.5, 0\) is not on the map",
         ),
         (("c",), {"frame": "odom"}, "the outline is in the frame 'odom', but must be in 'map'"),
         (("c",), {"detection_range": 0.0}, "the detection range is 0: write metres above 0"),
@@ -153,7 +155,7 @@ def test_on_the_way_home_no_area_is_taken() -> None:
     search = begun()
     search.zones.select_next_zone()
     search.zones.select_next_zone()
-    with pytest.raises(DrawingError, match="the robot is on its way home"):
+    with pytest.raises(DrawingError, match="the robot returns home"):
         draw(search)
 
 
@@ -211,8 +213,10 @@ def test_an_area_that_is_drawn_is_answered_and_told(stage: "Stage") -> None:
         return response.success, response.message
 
     assert answered("c") == (True, "'c' was added")
-    assert answered("") == (False, "the area has no name: write one")
+    assert answered("") == (False, "the area has no name: write a name")
     assert stage.lines == ["Command add_area by the operator: 'c' was added."]
-    assert stage.warnings == ["Command add_area by the operator: refused, the area has no name: write one."]
+    assert stage.warnings == [
+        "Command add_area by the operator: refused, the area has no name: write a name."
+    ]
     leaf.shutdown()
     stage.until(lambda: not client.service_is_ready(), "the end of the service")

@@ -65,17 +65,17 @@ def test_other_ground_makes_another_mission() -> None:
         ({"polygon": [0.0, 0.0, 1.0]}, "zones.a.polygon: must contain x and y of three or more corners"),
         ({"polygon": [0.0, 0.0, 1.0, 1.0]}, "zones.a.polygon: must contain x and y of three or more corners"),
         ({"polygon": [0.0, 0.0, 4.0, 4.0, 4.0, 0.0, 0.0, 4.0]}, "zones.a.polygon: crosses or touches itself at (2.00, 2.00)"),
-        ({"polygon": [0.0, 0.0, 2.0, 2.0, 4.0, 4.0]}, "zones.a.polygon: has no area: its corners are on one line"),
+        ({"polygon": [0.0, 0.0, 2.0, 2.0, 4.0, 4.0]}, "zones.a.polygon: has no area: all corners are on one line"),
         ({"polygon": "here"}, "zones.a.polygon: must be a list of numbers"),
         ({"polygon": None}, "zones.a.detection_range: has no effect without a polygon: add zones.a.polygon"),
         ({"detection_range": None}, "zones.a.sweep_width: is missing: add zones.a.detection_range"),
         ({"detection_range": -1.0}, "zones.a.detection_range: must be above 0 and at most 1000, but is -1"),
         ({"sweep_width": 0.0}, "zones.a.sweep_width: must be above 0 and at most 1000, but is 0"),
         ({"detection_range": 1e6}, "zones.a.detection_range: must be above 0 and at most 1000, but is 1e+06"),
-        ({"sweep_width": 4.1}, "zones.a.sweep_width: is 4.1 m, wider than twice zones.a.detection_range: write 4 at most"),
-        ({"visibility": "foggy"}, "zones.a.visibility: must be high, medium, low, but is 'foggy'"),
+        ({"sweep_width": 4.1}, "zones.a.sweep_width: is 4.1 m, more than twice zones.a.detection_range: write at most 4"),
+        ({"visibility": "foggy"}, "zones.a.visibility: must be one of high, medium, low, but is 'foggy'"),
         ({"geofence": [-1.0, -1.0, 3.0, -1.0, 3.0, 5.0, -1.0, 5.0]}, "zones.a.polygon: has the corner (4, 0) outside the geofence"),
-        ({"geofence": [-1.0, -1.0, 5.0, -1.0, 5.0, 5.0, 2.1, 5.0, 2.1, 1.0, 1.9, 1.0, 1.9, 5.0, -1.0, 5.0]}, "zones.a.polygon: leaves the geofence between its corners, at (2.10, 1.00)"),
+        ({"geofence": [-1.0, -1.0, 5.0, -1.0, 5.0, 5.0, 2.1, 5.0, 2.1, 1.0, 1.9, 1.0, 1.9, 5.0, -1.0, 5.0]}, "zones.a.polygon: leaves the geofence between two corners, at (2.10, 1.00)"),
         (
             {"polygon": [11.5, 48.1, 11.501, 48.1, 11.501, 48.101], "georeference__lat": 48.1, "georeference__lon": 11.5},
             "zones.a.polygon: looks like degrees: write metres in the frame `map`",
@@ -99,11 +99,11 @@ def test_each_mistake_in_the_ground_is_named_before_the_flight(changed: dict[str
     [
         ({}, []),
         ({"x": 6.0}, []),
-        ({"x": 6.5}, ["zones.a has a pose (6.5, 1) that is 2.5 m outside its polygon"]),
+        ({"x": 6.5}, ["the pose (6.5, 1) of zones.a is 2.5 m outside the polygon of zones.a"]),
         (
             {"sweep_width": 0.08},
             [
-                "zones.a needs more than 2000 stops at coverage 0.9, the limit of a sweep: divide it, or check sweep_width"
+                "zones.a needs more than 2000 stops at coverage 0.9, the maximum of a sweep: divide the zone, or check sweep_width"
             ],
         ),
         ({"sweep_width": 0.081}, []),

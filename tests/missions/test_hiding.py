@@ -199,8 +199,11 @@ def test_nobody_hides_unless_that_is_said() -> None:
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({}, "hidden_survivor: needs poa and pod of the zones"),
-        ({"zones.hall.poa": 0.5, "survivors.hall.x": 1.0}, "hidden_survivor: .* remove one of them"),
+        ({}, "hidden_survivor: needs probabilities to place the survivor: add poa and pod"),
+        (
+            {"zones.hall.poa": 0.5, "survivors.hall.x": 1.0},
+            "hidden_survivor: .* remove hidden_survivor or survivors",
+        ),
         ({"zones.hall.poa": 0.5, "hidden_survivor": 1}, "must be true or false"),
     ],
 )

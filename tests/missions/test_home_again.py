@@ -32,9 +32,7 @@ if TYPE_CHECKING:
 
 BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 TREE, SWEEPS = Path("trees/search_areas.xml"), Path("trees/search_sweeps.xml")
-STRAIGHT = (
-    "'Full?': 1 of 1 paths estimated as 1.5 times the straight line: no server offers compute_path_to_pose."
-)
+STRAIGHT = "'Full?': 1 of 1 paths are estimated as 1.5 times the straight line: no server offers compute_path_to_pose."
 # 10 m away: 15 m with the detour, twice; at 1 % a metre and 1 m/s.
 SHORT = "zone_a needs 30% for 30 m and 30 s, the battery is at 40%, the reserve is 15%"
 
@@ -130,7 +128,7 @@ class TestReturnInReach:
         robot.clock.advance(1.0)
         robot.tells(0.9)
         assert robot.answer(robot.asks) == "out of reach"
-        told = "zone_a needs 30 s out and home, and 29 s of the mission time are left"
+        told = "zone_a and the way home need 30 s, but only 29 s of the mission time are left"
         assert stage.warnings == [f"{told}: home first."]
         robot.comes_home()
         assert robot.answer(robot.waits) == "not charged"

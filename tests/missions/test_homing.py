@@ -61,7 +61,7 @@ def test_the_parameters_say_what_a_robot_uses_and_what_is_to_be_left() -> None:
             {"reserve": 15},
             "energy.reserve: must be a share from 0 to 1, but is 15; 15 percent are 0.15: write 0.15",
         ),
-        ({"reserve": 1.0}, "energy.reserve: is 1: write a share from 0 to below 1"),
+        ({"reserve": 1.0}, "energy.reserve: is 1: write a share of at least 0 and below 1"),
         ({"wrong_by": -0.1}, "energy.wrong_by: must be a share from 0 to 1, but is -0.1"),
         ({"per_metre": 0.1}, "energy.per_metre: is unknown, did you mean 'per_m'?"),
         ({"reserve": "much"}, "energy.reserve: must be a number"),
@@ -106,7 +106,7 @@ def test_what_a_piece_lacks_is_told_with_its_number() -> None:
     made, _ = sweeping(share=0.2)
     assert made.shortage().startswith("piece 1/4 of a needs 15% for 15 m and 32 s, the battery is at 20%")
     made.ends_at = 20.0
-    assert made.late(0.0).startswith("piece 1/4 of a needs 32 s out and home")
+    assert made.late(0.0).startswith("piece 1/4 of a and the way home need 32 s")
     far, _ = sweeping(reserve=0.9)
     assert far.excess().startswith("piece 1/4 of a needs 15% for 15 m and 32 s from home and back")
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from search_and_rescue.coverage import ObstacleMap
-from search_and_rescue.sweeps import MOST_PIECES, GroundError, sweep
+from search_and_rescue.sweeps import MAX_PIECES, GroundError, sweep
 from search_and_rescue.zone_manager import MapPose
 
 OBLONG = ((0.0, 0.0), (8.0, 0.0), (8.0, 4.0), (0.0, 4.0))
@@ -129,7 +129,9 @@ def test_ground_without_a_free_place_is_refused() -> None:
 
 
 def test_a_sweep_of_too_many_stops_is_refused_with_the_numbers() -> None:
-    with pytest.raises(GroundError, match=rf"32 m² in steps of 0.05 m need more than {MOST_PIECES} stops"):
+    with pytest.raises(
+        GroundError, match=rf"32 m² with a spacing of 0.05 m need more than {MAX_PIECES} stops"
+    ):
         swept("parallel", spacing=0.05)
 
 
@@ -144,7 +146,13 @@ def test_a_sweep_of_too_many_stops_is_refused_with_the_numbers() -> None:
             DATUM,
             "which is too large for legs 1.00 m apart",
         ),
-        ("expanding_square", 1.0, OBLONG, MapPose(x=600.0, y=0.0, yaw=0.0), "move the pose inside"),
+        (
+            "expanding_square",
+            1.0,
+            OBLONG,
+            MapPose(x=600.0, y=0.0, yaw=0.0),
+            "move the pose inside the ground",
+        ),
         (
             "parallel",
             1.0,
