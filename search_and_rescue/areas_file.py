@@ -190,7 +190,7 @@ def _ring(geometry: Mapping[str, Any], where: str) -> tuple[_JsonPath, list[Any]
         kind, rings, path = "Polygon", rings[0], (*_RINGS, 0)
     if kind != "Polygon" or not (isinstance(rings, list) and any(rings) and isinstance(rings[0], list)):
         what = "Polygon without corners" if kind == "Polygon" else kind
-        text = f"{where} is a {what}: draw each area as a polygon of its own"
+        text = f"{where} is a {what}: draw each area as a separate polygon"
         raise _AreasFileError(text, "geometry", "coordinates" if kind == "Polygon" else "type")
     if len(rings) > 1:
         text = f"{where} has holes. Draw it without holes: obstacles on the map are excluded automatically"

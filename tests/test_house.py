@@ -783,7 +783,7 @@ def test_modules_import_each_other_in_no_circle():
 
 INTERFACES = {
     "add", "add_entry", "apply", "begin", "branch_count", "check", "close", "create", "end", "end_tick", "enter", "get", "goal",
-    "initialise", "load", "name", "now", "on_child_outcome", "on_compiled", "on_end", "on_entry", "on_failure", "path", "poll",
+    "initialise", "load", "name", "now", "on_child_outcome", "on_compiled", "on_end", "on_entry", "on_failure", "on_response", "path", "poll",
     "read", "resume", "root", "run", "setup", "shutdown", "start", "step", "stop", "stop_first", "stop_last", "terminate", "tick",
     "update", "write",
 }  # fmt: skip

@@ -72,7 +72,7 @@ def test_of_two_installations_the_nearer_one_counts(tmp_path):
 
 
 def test_a_package_without_its_files_says_that_it_has_to_be_installed_again(tmp_path):
-    with pytest.raises(ResourceError, match=f"the package is in {tmp_path}, .* Reinstall it"):
+    with pytest.raises(ResourceError, match=f"no folder above the package in {tmp_path} .* Reinstall"):
         shipped_root(tmp_path)
 
 

@@ -155,7 +155,7 @@ def each_fix(
     source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic], is_meant: IsMeant = is_safe
 ) -> Iterator[Fix]:
     """Yield the fix of each finding; see `fixes` for the arguments. Fixes may overlap, so apply them one by one."""
-    values = _Values(list(tree_file.root.iterate()) if tree_file is not None else [])
+    values = _AttributeValues(list(tree_file.root.iterate()) if tree_file is not None else [])
     for finding in sorted(findings, key=lambda each: (each.span.line, each.span.column)):
         if finding.source is source and finding.suggestion is not None and is_meant(finding):
             fix = _fix(finding, values)
@@ -187,7 +187,7 @@ class _AttributeSpan:
     name: int
 
 
-class _Values:
+class _AttributeValues:
     def __init__(self, elements: Sequence[Element]) -> None:
         self._elements = elements
         # The spans of the last element are cached, because findings are requested in the order of the file.
@@ -217,7 +217,7 @@ def _value_of(element: Element, attribute: str) -> _AttributeSpan:
     return _AttributeSpan(start, end, source.offset(name.line, name.column))
 
 
-def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
+def _fix(finding: Diagnostic, values: _AttributeValues) -> Fix | None:
     """Return the fix that inserts a finding's suggestion, escaped as required; None if this is not possible."""
     start, end = finding.source.offsets(finding.span)
     text = finding.suggestion or ""

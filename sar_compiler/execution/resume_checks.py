@@ -1,7 +1,7 @@
 """Checks before a mission resumes from a journal: the tree and the mission must be those of the journal.
 
 The state of the tree is lost when its process crashes; only the events in the journal remain. A resumed tree therefore starts over, and its
-leaves skip the work that the events record as done. This is only correct if the events still have the same meaning: a zone whose position has
+leaves skip the work that the events record as done. This is only correct if the events still have the same meaning: a place whose position has
 changed since would be skipped although the robot never visited the new position. So every difference is an error before the first tick.
 """
 

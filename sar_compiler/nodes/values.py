@@ -63,7 +63,7 @@ TRUTH_VALUES = {
     "1": True,
     "0": False,
 }
-"""The texts that BehaviorTree.CPP reads as a bool."""
+"""The words that BehaviorTree.CPP reads as a bool."""
 
 
 @dataclass(eq=False)
@@ -652,7 +652,7 @@ NO_VALUE = ValueType("", "", str, python=object, cpp=TEXT)
 
 _OF_PORTS = {_PLAIN[float].name: REAL_NUMBER, list_type(_PLAIN[float]).name: list_type(REAL_NUMBER)}
 STATUSES = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
-"""The texts that BehaviorTree.CPP reads as a status."""
+"""The words that BehaviorTree.CPP reads as a status."""
 _SIZES = {"int8_t": 8, "int16_t": 16, INT: 32, LONG: 64}
 _CPP_TYPES = {
     "bool": _PLAIN[bool],

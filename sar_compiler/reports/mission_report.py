@@ -222,7 +222,7 @@ class PathShortener:
     """Shortens the paths in the entries of a journal.
 
     A path becomes relative to the common folder of the tree's files, the journal's folder or the current folder,
-    whichever is nearest to the path. Other paths in the user's home folder begin with `~`.
+    whichever is nearest to the path. Other paths in the user's folder begin with `~`.
 
     Args:
         folder: The journal's folder.

@@ -205,7 +205,7 @@ def cap_report(state: MissionState) -> str:
         infos=list(_infos(state, reference)),
     )
     written = XmlSerializer(config=SerializerConfig(indent="  ")).render(alert, ns_map={None: _CAP})
-    # CAP forbids the letter Z as a time zone.
+    # CAP forbids the letter Z as a UTC offset.
     return str(written).replace("Z</sent>", "-00:00</sent>")
 
 

@@ -68,7 +68,7 @@ class UnknownValueError(VariableError):
 
 
 UNKNOWN = "unknown"
-"""The name that stands for an unknown value in the scripts of a leaf's outcomes."""
+"""The name of an unknown value in outcome scripts."""
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,7 @@ PROPERTIES = {
 DECORATORS = {"↻": "runs its child again", "▣": "subtree", "◇": "another decorator"}
 """The meanings of the signs of decorators, which all have one shape."""
 IN_TEXT = {"RUNNING": "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]", "": "[-]"}
-"""The signs of statuses in texts, as in py_trees."""
+"""The status signs in text output, as in py_trees."""
 
 TERMINAL: Mapping[str, str] = {
     "RUNNING": "bold cyan",

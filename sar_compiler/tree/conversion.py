@@ -140,7 +140,7 @@ _PIECE = re.compile(
     r"""|(?P<start><)(?:"[^"]*"|'[^']*'|[^"'>])*>|(?P<text>[^<]+)""",
     re.DOTALL,
 )
-"""A regular expression for one piece of a well-formed XML text: a comment, an instruction, a tag or a text."""
+"""A regular expression for one piece of a well-formed XML document: a comment, an instruction, a tag or a text."""
 
 
 def ignored_content(tree_file: TreeFile) -> Iterator[Diagnostic]:

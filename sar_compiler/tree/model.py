@@ -303,7 +303,7 @@ class _SpansOfYaml(Spans):
 
 
 NO_SPANS, NO_SPANS_OF_YAML = Spans(), _SpansOfYaml()
-"""The locators for XML and YAML texts without elements, or whose elements have no known locations."""
+"""The locators for XML and YAML files without elements, or whose elements have no known locations."""
 
 _SOURCE = Source("<made>", "", NO_SPANS)
 

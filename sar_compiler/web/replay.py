@@ -51,11 +51,11 @@ class Checkpoint(NamedTuple):
     """A stored state at a position of the track.
 
     Attributes:
-        position: The position in the track.
+        at: The position in the track.
         packed: The compressed state.
     """
 
-    position: TrackPosition
+    at: TrackPosition
     packed: bytes
 
 
@@ -110,9 +110,9 @@ class ReplayTrack:
         The state of the last call is advanced if it is near enough; otherwise a checkpoint is restored.
         """
         until = min(time - self.shift, self.last.end)
-        before = bisect.bisect_right(self._checkpoints, until, key=lambda each: each.position.end)
+        before = bisect.bisect_right(self._checkpoints, until, key=lambda each: each.at.end)
         # Playback advances the state even over a checkpoint, because the changes are smaller than the full state.
-        nearest = self._checkpoints[before - 2].position if before > 1 else TrackPosition()
+        nearest = self._checkpoints[before - 2].at if before > 1 else TrackPosition()
         if self._position.entry < nearest.entry or self._position.end > until:
             self._state, self._position = self._restore(before)
         if until >= 0.0:

@@ -238,7 +238,7 @@ outcomes: {NavigateToZone: [{status: SUCCESS, when: battery > 0, then: battery -
     ("arguments", "said"),
     [
         (["--set", "zones_lef=1"], "did you mean 'zones_left'?"),
-        (["--set", "zones_left=many"], "the fact 'zones_left' is an integer"),
+        (["--set", "zones_left=many"], "the fact 'zones_left' must be an integer"),
         (["--set", "zones_left"], "'zones_left' is not FACT=VALUE"),
         (["--max-states", "none"], "'none' is not an integer above 0"),
         (["--properties", "nowhere.yaml"], "cannot read nowhere.yaml"),

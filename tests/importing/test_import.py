@@ -155,7 +155,7 @@ def test_a_truncated_log_is_read_as_far_as_it_goes(tmp_path, capsys):
     status, said = answer(journal_command, ["import", log, "-o", tmp_path / "cut.journal"], capsys)
     assert status == 0
     assert f"it ends at byte {len(log.read_bytes())}, within a status change" in said
-    assert "175 changes of status" in said
+    assert "175 status changes" in said
 
 
 def test_a_log_of_a_killed_program_ends_without_a_result(tmp_path, capsys):

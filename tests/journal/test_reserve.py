@@ -276,7 +276,8 @@ def test_a_damaged_reserve_is_refused_in_words(place, content):
     reserve.close(is_needed=True)
     for opened in (JournalFile.read, JournalFile.open):
         with pytest.raises(
-            JournalError, match=r"mission.journal-reserve is damaged \(.*Move it away to continue without"
+            JournalError,
+            match=r"mission.journal-reserve is damaged \(.*Move the file away to continue without",
         ):
             opened(place)
 

@@ -245,7 +245,7 @@ def test_a_duration_with_a_unit_that_a_subtree_is_given_is_told():
 <BehaviorTree ID="B"><Sequence><Sleep msec="{pause}"/><Script code="x := note"/></Sequence></BehaviorTree></root>"""
     _, notes = to_btcpp(parse_xml(text, "a.xml"), REGISTRY)
     assert [(note.code, note.span.line, note.hint) for note in notes] == [
-        ("no-counterpart", 2, "write 120000, for 2min")
+        ("no-counterpart", 2, "write 120000 instead of 2min")
     ]
 
 
@@ -391,8 +391,8 @@ def test_a_tree_without_an_id_gets_one_where_there_is_something_beside_it():
     [
         ("My tree", "rejects the ID 'My tree'"),
         ("Root", "rejects the ID 'Root'"),
-        ("Inverter", "the ID of a node, 'Inverter'"),
-        ("Mine", "the ID of a node, 'Mine'"),
+        ("Inverter", "the ID 'Inverter', because a node has the same ID"),
+        ("Mine", "the ID 'Mine', because a node has the same ID"),
     ],
 )
 def test_an_id_that_behaviortree_cpp_refuses_is_told(tree_id, words):

@@ -373,7 +373,7 @@ class TestNamespaces:
         arguments = ["--ros-args", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
         graph = robots.graph("/tb1/mission", cli_args=arguments)
         said = (
-            "transforms: published on /tf by /tb1/amcl, but this node listens to /tb1/tf: run with "
+            "transforms: published on /tf by /tb1/amcl, but this node subscribes to /tb1/tf. Run with "
             "`--ros-args -r /tf:=/tf -r /tf_static:=/tf_static`"
         )
         robots.until(lambda: graph.transforms() == said, said)
@@ -771,8 +771,8 @@ class TestFrames:
         robots.send_transforms(robots.node("/tb1/ekf"), ("map", "odom"), topic="/tb1/tf")
         look = self.where(robots, "map", "odom", "/tb1/mission")
         said = (
-            "no transform of 'map' and 'odom' has arrived; transforms: published on /tb1/tf by /tb1/ekf, but this node listens "
-            "to /tf: run with `--ros-args -r /tf:=tf -r /tf_static:=tf_static`"
+            "no transform of 'map' and 'odom' has arrived: transforms: published on /tb1/tf by /tb1/ekf, but this node subscribes "
+            "to /tf. Run with `--ros-args -r /tf:=tf -r /tf_static:=tf_static`"
         )
         robots.until(lambda: look() == said, said)
 

@@ -241,10 +241,10 @@ def test_a_method_that_returns_nothing_to_send_is_told_what_to_return(stage: "St
     driving, asking = driver(stage, ask=[None]), stage.take(Configure("Configure"))
     asking.ask = ["configure"]  # type: ignore[list-item]
     with pytest.raises(
-        LeafDefinitionError, match=r"DriveTo\.goal\(\) returned None; return an interface\.Goal"
+        LeafDefinitionError, match=r"DriveTo\.goal\(\) returned None\. Return an interface\.Goal"
     ):
         driving.tick_once()
-    with pytest.raises(LeafDefinitionError, match=r"Configure\.request\(\) returned 'configure'; return an"):
+    with pytest.raises(LeafDefinitionError, match=r"Configure\.request\(\) returned 'configure'\. Return an"):
         asking.tick_once()
 
 
@@ -379,7 +379,7 @@ class TestHolding:
         finally:
             other.destroy()
 
-    @pytest.mark.parametrize("whose", ["its", "another client's"])
+    @pytest.mark.parametrize("whose", ["this mission's", "another client's"])
     def test_a_goal_of_a_rival_action_is_waited_for_before_one_is_sent(
         self, whose: str, stage: "Stage"
     ) -> None:
@@ -390,7 +390,7 @@ class TestHolding:
         other = driver(stage, DriveThrough)
         client = ActionClient(stage.node, other.interface, "navigate_through_poses")
         try:
-            if whose == "its":
+            if whose == "this mission's":
                 under_way(stage, other, rival)
                 rival.heed_cancel = False
                 other.stop(Status.INVALID)

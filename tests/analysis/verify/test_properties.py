@@ -211,7 +211,7 @@ def test_a_property_of_nothing_but_leaves_that_the_tree_does_not_have_is_left_ou
         ),
         ("facts: {zone: 1}", "1:9", "unknown-fact", "no leaf of this tree declares"),
         ("properties: [a]", "1:13", "wrong-shape", "'properties' must be a mapping, but is a list"),
-        ("", "1:1", "empty-file", "write properties:"),
+        ("", "1:1", "empty-file", "write a property, for example: properties:"),
     ],
 )
 def test_a_slip_is_a_finding_with_its_place_and_what_to_write(properties, place, code, advice):
