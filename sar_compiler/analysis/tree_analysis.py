@@ -210,8 +210,7 @@ def conform_tree(  # noqa: PLR0913 - each has its default
 
     def compare(classes: LeafClasses, more: Assumptions | None) -> "Conformance":
         return search_runs(
-            tree, binding, properties, facts, assumed_start, functools.partial(search, classes)
-        , more=more
+            tree, binding, properties, facts, assumed_start, functools.partial(search, classes), more=more
         )
 
     def best(more: Assumptions | None) -> "Conformance":

@@ -336,11 +336,6 @@ class TreeRuns:
         self._left = _MAX_EXPLORED // len(self.names)
 
     @property
-    def start(self) -> bytes:
-        """The initial state of the tree."""
-        return self.stepper.steps.start()
-
-    @property
     def is_spent(self) -> bool:
         """Whether the limit on explored ticks is reached."""
         return not self._left
@@ -511,7 +506,7 @@ class TreeRuns:
                     if later:
                         matches, position = later[-1], _RecordPosition(frozenset(), position.observed)
                 if events[-1].status in _ENDS and isinstance(record, TickSource) and record.omits_ticks:
-                    ways = with_shared_ticks([*ways, *self._halted_ways(ways)])
+                    matches = with_shared_ticks([*matches, *self._matches_before_halt(matches)])
                 if not matches:
                     lost = self._lost_tick(position, events, is_last=next(waiting, None) is None)
                     found.remove_other_ticks(position.states, with_shared_ticks)
@@ -532,7 +527,7 @@ class TreeRuns:
         return found, None
 
     def follow(self, earlier: Iterable[TickSource]) -> bool:
-        """Begin after earlier runs of the same program, which has halted the tree after each; return False if they are impossible.
+        """Start after earlier runs of the program, which halted the tree after each; return False if these are impossible.
 
         Raises:
             UndecidableError: As `locate`.
@@ -540,7 +535,7 @@ class TreeRuns:
         begin = self.starts
         for record in earlier:
             _, lost = self.locate(record)
-            ends = self._with_silent_ticks(self._end) if lost is None else frozenset[bytes]()
+            ends = self._states_after_silent_ticks(self._end) if lost is None else frozenset[bytes]()
             self.starts = frozenset(
                 halted for state in sorted(ends) for halted in self.stepper.halted(state, begins=True)
             )
@@ -549,22 +544,22 @@ class TreeRuns:
                 return False
         return True
 
-    def _halted_ways(self, ways: _FoundWays) -> _FoundWays:
-        """Return ticks in which the root ends, with the states after the program has halted the tree, which changes no status."""
+    def _matches_before_halt(self, matches: _Matches) -> _Matches:
+        """Return the ticks in which the root ends, with the states after the program has halted the tree, which changes no status."""
         return [
-            (state, way._replace(state=halted))
-            for state, way in ways
-            for halted in self.stepper.halted(way.state)
-            if halted != way.state
+            (state, option._replace(state=halted))
+            for state, option in matches
+            for halted in self.stepper.halted(option.state)
+            if halted != option.state
         ]
 
-    def _with_silent_ticks(self, position: "_RecordPosition") -> frozenset[bytes]:
+    def _states_after_silent_ticks(self, position: "_RecordPosition") -> frozenset[bytes]:
         """Return the states after any number of ticks without a change."""
-        end = Event((self.names[0],), 0, TICKED, position.told.statuses.get(0, ""))
+        end = Event((self.names[0],), 0, TICKED, position.observed.statuses.get(0, ""))
         states, found = position.states, set(position.states)
-        for _ in range(_MOST_OMITTED):
-            ways = self._find_ways(_RecordPosition(states, position.told), [end])
-            states = frozenset(way.state for _, way in ways) - found
+        for _ in range(_MAX_OMITTED):
+            matches = self._find_matches(_RecordPosition(states, position.observed), [end])
+            states = frozenset(option.state for _, option in matches) - found
             if not states:
                 break
             found |= states
