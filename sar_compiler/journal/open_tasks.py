@@ -3,6 +3,7 @@
 The page, the terminal and reports all use this module and therefore never disagree. A green status means that there are no open tasks.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -25,9 +26,12 @@ from sar_compiler.journal.status_line import (
 
 _SEVERITY = (QUIET, GOOD, WARNING, ERROR)
 _ALARM_IS_ERROR = 40
-_STOP_BUTTON = "Press the stop button on the robot: it may still be driving"
+# The status line adds that the robot may still be driving.
+_STOP_BUTTON = "Press the stop button on the robot: STOP on the page may not reach it"
 # The words for the state of locations that the mission has not finished.
 _UNFINISHED_WORDS: Mapping[int, str] = {Level.TO_COME: "not reached", Level.IN_HAND: "not finished"}
+# A verb of a reason that is a clause, such as "the battery is low". Other reasons are phrases, such as "skipped by Ann".
+_VERB = re.compile(r"\b(is|are|was|were|has|have|had|does|do|did)\b")
 # The maximum number of names in a list; further names are only counted.
 _MAX_NAMES = 5
 
@@ -56,7 +60,9 @@ def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
     """Return the open tasks of a mission: errors first, then by urgency."""
     if state.awaited:
         names = missing_names(state)
-        return (OpenTask(WARNING, f"Start on the robot, or wait for: {names}"),) if names else ()
+        them = "it" if sum(bool(each.problem) for each in state.awaited) == 1 else "them"
+        text = f"Wait for {names}, or ask an engineer to start {them} on the robot"
+        return (OpenTask(WARNING, text),) if names else ()
     if not state.runs:
         return ()
     landmarks = state.situation.landmarks.values()
@@ -98,10 +104,15 @@ def _robot_tasks(state: MissionState) -> Iterator[OpenTask]:
     elif now.word == PAUSED:
         yield OpenTask(WARNING, "Resume the mission, or call the robot back", command="release")
     elif now.word == POSITION_LOST:
-        yield OpenTask(ERROR, "Check where the robot is, and correct its position on the robot's computer")
+        yield OpenTask(
+            ERROR, "Press the robot's stop button if it moves, then ask an engineer to correct its position"
+        )
     elif now.word == WAITING:
         # The details after the colon name nodes, and are for engineers.
-        yield OpenTask(WARNING, f"Ask an engineer to end the wait: {now.reason.partition(': ')[0]}")
+        cause = now.reason.partition(": ")[0]
+        if not cause or cause.startswith("for "):
+            cause = f"the robot waits {cause}".rstrip()
+        yield OpenTask(WARNING, f"Ask an engineer for help: {cause}")
 
 
 def _is_over(state: MissionState) -> bool:
@@ -160,14 +171,21 @@ def _location_tasks(state: MissionState) -> Iterator[OpenTask]:
         # An outline only repeats the state of its location, unless its kind has a task for a person.
         is_task = kind.remedy or not (each.corners or kind.is_found or kind.is_end)
         if is_unfinished and is_task:
-            word = _UNFINISHED_WORDS.get(each.level, each.state)
+            word = f"{_UNFINISHED_WORDS.get(each.level, each.state) or 'not done'}{_cause(each.reason)}"
             groups.setdefault((kind.name, word), []).append(each)
     for (_, word), places in groups.items():
         kind = state.situation.kind_of(places[0])
-        names = [f"{each.name}{f' ({each.reason})' if each.reason else ''}" for each in places[:_MAX_NAMES]]
+        names = [each.name for each in places[:_MAX_NAMES]]
         more = f" and {len(places) - _MAX_NAMES} more" if len(places) > _MAX_NAMES else ""
-        text = f"{kind.remedy or 'See to'} {', '.join(names)}{more}: {word or 'not done'}"
+        text = f"{kind.remedy or 'See to'} {', '.join(names)}{more}: {word}"
         yield OpenTask(WARNING, text, *(_landmark_key(places[0]) if len(places) == 1 else ()))
+
+
+def _cause(reason: str) -> str:
+    """Return the end of a task that states a reason; the number of attempts is not stated."""
+    if not reason or reason.startswith("after attempt "):
+        return ""
+    return f" because {reason}" if _VERB.search(reason) else f", {reason}"
 
 
 def _figure_tasks(state: MissionState) -> Iterator[OpenTask]:

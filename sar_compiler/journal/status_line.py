@@ -99,7 +99,8 @@ def silence_text(seconds: float) -> str:
 def _status_after_end(state: MissionState, run: RunState) -> StatusLine:
     since = run.ended.time if run.ended is not None else state.now.time
     if run.status == 0:
-        return StatusLine(COMPLETE, GOOD, since, run.reason)
+        # Without open points, the reason only repeats the word.
+        return StatusLine(COMPLETE, GOOD, since, "" if run.reason == f"Mission {COMPLETE}." else run.reason)
     word = _ENDS.get(run.ending, run.ending)
     if state.situation.phase.name == ABORTED and word == FAILED:
         word = ABORTED

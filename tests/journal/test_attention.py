@@ -71,8 +71,10 @@ def test_a_mission_that_has_not_begun_asks_for_nothing():
 def test_a_run_that_waits_for_its_start_asks_for_what_is_missing_and_is_not_green():
     state = MissionState()
     state.awaited = [AwaitedItem("navigation", "it is inactive"), AwaitedItem("clock")]
-    assert texts(state) == ["Start on the robot, or wait for: navigation"]
+    assert texts(state) == ["Wait for navigation, or ask an engineer to start it on the robot"]
     assert (severity(state), condition(state).reason) == ("warning", "waiting for navigation")
+    state.awaited = [AwaitedItem("navigation", "it is inactive"), AwaitedItem("clock", "it is silent")]
+    assert texts(state) == ["Wait for navigation, clock, or ask an engineer to start them on the robot"]
     state.awaited = [AwaitedItem("navigation"), AwaitedItem("clock")]
     assert (texts(state), severity(state)) == ([], "quiet")
     state.apply(JournalEntry(1, 1, 0.0, 0.0, RUN_BEGAN, {"run": {"node": "/search"}}))
@@ -124,10 +126,19 @@ def test_a_task_of_the_mission_about_a_landmark_is_told_once_also_after_the_end(
 def test_a_zone_that_was_given_up_is_searched_by_people_at_once_and_one_that_is_open_after_the_end():
     given_up = Landmark("zone", "zone_b", 0.0, 0.0, "abandoned", Level.GIVEN_UP, "after attempt 2")
     still_open = Landmark("zone", "zone_c", 0.0, 0.0, "open")
-    assert texts(mission(AT_HOME, given_up, still_open)) == [
-        "Send people to search zone_b (after attempt 2): abandoned"
-    ]
+    assert texts(mission(AT_HOME, given_up, still_open)) == ["Send people to search zone_b: abandoned"]
     assert "Send people to search zone_c: not reached" in texts(mission(AT_HOME, given_up, still_open, end=0))
+
+
+@pytest.mark.parametrize(
+    ("reason", "end"),
+    [("the battery is low", " because the battery is low"), ("skipped by Ann", ", skipped by Ann")],
+)
+def test_places_that_were_given_up_for_one_reason_are_one_task_that_states_it_once(reason, end):
+    zones = [
+        Landmark("zone", name, 0.0, 0.0, "abandoned", Level.GIVEN_UP, reason) for name in ("zone_b", "zone_c")
+    ]
+    assert texts(mission(*zones)) == [f"Send people to search zone_b, zone_c: abandoned{end}"]
 
 
 def test_places_of_one_state_are_one_task_with_at_most_five_names():
@@ -185,10 +196,27 @@ def test_a_pause_is_ended_by_the_command_of_that_role():
     )
 
 
-def test_what_a_mission_waits_for_is_named():
-    assert texts(mission(phase=MissionPhase("waiting", "Nav2 is not active"))) == [
-        "Ask an engineer to end the wait: Nav2 is not active"
-    ]
+@pytest.mark.parametrize(
+    ("reason", "told"),
+    [
+        ("Nav2 is not active: bt_navigator is inactive", "Nav2 is not active"),
+        ("for another battery", "the robot waits for another battery"),
+        ("", "the robot waits"),
+    ],
+)
+def test_what_a_mission_waits_for_is_named(reason, told):
+    state = mission(phase=MissionPhase("waiting", reason))
+    assert texts(state) == [f"Ask an engineer for help: {told}"]
+
+
+@pytest.mark.parametrize(
+    ("reason", "told"),
+    [("Mission complete.", ""), ("Mission complete. b was visited.", "Mission complete. b was visited.")],
+)
+def test_a_complete_mission_does_not_repeat_its_word_as_a_reason(reason, told):
+    state = mission()
+    state.apply(JournalEntry(4, 1, 3.0, 3.0, RUN_ENDED, {"ending": "over", "status": 0, "reason": reason}))
+    assert condition(state)[::3] == ("complete", told)
 
 
 def test_a_robot_that_failed_away_from_home_is_fetched():
@@ -205,8 +233,9 @@ def test_a_robot_that_may_be_driving_alone_is_stopped_at_its_button(process):
     first = find_open_tasks(state)[0]
     assert (first.level, first.text) == (
         "error",
-        "Press the stop button on the robot: it may still be driving",
+        "Press the stop button on the robot: STOP on the page may not reach it",
     )
+    assert "may still be driving" in condition(state).reason
 
 
 def test_a_crash_without_a_goal_asks_for_a_person_and_not_for_the_button():
@@ -229,7 +258,9 @@ def test_a_lost_position_is_an_error_of_its_own_and_asks_for_the_robot_to_be_fou
     state = mission(AWAY)
     state.apply(JournalEntry(3, 1, 2.0, 2.0, LACKS, {"text": "no transform", "is_position_lost": True}))
     assert condition(state)[:2] == ("position lost", "error")
-    assert texts(state) == ["Check where the robot is, and correct its position on the robot's computer"]
+    assert texts(state) == [
+        "Press the robot's stop button if it moves, then ask an engineer to correct its position"
+    ]
     state.apply(JournalEntry(4, 1, 3.0, 3.0, LACKS, {"text": ""}))
     assert severity(state) == "good"
 

@@ -39,7 +39,7 @@ def shown(capsys, *arguments):
 
 def test_the_facts_of_each_run_are_told_with_their_time(place, capsys):
     lines = shown(capsys, place).splitlines()
-    assert lines[0] == "search_and_rescue, complete: Mission complete."
+    assert lines[0] == "search_and_rescue, complete"
     assert lines[1].startswith("run 1, started 20")
     assert lines[1].endswith(", stopped with status 130:")
     assert lines[2] == r"     0:03  zone_searched  zone zone_a\x1b[2J\n, survivor (-2.50, 3.20)"

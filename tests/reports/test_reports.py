@@ -555,7 +555,7 @@ class TestThePage:
         assert self.steps() == [
             "Go to survivor_1 at 48.2000000, 16.3713452 (not confirmed)",
             "Fetch the robot: it has not reached base station",
-            "Send people to search zone_b (after attempt 2): abandoned",
+            "Send people to search zone_b: abandoned",
             "Send people to search zone_c: not reached",
         ]
 

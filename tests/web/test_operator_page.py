@@ -383,7 +383,7 @@ def test_before_the_start_the_page_lists_what_is_awaited_in_the_operator_s_words
         [AwaitedItem("navigation", "bt_navigator is inactive"), AwaitedItem("detect survivor")]
     )
     browser.open(run.server.url)
-    browser.wait_for("#tasks", "Start on the robot, or wait for: navigation")
+    browser.wait_for("#tasks", "Wait for navigation, or ask an engineer to start it on the robot")
     items = "return [...document.querySelectorAll('.checklist > span')].map((each) => each.textContent)"
     assert browser.js(items) == ["…waiting for navigation", "✓there: detect survivor"]
     assert "bt_navigator" not in browser.text("body")

@@ -24,6 +24,8 @@ while (walker.nextNode()) if (walker.currentNode.data.trim() && walker.currentNo
 return [...sizes];
 """
 MOST_SIZES = 4
+CUT = "return [...document.querySelectorAll('#state, #condition > *')].filter((each) => each.scrollHeight > each.clientHeight + 1 && each.clientHeight).map((each) => each.textContent)"
+"""Texts of the band that are not shown to their ends."""
 FIRST_TASK = (
     "return document.querySelector('#tasks li > span, #tasks .nothing').getBoundingClientRect().bottom"
 )
@@ -47,6 +49,7 @@ def test_the_page_says_what_to_do_in_words_of_operators_and_leaves_room_for_the_
         assert browser.js(STICKING_OUT) <= 0
         assert len(sizes := browser.js(SIZES)) <= MOST_SIZES, sizes
         assert browser.js(FIRST_TASK) <= SEEN_FIRST
+        assert browser.js(CUT) == []
     if width == 360:
         assert header + band + stop <= PHONE_SHARE * WIDTHS[width]
     else:
@@ -58,6 +61,7 @@ const rows = (selector) => [...document.querySelectorAll(selector)];
 const after = (heading) => [...document.querySelectorAll('#places h2')].find((each) => each.textContent.startsWith(heading))?.nextElementSibling;
 return {
   title: document.title,
+  band: [...document.querySelectorAll('#condition > :not(b)')].map((each) => each.textContent),
   open: rows('#tasks li.warning, #tasks li.error').length + rows('#alarms li').filter((each) => !each.querySelector('small').textContent.endsWith('over')).length,
   figures: Object.fromEntries(rows('#figures div').map((each) => [each.firstChild.textContent, each.lastChild.textContent])),
   gauges: Object.fromEntries(rows('.gauge').map((each) => [each.firstChild.firstChild.textContent, each.querySelector('b').textContent])),
@@ -69,6 +73,29 @@ return {
 };
 """
 """The numbers of a page, and the words that they count."""
+BANDS = {
+    "driving": ("driving", "", "to zone_b"),
+    "detection": ("driving", "1 task", "to zone_b"),
+    "reports refused": ("driving", "2 tasks", "to zone_b"),
+    "paused": ("paused", "for 0:00", "by Ann: smoke"),
+    "waiting": ("waiting", "for 0:00", ""),
+    "position lost": ("position lost", "for 0:00", "the robot does not know where it is"),
+    "low battery": ("driving", "2 tasks, 1 alarm", "to base station"),
+    "aborted": ("aborted", "", "By Ann: smoke. zone_b and zone_c were not visited."),
+    "called home": ("ended early", "", "Called home by Ann: smoke. zone_b and zone_c were not visited."),
+    "failed": ("failed", "", "No zone is left."),
+    "complete": ("complete", "", ""),
+    "complete with less": ("complete", "1 task", ""),
+    "crashed": ("program crashed", "", "at 1:05, on the way to zone_b: the robot may still be driving"),
+    "lost": ("lost", "", "No contact for 0:30. The robot may still be driving."),
+    "not begun": ("not begun", "", "waiting for navigation"),
+    "stopped": ("stopped", "3 tasks", ""),
+    "replay": ("replay: driving", "1 task", "to zone_b"),
+    "team": ("robot3: program crashed", "", "at 1:05, on the way to zone_b: the robot may still be driving"),
+}
+"""The large word of each condition, the words beside it, and the beginning of the reason."""
+OLD = {"times": {"last contact": "1:05"}, "gauges": {"last battery": "62 %"}}
+"""The numbers of a robot without contact."""
 
 
 @pytest.mark.parametrize("name", CONDITIONS)
@@ -76,6 +103,12 @@ def test_no_two_numbers_of_a_page_contradict_each_other(browser, name):
     with staged(name) as server:
         show(browser, server, name, 1280)
         said = browser.js(SAID)
+    word, beside, reason = said["band"]
+    assert (word, re.sub(r"\d:\d\d", "0:00", beside)) == BANDS[name][:2]
+    assert reason.startswith(BANDS[name][2])
+    assert bool(reason) == bool(BANDS[name][2])
+    if found := re.findall(r"(\d) (?:task|alarm)", beside):
+        assert sum(map(int, found)) == said["open"]
     (counted,) = re.findall(r"\((\d+)\)", said["title"]) or ["0"]
     if name != "team":  # its tasks are of all robots, and so is the title
         assert int(counted) == said["open"]
@@ -90,6 +123,8 @@ def test_no_two_numbers_of_a_page_contradict_each_other(browser, name):
         assert int(visited) == sum(state.startswith("visited") for state in states)
         assert int(said["figures"]["survivors found"]) == len(said["survivors"])
         assert int(said["figures"]["survivors reported"]) <= len(said["survivors"])
+    if name in ("crashed", "lost", "team"):
+        assert {"times": said["times"], "gauges": said["gauges"]} == OLD
     for gauge, value in said["gauges"].items():
         known = {value.removeprefix("▼ ").partition(" ")[0]}
         assert {*re.findall(rf"{gauge}(?: is)?(?: at)? ([\d.]+) %", said["text"])} <= known

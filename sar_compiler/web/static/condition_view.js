@@ -4,12 +4,15 @@ import { clock, html, say, set } from "./shapes.js";
 import { CONDITIONS } from "./signs.js";
 
 const SEVERITY = ["quiet", "good", "warning", "error"];
-const COUNTED = ["paused", "waiting", "lost", "position lost"];
+// The reason of a lost contact contains its duration.
+const COUNTED = ["paused", "waiting", "position lost"];
+// On the page, the robot itself could have crashed.
+const LABELS = { crashed: "program crashed" };
 // A robot in one of these states does not drive, regardless of earlier data.
 const STANDING = ["paused", "waiting", "aborted"];
 const UNPLACED = "position lost";
 
-/** Return a run's status for a page: word, level (including that of its open tasks), reason, and duration in seconds (null if it is not shown). */
+/** Return a run's status for a page: word, level (including that of its open tasks), reason, duration in seconds (null if it is not shown), and the number of open tasks, in words, if the level is that of a task. */
 export function conditionOf(stream, run) {
   const { silent, isReplay, isTold, trouble } = stream;
   if (isReplay && silent) return { word: "not connected", level: "error", reason: "other times cannot be shown", lasts: null };
@@ -19,7 +22,15 @@ export function conditionOf(stream, run) {
   // The details of a wait name nodes, and are for engineers.
   const reason = word === "waiting" ? run.condition.reason.split(": ")[0] : run.condition.reason;
   if (silent && !run.run.ended) return { word: "lost", level: "error", reason: `No contact for ${clock(silent)}. The robot may still be driving.`, lasts: null };
-  return { word, level: worst([level, ...run.tasks.map((task) => task.level)]), reason, lasts: COUNTED.includes(word) ? run.time - since : null };
+  const shown = worst([level, ...run.tasks.map((task) => task.level)]);
+  return { word: LABELS[word] ?? word, level: shown, reason, lasts: COUNTED.includes(word) ? run.time - since : null, open: shown === level ? "" : counted(run.tasks) };
+}
+
+/** Return the numbers of open tasks and alarms in words. */
+function counted(all) {
+  const alarms = all.filter((task) => task.is_alarm).length;
+  const words = [[all.length - alarms, "task"], [alarms, "alarm"]];
+  return words.filter(([count]) => count).map(([count, name]) => `${count} ${name}${count > 1 ? "s" : ""}`).join(", ");
 }
 
 /** Whether the program of a run has crashed. */
@@ -53,14 +64,14 @@ export function worst(levels) {
   return levels.reduce((one, other) => (SEVERITY.indexOf(other) > SEVERITY.indexOf(one) ? other : one));
 }
 
-/** Show a status in an element: sign, word, duration and reason. */
-export function showCondition(place, { word, level, reason, lasts }, isLong = true) {
+/** Show a status in an element: sign, word, duration with open tasks, and reason. */
+export function showCondition(place, { word, level, reason, lasts, open }, isLong = true) {
   if (!place.childElementCount) place.append(html("b", { "aria-hidden": "true" }), html("strong"), html("time"), html("span"));
   const [sign, name, time, why] = place.children;
   set(place, { "data-level": level, "data-word": word });
   say(sign, CONDITIONS[level] ?? "");
   say(name, word);
-  say(time, lasts === null ? "" : clock(lasts));
+  say(time, [lasts === null ? "" : `for ${clock(lasts)}`, open].filter(Boolean).join(", "));
   say(why, isLong ? reason : "");
   set(why, { title: isLong ? reason : null });
 }

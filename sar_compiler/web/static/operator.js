@@ -5,7 +5,7 @@ import { LogView } from "./log_view.js";
 import { MapView } from "./map_view.js";
 import { Orders } from "./orders.js";
 import { MissionLine } from "./mission_line.js";
-import { AlarmsView, CardsView, EndingView, TasksView, beginning, showFigures, showGauges, showTimes, whereabouts } from "./panels.js";
+import { AlarmsView, CardsView, EndingView, TasksView, beginning, showFigures, showGauges, showTimes, whereabouts, withoutAddress } from "./panels.js";
 import { PlacesView } from "./places_view.js";
 import { PropertiesView } from "./properties_view.js";
 import { ReplayBar } from "./replay_bar.js";
@@ -43,10 +43,10 @@ function begin() {
 
 function show() {
   const { run } = stream;
-  const condition = worstOf(stream);
+  const condition = forOperators(stream, worstOf(stream));
   showCondition(at("condition"), condition);
   // Screen readers announce this text when the word changes, not every second.
-  say(at("said"), `${condition.word}${condition.level === "error" && condition.lasts === null ? "" : `, ${condition.reason}`}`);
+  say(at("said"), [condition.word, condition.open, condition.level === "error" && condition.lasts === null ? "" : condition.reason].filter(Boolean).join(", "));
   // The colour shows the most severe state of all robots.
   const level = worst([condition.level, ...stream.runs.map((each) => conditionOf(stream, each).level)]);
   document.body.dataset.level = level;
@@ -62,13 +62,13 @@ function show() {
   const { mission = "mission", is_simulated: isSimulated } = run.run;
   say(at("mission"), `${stream.isTeam ? `${stream.names[stream.chosen]}: ` : ""}${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
   const open = stream.runs.reduce((sum, each) => sum + each.tasks.length, 0);
-  document.title = `${stream.isReplay ? "replay: " : ""}${open ? `(${open}) ` : ""}${condition.word}: ${mission}`;
+  document.title = `${open ? `(${open}) ` : ""}${condition.word}: ${mission}`;
   if (stream.isReplay) say(at("began"), ` of ${beginning(run)}`);
   // The band shows the state of one robot.
   const shown = stream.runs[condition.index];
   say(at("drive"), whereabouts(stream, shown));
   showTimes(at("times"), stream, shown);
-  showGauges(at("gauges"), shown);
+  showGauges(at("gauges"), stream, shown);
   showFigures(at("figures"), run);
   map.show(stream);
   tasks.show(stream);
@@ -90,6 +90,13 @@ function worstOf(stream) {
   const chosen = all[stream.chosen];
   const index = all.findIndex((each) => each.level === level);
   return index < 0 || level === "good" || chosen.level === level ? { ...chosen, index: stream.chosen } : { ...all[index], index, word: `${stream.names[index]}: ${all[index].word}` };
+}
+
+/** Return a condition in the words of the band: a replay is named, authors have no address, and a reason that a task states is omitted. */
+function forOperators(stream, condition) {
+  const { word, reason, index } = condition;
+  const isStated = reason && stream.runs[index].tasks.some(({ text }) => text.endsWith(reason));
+  return { ...condition, word: stream.isReplay ? `replay: ${word}` : word, reason: isStated ? "" : withoutAddress(reason) };
 }
 
 /** Set the tab's icon to the colour of the state. */

@@ -16,10 +16,11 @@ export function showTimes(place, stream, run) {
   const { estimate, time, run: { number } } = run;
   const ended = !isMoving(stream, run);
   const left = ended || estimate.end == null || estimate.end < time ? null : estimate.end - time;
+  const isOld = isStale(stream, run);
   const rows = !number ? [] : [
-    ["time", `${clock(time)}${number > 1 ? `, run ${number}` : ""}`],
+    [isOld ? "last contact" : "time", `${clock(time)}${number > 1 ? `, run ${number}` : ""}`],
     ...(ended ? [] : [["to go", left == null ? "–" : `about ${clock(left)}`]]),
-    ...(estimate.limit ? [["limit", clock(estimate.limit), !ended && left != null && time + left > estimate.limit]] : []),
+    ...(estimate.limit && !isOld ? [["limit", clock(estimate.limit), !ended && left != null && time + left > estimate.limit]] : []),
   ];
   showRows(place, rows);
 }
@@ -43,8 +44,9 @@ function showRows(place, rows) {
 }
 
 /** Show the gauges, as bars if their maximum is known. */
-export function showGauges(place, run) {
-  const gauges = run.gauges.filter(({ value }) => Number.isFinite(value));
+export function showGauges(place, stream, run) {
+  const last = isStale(stream, run) ? "last " : "";
+  const gauges = run.gauges.filter(({ value }) => Number.isFinite(value)).map((gauge) => ({ ...gauge, name: `${last}${gauge.name}` }));
   const key = gauges.map(({ name }) => name).join("\n");
   place.hidden = !gauges.length;
   if (place.dataset.key !== key) {
@@ -57,7 +59,7 @@ export function showGauges(place, run) {
   gauges.forEach(({ name, value, unit, least }, index) => {
     const gauge = place.children[index];
     const isLow = least != null && value < least;
-    set(gauge, { class: `gauge${isLow ? " low" : ""}` });
+    set(gauge, { class: `gauge${isLow ? " low" : ""}${last && " old"}` });
     say(gauge.lastChild, `${isLow ? "▼ " : ""}${round(value)} ${unit}`.trim());
     say(gauge.firstChild.lastChild, least == null ? "" : `, low below ${round(least)} ${unit}`.trimEnd());
     const bar = gauge.querySelector("meter");
@@ -95,7 +97,12 @@ export function beginning({ run }) {
   return run.wall ? new Date(1000 * run.wall).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "";
 }
 
-const STOP_BUTTON = "Press the stop button on the robot: it may still be driving";
+/** Return a text without the addresses of browsers, which follow the authors of commands. */
+export function withoutAddress(text) {
+  return text.replace(/ \((?:page,|team page of) [^)]*\)/g, "");
+}
+
+const STOP_BUTTON = "Press the stop button on the robot: STOP on the page may not reach it";
 
 /** The open tasks, the most urgent first, each with its command if available. Alarms have a separate list. */
 export class TasksView {
@@ -105,7 +112,7 @@ export class TasksView {
 
   show(stream) {
     const { run, silent, isReplay } = stream;
-    const all = stream.runs.flatMap((each, robot) => each.tasks.filter((task) => !task.is_alarm).map((task) => ({ ...task, robot, who: stream.isTeam ? `${stream.names[robot]}: ` : "" })));
+    const all = stream.runs.flatMap((each, robot) => each.tasks.filter((task) => !task.is_alarm).map((task) => ({ ...task, text: withoutAddress(task.text), robot, who: stream.isTeam ? `${stream.names[robot]}: ` : "" })));
     if (silent && !isReplay && !run.run.ended) all.unshift({ level: "error", text: STOP_BUTTON, name: "", command: "", robot: stream.chosen, who: "" });
     const told = all.map((task) => ({ ...task, verb: task.robot === stream.chosen ? this.orders.find(task.command) : undefined }));
     const key = JSON.stringify([told, run.run.number, run.awaited, isReplay]);
