@@ -239,5 +239,9 @@ class ProjectTree:
             return self.preview(tree_id if is_main or element is None else element.attributes.get("ID"))
         except TreeError as error:
             trees = self.context.bound_forest.trees
-            sketch = sketch_tree(next(each for each in trees if each.element is element), trees)
+            # The named tree may be in another file of the set; then the first one of this file is drawn.
+            bound = next((each for each in trees if each.element is element), next(iter(trees), None))
+            if bound is None:
+                raise
+            sketch = sketch_tree(bound, trees)
             return replace(sketch, findings=error.findings)

@@ -199,3 +199,10 @@ def test_subtrees_that_make_too_many_nodes_are_folded(tmp_path, monkeypatch):
     path = tmp_path / "many.xml"
     path.write_text(f'<root BTCPP_format="4" main_tree_to_execute="T0">{each}</root>', encoding="utf-8")
     assert 40 < len(drawings_of(load(path))["unicode"].splitlines()) < 120
+
+
+def test_a_faulty_file_that_names_a_tree_of_another_file_is_drawn_with_its_own_first_tree(tmp_path):
+    (tmp_path / "main.xml").write_text(document("<AlwaysSuccess/>", main="Main"))
+    path = tmp_path / "part.xml"
+    path.write_text('<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Part"/></root>')
+    assert load(path).sketch().name == "Part"
