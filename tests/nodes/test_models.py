@@ -7,6 +7,7 @@ from py_trees import behaviours, composites, decorators
 
 from sar_compiler.checks import check, check_palettes
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
+from sar_compiler.nodes.models import undeclared_names
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.diagnostic import Severity, TreeError
 from sar_compiler.tree.xml import parse_xml
@@ -489,3 +490,8 @@ def test_what_a_palette_has_only_for_the_reader_of_the_library_is_told():
     model = '<Action ID="Fly"><input_port name="when">low && slow</input_port></Action>'
     [finding] = check_palettes([parse_xml(palette(model), "palette.xml")], REGISTRY)
     assert (finding.source.path, finding.span.line, finding.suggestion) == ("palette.xml", 2, "&amp;&amp;")
+
+
+def test_names_are_found_in_a_long_script_in_linear_time():
+    text = document(f'<Script code="{"a" * 1_000_000} mine := RED"/>')
+    assert undeclared_names([parse_xml(text, "long.xml")], []) >= {"RED"}

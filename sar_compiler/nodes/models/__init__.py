@@ -40,7 +40,7 @@ ENUM_TAG = "Enum"
 """The tag for a named constant of the C++ program, with its number if known; BehaviorTree.CPP ignores it."""
 _SCRIPT = r"code|if|case_\d+|_(?:(?:failure|success|skip)If|while|on(?:Success|Failure|Halted)|post)"
 _NAME = r"(?<![\w'{@.])[A-Za-z_]\w*(?![\w'}])"
-_KEY = r"\{(\w+)\}|(\w+)\s*(?::=|[-+*/]?=(?!=))"
+_KEY = r"\{(\w+)\}|\b(\w+)\s*(?::=|[-+*/]?=(?!=))"
 _QUOTED = r"'[^']*'"
 FROM_USE = {"made": "from use"}
 """The marker of a model that is derived from the use of a node, with guessed types and directions."""
