@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sar_compiler.checks.rules.entry_accesses import KeyAccess
-from sar_compiler.errors import SarError
+from sar_compiler.editing.text_edits import EditError
 from sar_compiler.nodes.binding.attributes import AUTOREMAP
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.semantics import AccessKind
@@ -14,17 +14,13 @@ from sar_compiler.project import ProjectTree
 from sar_compiler.runtime.blackboard import ROOT_SIGN
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Source, Span
-from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, Element, TreeFile, last_element_before
+from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile, last_element_before
 
 _MAIN = "main_tree_to_execute"
 _NAME = re.compile(r"@?[A-Za-z_]\w*", re.ASCII)
 _KEY = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _TREE = re.compile(r"[\w.-]+")
 _WRITES = (AccessKind.WRITE, AccessKind.BOTH, AccessKind.CHANGE)
-
-
-class RenamingError(SarError):
-    """A tree, node or key cannot be renamed."""
 
 
 class NameLocation(NamedTuple):
@@ -79,11 +75,18 @@ def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) 
     element = last_element_before(list(main.root.iterate()), main.source.position_of(offset))
     if element is None:
         return None
-    pointed = _attribute_at(element, offset)
-    files = _affected_files(tree, beside)
+    pointed, files, name = (
+        _attribute_at(element, offset),
+        _affected_files(tree, beside),
+        element.attributes.get("ID"),
+    )
     if pointed is None:
-        return _named_tree(files, element.attributes["ID"]) if _is_on_subtree_tag(element, offset) else None
-    if pointed.attribute == _MAIN or (pointed.attribute == "ID" and element.tag not in _kind_tags(tree)):
+        start, end = element.source.spans.tag(element)
+        is_use = element.tag == SUBTREE_TAG and start <= offset <= end
+        return _named_tree(files, name) if is_use and name else None
+    # The tags in whose `ID` a node is named.
+    explicit = {spec.kind.value for spec in tree.context.registry}
+    if pointed.attribute == _MAIN or (pointed.attribute == "ID" and element.tag not in explicit):
         return _named_tree(files, element.attributes[pointed.attribute])
     return _thing_in_node(tree, files, pointed)
 
@@ -104,18 +107,6 @@ def _thing_in_node(
     return _named_key(tree, files, bound_tree, word) if word and accesses and word in accesses.keys else None
 
 
-def _kind_tags(tree: ProjectTree) -> set[str]:
-    """Return the tags such as `Action`, whose `ID` names a node and not a tree."""
-    return {spec.kind.value for spec in tree.context.registry}
-
-
-def _is_on_subtree_tag(element: Element, offset: int) -> bool:
-    if element.tag != SUBTREE_TAG or not element.attributes.get("ID"):
-        return False
-    start, end = element.source.spans.tag(element)
-    return start <= offset <= end
-
-
 def _attribute_at(element: Element, offset: int) -> _PointedAttribute | None:
     source = element.source
     for name, (*_, start, end) in source.spans.attributes(element):
@@ -126,12 +117,10 @@ def _attribute_at(element: Element, offset: int) -> _PointedAttribute | None:
 
 
 def _find_bound(tree: ProjectTree, element: Element) -> tuple[BoundNode | None, BoundTree | None]:
-    for each in tree.context.bound_forest.trees:
-        if each.element.source is element.source:
-            for node in each.nodes:
-                if node.element is element:
-                    return node, each
-    return None, None
+    trees = (each for each in tree.context.bound_forest.trees if each.element.source is element.source)
+    return next(
+        ((node, each) for each in trees for node in each.nodes if node.element is element), (None, None)
+    )
 
 
 def _affected_files(tree: ProjectTree, beside: Iterable[ProjectTree]) -> list[TreeFile]:
@@ -158,12 +147,9 @@ def _spots_of_tree(files: Iterable[TreeFile], name: str) -> Iterator[NameLocatio
     for file in files:
         if file.main_tree_name == name:
             yield NameLocation(file.source, file.root.value_span(_MAIN))
-        for each in file.trees:
-            if each.attributes.get("ID") == name:
-                yield NameLocation(file.source, each.value_span("ID"), is_origin=True)
         for each in file.root.iterate():
-            if each.tag == SUBTREE_TAG and each.attributes.get("ID") == name:
-                yield NameLocation(file.source, each.value_span("ID"))
+            if each.tag in (TREE_TAG, SUBTREE_TAG) and each.attributes.get("ID") == name:
+                yield NameLocation(file.source, each.value_span("ID"), is_origin=each.tag == TREE_TAG)
 
 
 def _named_node(tree: BoundTree, named: BoundNode) -> NamedThing:
@@ -244,22 +230,22 @@ def check_renaming(thing: NamedThing) -> None:
     """Check whether a tree, node or key can be renamed.
 
     Raises:
-        RenamingError: If it cannot be renamed.
+        EditError: If it cannot be renamed.
     """
     if thing.refusal:
-        raise RenamingError(f"'{thing.name}' cannot be renamed: {thing.refusal}")
+        raise EditError(f"'{thing.name}' cannot be renamed: {thing.refusal}")
 
 
 def rename_edits(thing: NamedThing, name: str) -> list[tuple[NameLocation, str]]:
     """Return the locations of a name, each with the new name.
 
     Raises:
-        RenamingError: If the name cannot be changed, or the new name is invalid or already exists.
+        EditError: If the name cannot be changed, or the new name is invalid or already exists.
     """
     check_renaming(thing)
     if not (_KEY if thing.is_key else _TREE).fullmatch(name):
         listed = "letters, digits and '_'" if thing.is_key else "letters, digits, '_', '.' or '-'"
-        raise RenamingError(f"'{name}' is not a valid name. Use only {listed}")
+        raise EditError(f"'{name}' is not a valid name. Use only {listed}")
     if name in thing.taken - {thing.name}:
-        raise RenamingError(f"'{name}' already exists. Choose another name")
+        raise EditError(f"'{name}' already exists. Choose another name")
     return [(spot, name) for spot in thing.spots]

@@ -7,7 +7,6 @@ operation are returned, the edited text is parsed, so that edits never make a fi
 import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from sar_compiler.editing.text_edits import (
@@ -30,24 +29,20 @@ _AUTOREMAP, _MAIN = "_autoremap", "main_tree_to_execute"
 _OF_SUBTREE = ("ID", "name", _AUTOREMAP)
 
 
-@dataclass(frozen=True)
-class Siblings:
+class Siblings(NamedTuple):
     """Consecutive children of an element.
 
     Attributes:
-        parent: The parent element.
-        first: The index of the first sibling.
-        last: The index of the last sibling.
+        parent: The element.
+        place: The index of the first sibling.
+        first: The first sibling.
+        last: The last sibling.
     """
 
     parent: Element
-    first: int
-    last: int
-
-    @property
-    def ends(self) -> tuple[Element, Element]:
-        """The first and the last sibling."""
-        return self.parent.children[self.first], self.parent.children[self.last]
+    place: int
+    first: Element
+    last: Element
 
 
 class EditedFile:
@@ -65,9 +60,8 @@ class EditedFile:
     def __init__(self, tree_file: TreeFile) -> None:
         self.tree_file = tree_file
         self.elements = [*tree_file.root.iterate()]
-        self.text: XmlText | YamlText = (
-            XmlText(tree_file) if tree_file.source.form is Form.XML else YamlText(tree_file)
-        )
+        form = XmlText if tree_file.source.form is Form.XML else YamlText
+        self.text: XmlText | YamlText = form(tree_file)
         # The parent of each element and the element's index in it, by the element's offset.
         self._places = {
             child.offset: (each, index) for each in self.elements for index, child in enumerate(each.children)
@@ -102,7 +96,7 @@ class EditedFile:
         if other is not parent or last_index < index:
             message = "these elements are not adjacent siblings. Select adjacent children of one parent"
             raise EditError(message)
-        return Siblings(parent, index, last_index)
+        return Siblings(parent, index, first, end)
 
     def tree_around(self, element: Element) -> Element:
         """Return the tree that contains an element.
@@ -129,7 +123,7 @@ def move(file: EditedFile, element: int, parent: int, index: int) -> list[TextEd
         message = f"<{moved.tag}> cannot be moved into itself"
         raise EditError(message)
     _require_index(target, index)
-    if here.parent is target and here.first <= index <= here.first + 1:
+    if here.parent is target and here.place <= index <= here.place + 1:
         return []
     lines = file.text.copy(moved, moved)
     return [*file.text.insert(target, index, lines), *file.text.delete_element(moved)]
@@ -152,7 +146,7 @@ def wrap(
     last: int | None = None,
 ) -> list[TextEdit]:
     """Wrap an element, or consecutive siblings, in a new element."""
-    first, end = file.siblings(element, last).ends
+    _, _, first, end = file.siblings(element, last)
     lines = file.text.wrap(synthetic_element(tag, attributes), file.text.copy(first, end))
     return file.text.replace(first, end, lines)
 
@@ -180,7 +174,7 @@ def delete(file: EditedFile, element: int) -> list[TextEdit]:
 def duplicate(file: EditedFile, element: int) -> list[TextEdit]:
     """Insert a copy of an element after the element."""
     here, copied = file.siblings(element), file.element(element)
-    return file.text.insert(here.parent, here.first + 1, file.text.copy(copied, copied))
+    return file.text.insert(here.parent, here.place + 1, file.text.copy(copied, copied))
 
 
 def extract(file: EditedFile, element: int, tree: str) -> list[TextEdit]:
@@ -208,7 +202,7 @@ def extract(file: EditedFile, element: int, tree: str) -> list[TextEdit]:
     is_only = _MAIN not in root.attributes and len(file.tree_file.trees) == 1 and name
     return [
         *file.text.replace(moved, moved, file.text.format_new(call)),
-        *file.text.insert(root, file.siblings(file.number(around)).first + 1, new),
+        *file.text.insert(root, file.siblings(file.number(around)).place + 1, new),
         *(file.text.set_attribute(root, _MAIN, name) if is_only else ()),
     ]
 
@@ -260,41 +254,36 @@ def edits_of(tree_file: TreeFile, operation: str, /, **arguments: Any) -> list[T
         message = f"unknown operation '{operation}' (known: {', '.join(OPERATIONS)})"
         raise EditError(message)
     text = tree_file.source.text
-    expanded = _without_brackets(tree_file, operation, arguments)
+    file = _without_brackets(tree_file, operation, arguments)
     try:
-        edits = function(EditedFile(expanded), **arguments)
+        edits = function(file, **arguments)
     except (TypeError, AttributeError) as error:
         message = f"the arguments of '{operation}' are wrong: {error}"
         raise EditError(message) from error
-    edited = apply_edits(expanded.source.text, edits)
+    edited = apply_edits(file.tree_file.source.text, edits)
     try:
         parse_tree(edited, tree_file.source.path)
     except TreeError as error:
         message = f"this change would make the file invalid: {error.findings[0].message}"
         raise EditError(message) from error
-    return edits if expanded is tree_file else edit_between(text, edited)
+    return edits if file.tree_file is tree_file and edited != text else edit_between(text, edited)
 
 
-def _without_brackets(tree_file: TreeFile, operation: str, arguments: Mapping[str, Any]) -> TreeFile:
+def _without_brackets(tree_file: TreeFile, operation: str, arguments: Mapping[str, Any]) -> EditedFile:
     """Return the file with the elements of an operation on separate lines; in YAML, they may be in brackets."""
-    if tree_file.source.form is Form.XML or operation == set_attribute.__name__:
-        return tree_file
-    names = [
-        arguments[each] for each in ("element", "parent", "last") if isinstance(arguments.get(each), int)
-    ]
-    while True:
-        file = EditedFile(tree_file)
-        text = file.text
-        if not isinstance(text, YamlText):
-            return tree_file
+    given = [arguments.get(each) for each in ("element", "parent", "last")]
+    numbers = [each for each in given if isinstance(each, int)] if operation != set_attribute.__name__ else []
+    file = EditedFile(tree_file)
+    while isinstance(file.text, YamlText):
         concerned = [
-            each for number in names for each in _separate_elements(file, file.element(number), operation)
+            each for one in numbers for each in _separate_elements(file, file.element(one), operation)
         ]
-        found = next(filter(None, map(text.outermost_flow, concerned)), None)
+        found = next(filter(None, map(file.text.outermost_flow, concerned)), None)
         if found is None:
-            return tree_file
-        edited = apply_edits(tree_file.source.text, text.expand(found))
-        tree_file = parse_tree(edited, tree_file.source.path)
+            break
+        edited = apply_edits(file.tree_file.source.text, file.text.expand(found))
+        file = EditedFile(parse_tree(edited, tree_file.source.path))
+    return file
 
 
 def _separate_elements(file: EditedFile, element: Element, operation: str) -> Iterator[Element]:
@@ -354,11 +343,7 @@ def _ports(call: Element, tree: Element, around: Element) -> dict[str, str]:
 
 def _with_ports(lines: Snippet, ports: Mapping[str, str]) -> list[SnippetLine]:
     """Return lines with keys in braces replaced."""
-
-    def replace(match: re.Match[str]) -> str:
-        return ports.get(match[0], match[0])
-
-    return [each._replace(text=_KEY.sub(replace, each.text)) for each in lines]
+    return [each._replace(text=_KEY.sub(lambda key: ports.get(key[0], key[0]), each.text)) for each in lines]
 
 
 class Refactoring(NamedTuple):
@@ -391,7 +376,7 @@ def refactorings_at(tree_file: TreeFile, number: int) -> list[Refactoring]:
     parent = file.number(here.parent)
     moves = [
         (direction, index)
-        for direction, index in (("up", here.first - 1), ("down", here.first + 2))
+        for direction, index in (("up", here.place - 1), ("down", here.place + 2))
         if 0 <= index <= len(here.parent.children)
     ]
     found = [

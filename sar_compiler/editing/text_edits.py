@@ -35,16 +35,6 @@ def apply_edits(text: str, edits: Iterable[TextEdit]) -> str:
     return "".join([*parts, text[done:]])
 
 
-def inverse_edits(text: str, edits: Iterable[TextEdit]) -> list[TextEdit]:
-    """Return the edits that restore the original text from the edited text."""
-    inverse, growth = [], 0
-    for edit in sorted(edits):
-        start = edit.start + growth
-        inverse.append(TextEdit(start, start + len(edit.text), text[edit.start : edit.end]))
-        growth += len(edit.text) - (edit.end - edit.start)
-    return inverse
-
-
 def edit_between(old: str, new: str) -> list[TextEdit]:
     """Return the smallest single edit that changes one text into another; an empty list if they are equal."""
     if old == new:

@@ -110,11 +110,11 @@ class XmlText:
         start, end = self._block(first), self._block(last)
         if start.has_lines and end.has_lines:
             return self._cut(start.start, end.end, start.indent)
-        return self._cut(start.own, self._extent(last).end, start.indent)
+        return self._cut(start.own, self._extents[last.offset].end, start.indent)
 
     def contents(self, element: Element) -> Snippet:
         """Return the lines between the tags of an element."""
-        extent = self._extent(element)
+        extent = self._extents[element.offset]
         start, end = extent.opened, extent.closing
         while start < end and self._text[start] in _BLANK:
             start += 1
@@ -136,31 +136,25 @@ class XmlText:
             with_comments: Whether the siblings' comments are replaced, too.
         """
         start, end = self._block(first), self._block(last)
-        if not (start.has_lines and end.has_lines):
-            return [TextEdit(start.own, self._extent(last).end, self._join(lines, start.indent))]
-        if with_comments:
-            text = start.indent + self._join(lines, start.indent) + self._line_end_after(end.end)
-            return [TextEdit(start.start, end.end, text)]
-        return [TextEdit(start.own, self._extent(last).end, self._join(lines, start.indent))]
+        text = self._join(lines, start.indent)
+        if not (with_comments and start.has_lines and end.has_lines):
+            return [TextEdit(start.own, self._extents[last.offset].end, text)]
+        line_end = self._source.line_end if self._text[: end.end].endswith(("\n", "\r")) else ""
+        return [TextEdit(start.start, end.end, f"{start.indent}{text}{line_end}")]
 
     def insert(self, parent: Element, index: int, lines: Snippet) -> list[TextEdit]:
         """Return the edits that insert lines before the child at an index, or after the last child."""
-        if index < len(parent.children):
-            block = self._block(parent.children[index])
-            if block.has_lines:
-                text = block.indent + self._join(lines, block.indent) + self._source.line_end
-                return [TextEdit(block.start, block.start, text)]
-            return [TextEdit(block.own, block.own, self._join(lines, block.indent))]
-        if parent.children:
-            block = self._block(parent.children[-1])
-            if block.has_lines:
-                text = block.indent + self._join(lines, block.indent) + self._source.line_end
-                return [TextEdit(block.end, block.end, text)]
-            return [TextEdit(block.end, block.end, self._join(lines, block.indent))]
-        return self._insert_first(parent, lines)
+        if not parent.children:
+            return self._insert_first(parent, lines)
+        is_last = index == len(parent.children)
+        block = self._block(parent.children[-1 if is_last else index])
+        text, offset = self._join(lines, block.indent), block.end if is_last else block.start
+        if block.has_lines:
+            text = f"{block.indent}{text}{self._source.line_end}"
+        return [TextEdit(offset, offset, text)]
 
     def _insert_first(self, parent: Element, lines: Snippet) -> list[TextEdit]:
-        extent, end = self._extent(parent), self._source.line_end
+        extent, end = self._extents[parent.offset], self._source.line_end
         outer = self._line(extent.start)[1]
         inner = outer + self._unit
         text = inner + self._join(lines, inner) + end
@@ -179,7 +173,7 @@ class XmlText:
         """Return the edits that remove an element with its comments; a parent without other content gets an empty tag."""
         block = self._block(element)
         parent = self._parents[element.offset]
-        around = self._extent(parent)
+        around = self._extents[parent.offset]
         rest = self._text[around.opened : block.start] + self._text[block.end : around.closing]
         if len(parent.children) == 1 and not rest.strip():
             return [TextEdit(around.opened - 1, around.end, "/>")]
@@ -201,9 +195,6 @@ class XmlText:
             separator, end = blanks if _BEFORE.match(blanks) else " ", found.end()
         return [TextEdit(end, end, f'{separator}{name}="{escape_value(value)}"')]
 
-    def _extent(self, element: Element) -> _TagExtent:
-        return self._extents[element.offset]
-
     def _indentation(self) -> str:
         """Return the indentation of one level, which is that of the first indented child."""
         for each in self._elements[1:]:
@@ -219,7 +210,7 @@ class XmlText:
         return start, lead[: len(lead) - len(lead.lstrip(_BLANK))]
 
     def _block(self, element: Element) -> _ElementBlock:
-        extent = self._extent(element)
+        extent = self._extents[element.offset]
         line, indent = self._line(extent.start)
         rest = _REST.match(self._text, extent.end)
         if line + len(indent) != extent.start or rest is None:
@@ -257,6 +248,3 @@ class XmlText:
     def _join(self, lines: Snippet, indent: str) -> str:
         """Return lines as text; the first line is already indented."""
         return join_lines([lines[0], *indent_lines(lines[1:], indent)], self._source.line_end)
-
-    def _line_end_after(self, end: int) -> str:
-        return self._source.line_end if self._text[:end].endswith(("\n", "\r")) else ""

@@ -184,7 +184,7 @@ class YamlText:
 
     def copy(self, first: Element, last: Element) -> Snippet:
         """Return the lines of consecutive siblings, with their comments."""
-        return self._cut(self._start(first), self._end(last), self._dash(first)[1])
+        return cut_lines(self._text[self._start(first) : self._end(last)], self._dash(first)[1])
 
     def contents(self, element: Element) -> Snippet:
         """Return the lines of all children of an element, with their comments."""
@@ -196,7 +196,8 @@ class YamlText:
         """Return the edits that replace consecutive siblings by lines; see `XmlText.replace` for the arguments."""
         line, indent = self._dash(first)
         start, end = self._start(first) if with_comments else line, self._end(last)
-        return [TextEdit(start, end, indent + self._join(lines, indent) + self._line_end_after(end))]
+        line_end = self._source.line_end if self._text[:end].endswith(("\n", "\r")) else ""
+        return [TextEdit(start, end, f"{indent}{self._join(lines, indent)}{line_end}")]
 
     def insert(self, parent: Element, index: int, lines: Snippet) -> list[TextEdit]:
         """Return the edits that insert lines before the child at an index, or after the last child."""
@@ -312,15 +313,9 @@ class YamlText:
         is_start = not offset or LINE_END.match(self._text, offset - 1) is not None
         return TextEdit(offset, offset, f"{text}{end}" if is_start else f"{end}{text}")
 
-    def _cut(self, start: int, end: int, indent: str) -> Snippet:
-        return cut_lines(self._text[start:end], indent)
-
     def _join(self, lines: Snippet, indent: str) -> str:
         """Return lines as text; the first line is already indented."""
         return join_lines([lines[0], *indent_lines(lines[1:], indent)], self._source.line_end)
-
-    def _line_end_after(self, end: int) -> str:
-        return self._source.line_end if self._text[:end].endswith(("\n", "\r")) else ""
 
 
 def _entry_in_flow(extent: _NodeExtent, last: int | None, entry: str, *, has_children: bool) -> TextEdit:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.editing.operations import EditedFile, edits_of
-from sar_compiler.editing.text_edits import EditError, apply_edits, inverse_edits
+from sar_compiler.editing.text_edits import EditError, TextEdit, apply_edits
 from sar_compiler.tree.discovery import parse_tree
 from sar_compiler.tree.xml_writer import write_xml
 from sar_compiler.tree.yaml_writer import write_yaml
@@ -30,6 +30,16 @@ def in_order(node, parent=None):
 
 def place_of(node, parent):
     return next(index for index, each in enumerate(parent[2]) if each is node)
+
+
+def inverse_edits(text, edits):
+    """Return the edits that restore the original text from the edited one."""
+    inverse, growth = [], 0
+    for edit in sorted(edits):
+        start = edit.start + growth
+        inverse.append(TextEdit(start, start + len(edit.text), text[edit.start : edit.end]))
+        growth += len(edit.text) - (edit.end - edit.start)
+    return inverse
 
 
 class Model:
@@ -237,6 +247,11 @@ def test_a_node_is_moved_with_the_comments_about_it_and_nothing_else_changes():
     lines = YAML.splitlines(keepends=True)
     moved = edited(YAML.replace("{y: '{k}',   z: \"2\"}", ""), "move", "t.yaml", element=3, parent=2, index=2)
     assert moved == "".join([*lines[:8], *lines[12:15], "                - B: \n", *lines[8:12]])
+
+
+def test_exchanging_equal_nodes_is_no_edit_that_undo_would_take_back():
+    text = XML.replace('<B y="{k}"\n         z="2"/>', "<A/>\n      <A/>")
+    assert edits_of(parse_tree(text, "tree.xml"), "move", element=4, parent=2, index=3) == []
 
 
 def test_an_attribute_is_changed_in_its_quotes_and_a_new_one_stands_as_the_others_do():
