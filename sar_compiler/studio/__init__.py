@@ -3,5 +3,5 @@
 The page is in `static`. It sends requests over HTTP (`web.edit_page`), to which `tree_studio` responds.
 """
 
-PUBLIC_MODULES = ("tree_studio",)
+PUBLIC_MODULES = ("edited_document", "tree_studio")
 """The modules that other parts may import."""

@@ -7,11 +7,28 @@ from pathlib import Path
 
 from sar_compiler.opener import TREE, read_file
 from sar_compiler.tree.content import encode_text
-from sar_compiler.tree.diagnostic import Source, TreeError
-from sar_compiler.tree.discovery import parse_tree
-from sar_compiler.writing import write_bytes
+from sar_compiler.tree.diagnostic import Form, Source, TreeError
+from sar_compiler.tree.discovery import FORMS, parse_tree
+from sar_compiler.writing import WriteError, write_bytes, write_text
 
-_CRLF = re.compile(r"\r\n")
+_EMPTY = {
+    Form.XML: '<root BTCPP_format="4">\n  <BehaviorTree ID="Main"/>\n</root>\n',
+    Form.YAML: "root:\n  BTCPP_format: 4\n  children:\n    - BehaviorTree:\n        ID: Main\n",
+}
+
+
+def create_document(path: Path) -> None:
+    """Create a tree file with an empty tree.
+
+    Raises:
+        WriteError: If the file exists, its name has another ending, or it cannot be written.
+    """
+    form = FORMS.get(path.suffix.lower())
+    if form is None:
+        raise WriteError(f"'{path}' ends neither with .xml nor with .yaml. Choose another name")
+    if path.exists():
+        raise WriteError(f"{path} exists already. Edit it without --new")
+    write_text(path, _EMPTY[form])
 
 
 class EditedDocument:
@@ -41,7 +58,7 @@ class EditedDocument:
         data = read_file(self.path, TREE).data
         self._source = source = _source_of(data, self.path)
         self._has_crlf = "\r\n" in source.text and not re.search(r"(?<!\r)\n|\r(?!\n)", source.text)
-        text = _CRLF.sub("\n", source.text) if self._has_crlf else source.text
+        text = source.text.replace("\r\n", "\n") if self._has_crlf else source.text
         return {"text": text, "version": _version(data), "name": self.path.name, "form": source.form.value}
 
     def save_text(self, text: str, version: str, *, overwrite: bool = False) -> Mapping[str, object]:

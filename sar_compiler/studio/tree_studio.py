@@ -46,6 +46,8 @@ MOST_STATES = 1_000_000
 SIDE_BY_SIDE = frozenset({"verify", "predict", "progress", "stop"})
 """The requests that are processed in parallel with other requests."""
 _MOST_TICKS = 1000
+# Other spellings of true and false, which are not suggested.
+_SPELLINGS = ("True", "False", "TRUE", "FALSE", "1", "0")
 _ENDED = ("SUCCESS", "FAILURE")
 
 
@@ -132,15 +134,16 @@ class Studio:
         if parsed is None:
             return result
         ids = [each.attributes.get("ID", "") for each in parsed.trees]
-        shown = tree if tree in ids else None
-        elements = [*parsed.root.iterate()]
-        numbers = {each.position: number for number, each in enumerate(elements)}
-        result |= {"trees": ids, "keys": _keys(loaded, numbers), "files": self._register_files(loaded)}
-        result["elements"] = _elements(elements, numbers, offset)
+        is_named_elsewhere = parsed.main_tree_name not in (None, *ids)
+        shown = tree if tree in ids else next(filter(None, ids), None) if is_named_elsewhere else None
         try:
             sketch = loaded.sketch(shown)
         except TreeError:
             return result
+        elements = [*parsed.root.iterate()]
+        numbers = {each.position: number for number, each in enumerate(elements)}
+        told |= {"trees": ids, "keys": _keys(loaded, numbers), "files": self._files(loaded)}
+        told["elements"] = _elements(elements, numbers, offset)
         own, starts = loaded.source, {*folded}
         folds = {number for number, each in enumerate(elements) if offset(each.offset) in starts}
         nodes: list[int | None] = []
@@ -196,23 +199,20 @@ class Studio:
         """Return the specs of the nodes that can be inserted, with their attributes."""
         registry = self._load(text).context.registry
         specs = [variants[0] for variants in registry.by_tag().values()]
-        return {"nodes": [_spec(each) for each in (*specs, subtree())]}
+        tree = {"name": "ID", "doc": "The tree.", "required": True, "choices": []}
+        call: Any = _spec(subtree())
+        return {"nodes": [*map(_spec, specs), {**call, "attributes": [tree, *call["attributes"]]}]}
 
     def verify(self, text: str, tree: str | None = None) -> object:
         """Verify a tree; return the verdicts, with a counterexample for each violated property."""
         loaded, max_states, budget = self._read(text), self._options[1], self._begin_analysis()
         proof = verify_tree(loaded, tree_id=tree, max_states=max_states, budget=budget)
         nodes = _paths(loaded, tree)
-        verdicts = [
-            {
-                "question": each.question,
-                "verdict": each.outcome.value,
-                "reason": each.reason,
-                "run": _run(each.trace.ticks, nodes) if each.trace else None,
-                "loop": each.trace.loop if each.trace else 0,
-            }
-            for each in proof.verdicts
-        ]
+        verdicts = []
+        for each in proof.verdicts:
+            run, loop = (_run(each.trace.ticks, nodes), each.trace.loop) if each.trace else (None, 0)
+            verdict = {"question": each.question, "verdict": each.outcome.value, "reason": each.reason}
+            verdicts.append({**verdict, "run": run, "loop": loop})
         search = {"states": proof.states, "complete": proof.complete, "stopped": budget.reason}
         return {**search, "verdicts": verdicts}
 
@@ -238,14 +238,7 @@ class Studio:
         ticks: int = 6,
         leaves: Mapping[str, Iterable[str]] | None = None,
     ) -> object:
-        """Simulate a run; return its ticks.
-
-        Args:
-            text: The text.
-            tree: The ID of the tree; by default the main tree.
-            ticks: The maximum number of ticks.
-            leaves: The successive outcomes of leaves, by leaf name; other leaves return their default outcomes.
-        """
+        """Return the first ticks of a run in which leaves have the given outcomes in order, by the names of the leaves."""
         chosen = {name: list(each) for name, each in (leaves or {}).items()}
         script = {"leaves": chosen, **({"tree": tree} if tree else {})}
         loaded = self._load(text)
@@ -317,27 +310,18 @@ class Studio:
         findings: Iterable[Diagnostic],
         offset: Callable[[int], int],
     ) -> list[object]:
-        source, found = loaded.source, list(findings)
-        fixes = {id(each.finding): each for each in each_fix(source, parsed, found, lambda _finding: True)}
+        source, findings = loaded.source, list(findings)
+        fixes = {id(each.finding): each for each in each_fix(source, parsed, findings, lambda _finding: True)}
         listed: list[object] = []
-        for each in found:
+        for each in findings:
             fix = fixes.get(id(each))
             is_own = each.source.path == source.path and each.source.text == source.text
             start, end = each.source.offsets(each.span) if is_own else (0, 0)
-            listed.append(
-                {
-                    "from": offset(start),
-                    "to": offset(end),
-                    "line": each.span.line,
-                    "column": each.span.column,
-                    "file": "" if is_own else each.source.path,
-                    "severity": each.severity.value,
-                    "code": each.code,
-                    "message": each.message,
-                    "advice": each.advice,
-                    "fix": fix and _edit(TextEdit(fix.start, fix.end, fix.text), offset),
-                }
-            )
+            path = "" if is_own else each.source.path
+            place = {"from": offset(start), "to": offset(end), "line": each.span.line, "file": path}
+            told = {"severity": each.severity.value, "code": each.code, "message": each.message}
+            edit = fix and _edit(TextEdit(fix.start, fix.end, fix.text), offset)
+            listed.append({**place, **told, "advice": each.advice, "fix": edit})
         return listed
 
 
@@ -368,17 +352,9 @@ def _elements(
     for each in elements:
         start, end = each.source.spans.tag(each)
         parent, index = parents.get(each.position, (None, 0))
-        listed.append(
-            {
-                "from": offset(start),
-                "to": offset(end),
-                "tag": each.tag,
-                "attributes": dict(each.attributes),
-                "parent": parent,
-                "index": index,
-                "children": [numbers[child.position] for child in each.children],
-            }
-        )
+        own = {"from": offset(start), "to": offset(end), "tag": each.tag, "attributes": dict(each.attributes)}
+        children = [numbers[child.position] for child in each.children]
+        listed.append({**own, "parent": parent, "index": index, "children": children})
     return listed
 
 
@@ -402,26 +378,16 @@ def _stamp(path: Path) -> tuple[int, int]:
 
 
 def _spec(spec: NodeSpec) -> object:
-    low, high = spec.child_count
-    return {
-        "tag": spec.tag,
-        "kind": spec.kind.value,
-        "doc": spec.doc,
-        "least": low,
-        "most": high,
-        "attributes": [_parameter(each) for each in spec.attributes],
-    }
+    meaning = {"tag": spec.tag, "kind": spec.kind.value, "doc": spec.doc, "most": spec.child_count[1]}
+    return {**meaning, "attributes": [_parameter(each) for each in spec.attributes]}
 
 
 def _parameter(parameter: Parameter) -> object:
-    return {
-        "name": parameter.name,
-        "doc": parameter.help,
-        "required": parameter.required,
-        "choices": list(parameter.value_type.choices),
-        "takes_key": parameter.direction is not None,
-        "is_reference": parameter.role is ParameterRole.REFERENCE,
-    }
+    meaning = {"name": parameter.name, "doc": parameter.help, "required": parameter.required}
+    choices = [each for each in parameter.value_type.choices if each not in _SPELLINGS]
+    takes_key = parameter.direction is not None
+    is_reference = parameter.role is ParameterRole.REFERENCE
+    return {**meaning, "choices": choices, "takes_key": takes_key, "is_reference": is_reference}
 
 
 def _paths(loaded: ProjectTree, tree: str | None) -> dict[str, list[int]]:
@@ -457,13 +423,14 @@ def _run(
         values |= {name: after for name, (_, after) in changed.items()}
         events = [
             {
-                "leaf": event.leaf,
-                "does": event.action,
-                "status": "halted" if event.what == HALTED else (event.status or "").lower(),
-                "way": nodes.get("/".join(event.path), []),
+                "leaf": each.leaf,
+                "does": each.action,
+                "status": status,
+                "way": nodes.get("/".join(each.path), []),
             }
-            for event in tick.events
-            if event.what in (RETURNED, HALTED)
+            for each in tick.events
+            if each.what in (RETURNED, HALTED)
+            for status in ["halted" if each.what == HALTED else (each.status or "").lower()]
         ]
         written = {name: value_as_script(value) for name, value in sorted(values.items())}
         listed.append({"root": tick.root, "events": events, "values": written, "changed": [*changed]})
@@ -483,17 +450,12 @@ def _scenario(run: ScenarioRun, tree: str | None) -> Mapping[str, object]:
     outcomes: dict[str, list[str]] = {}
     for event in returned:
         outcomes.setdefault(labels[event.number], []).append(event.outcome)
-    ends = ticks[-1].root in _ENDED
-    expect = {
-        "ends": ends,
-        "root": ticks[-1].root,
-        "order": [f"{labels[event.number]} {event.outcome}" for event in returned],
-        "facts": facts,
-    }
+    root = ticks[-1].root
+    order = [f"{labels[event.number]} {event.outcome}" for event in returned]
     return {
-        "name": f"played: {ticks[-1].root} after {len(ticks)} ticks",
+        "name": f"played: {root} after {len(ticks)} ticks",
         **({"tree": tree} if tree else {}),
         "ticks": len(ticks),
         "leaves": outcomes,
-        "expect": expect,
+        "expect": {"ends": root in _ENDED, "root": root, "order": order, "facts": facts},
     }

@@ -40,17 +40,14 @@ def edit_app(studio: Studio, token: str) -> ASGIApp:
     }
     static |= {"signs.css": style.style().encode(), "drawing.css": drawing_style().encode()}
 
-    async def page(_: Request) -> Response:
-        return static_response("index.html", static["index.html"])
-
     async def file(request: Request) -> Response:
-        name = request.path_params["name"]
+        name = request.path_params.get("name", "index.html")
         if name not in static:
             raise HTTPException(404)
         return static_response(name, static[name])
 
     routes = [
-        Route("/", page),
+        Route("/", file),
         Route("/{name}", file),
         Route("/ask/{question}", partial(_ask, studio, asyncio.Lock(), token), methods=["POST"]),
     ]

@@ -108,6 +108,28 @@ def test_what_is_dragged_is_moved_in_the_text_and_saved_and_undo_leads_back_to_t
     page.browser.wait(lambda: page.path.read_bytes() == page.before, "the first bytes")
 
 
+@pytest.mark.parametrize("size", [(1400, 900), (820, 700)])
+def test_the_drawing_stays_under_the_pointer_and_a_node_is_dropped_where_it_is_marked(page, size):
+    from selenium.webdriver import ActionChains
+
+    page.browser.size(*size)
+    first, before = page.text, page.node("Patrol").rect
+    pressed = ActionChains(page.browser.driver, duration=50).click_and_hold(page.node("ZonesRemaining?"))
+    pressed.move_by_offset(9, 0).perform()
+    page.browser.js("window.studio.replace('AdvanceZone', 'AlwaysSuccess')")
+    page.browser.js("window.studio.replace('AlwaysSuccess', 'AdvanceZone')")
+    assert page.node("Patrol").rect == before
+    left = ActionChains(page.browser.driver, duration=50)
+    left.move_to_element_with_offset(page.node("Patrol"), 4 - before["width"] // 2, 0).perform()
+    assert page.node("Patrol").rect == before
+    left.release().perform()
+    page.wait_for_text(lambda text: text.index("ZonesRemaining?") < text.index("Patrol"), "a moved node")
+    page.browser.wait_for("#chosen", "ZonesRemaining?")
+    for _ in range(3):
+        page.undo()
+    page.wait_for_text(lambda text: text == first, "the first text")
+
+
 def test_the_keyboard_alone_selects_moves_duplicates_and_deletes(page):
     from selenium.webdriver import Keys
 
@@ -171,6 +193,16 @@ def test_a_node_from_the_palette_and_an_attribute_in_its_form_are_in_the_text(pa
     assert 'Not "there"' in page.names()
 
 
+def test_the_next_field_keeps_the_focus_when_the_form_shows_an_edited_attribute(page):
+    from selenium.webdriver import Keys
+
+    page.choose("Patrol")
+    page.browser.type("#form [name=name]", "led", Keys.TAB)
+    page.browser.wait(lambda: page.node("Patrolled"), "its name")
+    page.browser.wait(lambda: page.browser.js("return window.studio.isSettled()"), "its findings")
+    assert page.browser.js("return document.activeElement.name") == "memory"
+
+
 def test_a_counterexample_walks_over_the_drawing_and_selects_its_leaf(page):
     page.browser.click("#verify")
     page.browser.wait_for("#verdicts", "does not hold")
@@ -215,6 +247,14 @@ def test_a_run_is_played_with_its_facts_and_saved_as_a_scenario(page):
     page.browser.js("document.querySelector('#choices button').click()")
     page.browser.wait_for("#state", "Saved as")
     assert [each.name for each in page.path.parent.glob("*.scenario.yaml")]
+
+
+@pytest.mark.parametrize("page", ["search_and_rescue.xml"], indirect=True)
+def test_a_leaf_may_be_named_as_a_property_of_every_object(page):
+    page.browser.js(REPLACE_ALL, document('<AlwaysSuccess name="constructor"/>'))
+    page.browser.wait(lambda: page.node("constructor"), "the leaf")
+    page.choose("constructor")
+    assert page.browser.js("return document.querySelector('#scripted input').value") == ""
 
 
 def test_a_prediction_is_shown(page):
@@ -313,7 +353,7 @@ def test_nothing_in_a_hostile_tree_is_alive_on_the_page(page):
         page.browser.wait(lambda: page.browser.js("return window.studio.isSettled()"), "a look")
         for choose in ("nodes.at(-1)", "nodes[1]"):
             page.browser.js(
-                f"const node = document.querySelector('tree-drawing').{choose}; node?.dispatchEvent(new PointerEvent('pointerdown', {{bubbles: true, button: 0}}))"
+                f"const node = document.querySelector('tree-drawing').{choose}; node?.dispatchEvent(new MouseEvent('click', {{bubbles: true}}))"
             )
         assert page.browser.js(ALIVE) == []
     assert page.browser.js("return window.isHacked") is None

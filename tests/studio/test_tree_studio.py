@@ -12,11 +12,12 @@ from typing import Any
 
 import pytest
 
-from sar_compiler.studio.edited_document import EditedDocument
+from sar_compiler.studio.edited_document import EditedDocument, create_document
 from sar_compiler.studio.tree_studio import Studio
 from sar_compiler.testing import assert_scenario_holds
 from sar_compiler.web.edit_page import edit_app
 from sar_compiler.web.page_server import AppServer
+from sar_compiler.writing import WriteError
 from tests.trees import document
 
 SHIPPED = Path("trees/search_and_rescue.xml")
@@ -220,6 +221,30 @@ def test_a_question_without_an_answer_says_why(question, values, error):
     assert error in ask(question, **{"text": TEXT, **values})["error"]
 
 
+@pytest.mark.parametrize("name", ["new.xml", "new.yaml"])
+def test_a_new_file_has_an_empty_tree_that_can_be_filled(tmp_path, name):
+    path = tmp_path / name
+    create_document(path)
+    text = path.read_text()
+    studio = Studio(path)
+    looked: Any = studio.answer_question("look", {"text": text})
+    assert [each["code"] for each in looked["findings"]] == ["missing-child"]
+    assert [looked["elements"][number]["tag"] for number in looked["nodes"]] == ["BehaviorTree"]
+    with pytest.raises(WriteError, match="exists already"):
+        create_document(path)
+    with pytest.raises(WriteError, match="ends neither with"):
+        create_document(tmp_path / "new.txt")
+
+
+def test_a_file_that_names_a_tree_of_another_file_shows_its_own_first_tree(tmp_path):
+    (tmp_path / "main.xml").write_text(document("<AlwaysSuccess/>", main="Main"))
+    path = tmp_path / "part.xml"
+    text = '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Part"><AlwaysSuccess/></BehaviorTree></root>'
+    path.write_text(text)
+    looked: Any = Studio(path).answer_question("look", {"text": text})
+    assert (looked["tree"], looked["nodes"]) == ("Part", [2])
+
+
 @pytest.fixture
 def edited(tmp_path):
     return EditedDocument(Path(shutil.copy(SHIPPED, tmp_path)))
@@ -267,7 +292,7 @@ def test_only_the_page_with_its_token_reads_the_file(edited, headers, status):
 
 
 _PLACES = """
-import { dropPlace, dropSide, keyPlace } from "./sar_compiler/studio/static/places.js";
+import { dropPlace, dropSide, keyPlace, resultOf } from "./sar_compiler/studio/static/places.js";
 const elements = [
   { tag: "root", parent: null, index: 0, children: [1] },
   { tag: "BehaviorTree", parent: 0, index: 0, children: [2] },
@@ -277,13 +302,18 @@ const elements = [
 ];
 console.log(JSON.stringify([
   [0.1, 0.5, 0.9].map((each) => dropSide(each, true)), [0.4, 0.6].map((each) => dropSide(each, false)),
-  dropPlace(elements, 2, "in"), dropPlace(elements, 3, "after"), dropPlace(elements, 0, "before"),
+  dropPlace(elements, 2, "in"), dropPlace(elements, 3, "after"), dropPlace(elements, 0, "before"), dropPlace(elements, 1, "after"),
   ["ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight"].map((key) => keyPlace(elements, 4, key)), keyPlace(elements, 2, "ArrowLeft"),
+  [
+    ["insert", { parent: 2, index: 1 }], ["insert", { parent: 2, index: 2 }], ["move", { element: 4, parent: 2, index: 0 }],
+    ["move", { element: 3, parent: 2, index: 2 }], ["duplicate", { element: 2 }], ["wrap", { element: 4 }],
+    ["delete", { element: 3 }], ["delete", { element: 4 }], ["delete", { element: 2 }],
+  ].map(([operation, values]) => resultOf(elements, operation, values)),
 ]));
 """
 
 
-def test_a_dropped_node_and_one_that_is_moved_by_a_key_have_their_place():
+def test_a_dropped_node_one_that_is_moved_by_a_key_and_one_that_results_have_their_place():
     node = shutil.which("node")
     if node is None:
         pytest.skip("there is no node here (apt install nodejs)")
@@ -295,6 +325,8 @@ def test_a_dropped_node_and_one_that_is_moved_by_a_key_have_their_place():
         {"parent": 2, "index": 2},
         {"parent": 2, "index": 1},
         None,
+        None,
         [{"parent": 2, "index": 0}, None, None, {"parent": 3, "index": 0}],
         None,
+        [4, 5, 3, 4, 5, 4, 3, 3, 1],
     ]

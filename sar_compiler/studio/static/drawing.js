@@ -19,12 +19,16 @@ function copied(from) {
 class TreeDrawing extends HTMLElement {
   #zoom = 1;
   #chosen = null;
+  // Whether a button is pressed. The page does not move the nodes meanwhile.
+  isPressed = false;
   #drag = null;
   #pan = null;
 
   connectedCallback() {
     this.addEventListener("pointerdown", (event) => this.#begin(event));
+    this.addEventListener("click", (event) => this.#click(event));
     this.addEventListener("keydown", (event) => this.#key(event));
+    document.addEventListener("pointerdown", (event) => (this.isPressed = event.button === 0));
     document.addEventListener("pointermove", (event) => this.#move(event));
     document.addEventListener("pointerup", (event) => this.#drop(event));
     document.addEventListener("pointercancel", () => this.#end());
@@ -79,8 +83,17 @@ class TreeDrawing extends HTMLElement {
     });
     if (!first) return;
     this.nodes.forEach((node) => (node.tabIndex = node === first ? 0 : -1));
-    first.scrollIntoView({ block: "nearest", inline: "nearest" });
+    this.#reveal(first);
     if (focus) first.focus({ preventScroll: true });
+  }
+
+  // Scrolls the drawing alone, so that a node is below the toolbar and within the visible part.
+  #reveal(node) {
+    const view = this.parentElement;
+    const [box, around] = [node, view].map((each) => each.getBoundingClientRect());
+    const top = this.previousElementSibling.getBoundingClientRect().bottom;
+    const shift = (start, end, first, last) => (start < first ? start - first : Math.max(0, Math.min(end - last, start - first)));
+    view.scrollBy(shift(box.left, box.right, around.left, around.left + view.clientWidth), shift(box.top, box.bottom, top, around.top + view.clientHeight));
   }
 
   // Colours the nodes of an event, from the root to the leaf; returns the element of the leaf.
@@ -124,12 +137,16 @@ class TreeDrawing extends HTMLElement {
     this.dispatchEvent(new CustomEvent(name, { detail }));
   }
 
+  // Nothing is selected before the button is released, because a selection scrolls the drawing under the pointer.
   #begin(event) {
     const node = event.target.closest("g.node");
-    if (!node || event.button) return;
-    const element = this.#number(node);
-    this.#say("chosen", element);
-    if (element !== null && event.pointerType !== "touch") this.drag({ element }, event);
+    const element = node && this.#number(node);
+    if (!event.button && element !== null && this.elements[element].tag !== "BehaviorTree" && event.pointerType !== "touch") this.drag({ element }, event);
+  }
+
+  #click(event) {
+    const node = event.target.closest("g.node");
+    if (node) this.#say("chosen", this.#number(node));
   }
 
   // Dragging the background with a mouse scrolls the drawing. The browser handles touch itself.
@@ -140,6 +157,8 @@ class TreeDrawing extends HTMLElement {
   }
 
   #move(event) {
+    // The button was released where no event reports it, as over a menu of the browser.
+    if (!event.buttons && this.isPressed) this.#end();
     if (this.#pan) this.parentElement.scrollTo(this.#pan.x - event.clientX, this.#pan.y - event.clientY);
     const drag = this.#drag;
     if (!drag || (!drag.isOn && Math.hypot(event.clientX - drag.x, event.clientY - drag.y) < START_PX)) return;
@@ -186,6 +205,7 @@ class TreeDrawing extends HTMLElement {
 
   #end() {
     this.#drag = this.#pan = null;
+    this.isPressed = false;
     this.classList.remove("dragging");
     this.#unmark();
   }

@@ -53,8 +53,10 @@ export class TextEditor {
     this.view.dispatch({ changes: changes.map(({ from, to, insert }) => ({ from, to, insert })), annotations: isolateHistory.of("full") });
   }
 
+  // Selects a range, which may be that of an older text.
   select(from, to) {
-    this.view.dispatch({ selection: { anchor: from, head: to }, effects: EditorView.scrollIntoView(from, { y: "center" }) });
+    const [anchor, head] = [from, to].map((each) => Math.min(each, this.view.state.doc.length));
+    this.view.dispatch({ selection: { anchor, head }, effects: EditorView.scrollIntoView(anchor, { y: "center" }) });
   }
 
   show(findings, onFix) {
@@ -65,7 +67,6 @@ export class TextEditor {
     this.view.dispatch(setDiagnostics(this.view.state, shown));
   }
 
-  focus() { this.view.focus(); }
   undo() { undo(this.view); }
   redo() { redo(this.view); }
 }

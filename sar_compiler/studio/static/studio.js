@@ -2,7 +2,7 @@
 import { backend } from "./backend.js";
 import "./drawing.js";
 import { TextEditor } from "./editor.js";
-import { keyPlace } from "./places.js";
+import { keyPlace, resultOf } from "./places.js";
 
 const at = (id) => document.getElementById(id);
 const drawing = document.querySelector("tree-drawing");
@@ -12,12 +12,15 @@ let editor;
 let specs = new Map();
 let version = "";
 let saved = "";
+// The selected element of the last analysed text, the changes since that text, and the element to select in the next text.
 let chosen = null;
-let cursor = null;
+let pending = null;
+let next = null;
 let shownTree = null;
 let walk = { events: [], at: -1 };
 let isPlayed = false;
-const script = {};
+// The chosen outcomes of leaves, by their names, which may be any words.
+const script = Object.create(null);
 // The name of the shown file; empty for the file that was opened first.
 let file = "";
 // The offsets of the elements that are drawn without their children.
@@ -35,10 +38,9 @@ const say = (text, isError = false) => {
 };
 const ask = (request, values = {}, onProgress = undefined) => backend.ask(request, { file, ...values }, onProgress);
 const nameOf = ({ tag, attributes }) => attributes.name ?? attributes.ID ?? tag;
-const canHold = (number) => {
-  const spec = specs.get(analysis.elements[number]?.tag);
-  return !spec || spec.most !== 0;
-};
+// The declaration of a node, which may be written as its kind with an ID.
+const specOf = ({ tag, attributes }) => (attributes.ID && specs.get(attributes.ID)?.kind === tag ? specs.get(attributes.ID) : specs.get(tag));
+const canHold = (number) => specOf(analysis.elements[number])?.most !== 0;
 
 // Asks a question in a dialog; returns the entered text or the choice, or an empty string if the user cancels.
 function question(text, choices, written = null) {
@@ -62,7 +64,11 @@ let isLooking = false;
 const isDirty = () => editor.text !== saved;
 
 function changed(changes) {
-  if (changes) folded = folded.map((offset) => changes.mapPos(offset, 1));
+  if (changes) {
+    folded = folded.map((offset) => changes.mapPos(offset, 1));
+    pending = pending?.compose(changes) ?? changes;
+    next = null;
+  }
   at("save").disabled = !isDirty();
   clearTimeout(waiting);
   waiting = setTimeout(look, 30);
@@ -73,25 +79,25 @@ let settling = [];
 const settled = () => (analysis.text === editor.text ? Promise.resolve() : new Promise((resolve) => settling.push(resolve)));
 
 async function look() {
-  if (isLooking) return changed();
+  if (isLooking || drawing.isPressed) return changed();
   isLooking = true;
   const text = editor.text;
   const result = await ask("look", { text, tree: shownTree, folded });
   isLooking = false;
-  if (text !== editor.text) return changed();
-  if (result.error) return say(result.error, true);
-  const isSame = analysis.text === text && analysis.tree === result.tree;
-  Object.assign(analysis, result, { text });
-  const isSound = Boolean(result.svg);
+  if (text !== editor.text || drawing.isPressed) return changed();
+  if (told.error) return say(told.error, true);
+  const isSame = looked.text === text && looked.tree === told.tree;
+  const isSound = Boolean(told.svg);
+  const from = chosen && looked.elements[chosen].from;
+  Object.assign(looked, told, { text, isSound });
   at("picture").classList.toggle("stale", !isSound);
   at("stale").hidden = isSound;
   editor.show(result.findings, (fix) => editor.apply([fix]));
   showFindings();
   for (const each of ["play", "verify", "predict"]) at(each).disabled = !isSound || result.findings.some(({ severity }) => severity === "error");
   if (isSound) {
-    drawing.show(result, canHold, isFolded, severities());
-    at("tree").replaceChildren(...result.trees.map((each) => make("option", { textContent: each, selected: each === result.tree })));
-    at("keys").replaceChildren(...Object.keys(result.keys).map((each) => make("option", { value: `{${each}}` })));
+    drawing.show(told, canHold, isFolded, severities());
+    at("tree").replaceChildren(...told.trees.map((each) => make("option", { textContent: each, selected: each === told.tree })));
     const shownKey = at("key").value;
     at("key").replaceChildren(...["", ...Object.keys(result.keys)].map((each) => make("option", { value: each, textContent: each || "none", selected: each === shownKey })));
     drawing.flow(result.keys[at("key").value]);
@@ -100,9 +106,9 @@ async function look() {
       at("file").replaceChildren(...result.files.map((each, place) => make("option", { value: place ? each : "", textContent: each })));
       at("file").parentElement.hidden = result.files.length < 2;
     }
-    if (cursor !== null) choose(elementAt(cursor), true);
-    else if (chosen !== null) choose(chosen < result.elements.length ? chosen : null);
-    cursor = null;
+    if (next === null) choose(from && elementAt(pending?.mapPos(from, 1) ?? from));
+    else pick(next, true);
+    next = pending = null;
     if (isSame) drawing.walk(walk.events[walk.at]);
     else {
       isPlayed = false;
@@ -143,13 +149,14 @@ function showFindings() {
   at("findings").replaceChildren(
     ...analysis.findings.map((each) => {
       const place = each.file ? `${each.file}:${each.line}` : `line ${each.line}`;
-      const advice = each.advice ? ` ${each.advice}` : "";
       const go = () => {
         if (each.file) return;
         editor.select(each.from, each.to);
         choose(elementAt(each.from));
       };
-      const item = make("li", {}, button(`${each.severity}, ${place}: ${each.message}${advice}`, go, { className: `to ${each.severity}` }));
+      const shown = button(`${each.severity}, ${place}: ${each.message}`, go, { className: `to ${each.severity}` });
+      if (each.advice) shown.append(" ", make("small", { textContent: each.advice }));
+      const item = make("li", {}, shown);
       if (each.fix) item.append(" ", button("Fix", () => editor.apply([each.fix])));
       return item;
     }),
@@ -160,28 +167,23 @@ function showFindings() {
 async function operate(operation, values, followed = true) {
   const text = editor.text;
   if (text !== analysis.text) return say("The drawing does not show the current text yet. Try again", true);
+  if (!looked.isSound) return say("Correct the text first", true);
   const result = await ask("edit", { text, operation, arguments: values });
   if (result.error) return say(result.error, true);
   if (text !== editor.text) return say("The text has changed during the operation. Try again", true);
-  apply(result.edits, followed);
+  if (!told.edits.length) return undefined;
+  editor.apply(result.edits);
+  if (followed) next = resultOf(looked.elements, operation, values);
   return undefined;
 }
 
-function apply(edits, followed = true) {
-  if (!edits.length) return;
-  const first = edits.find((each) => each.insert.trim());
-  const growth = first ? edits.filter((each) => each.from < first.from).reduce((sum, each) => sum + each.insert.length - (each.to - each.from), 0) : 0;
-  const lead = first?.insert.match(/^(?:>\s*)?(?:\s*(?:<!--[^]*?-->|#[^\n]*\n|children:))*\s*(?:- )?/)[0].length ?? 0;
-  cursor = followed && first ? first.from + growth + lead : null;
-  editor.apply(edits);
-}
-
 function insert(spec, place) {
-  const number = chosen ?? analysis.elements.findIndex((each) => each.tag === "BehaviorTree");
-  if (at("around").checked && !place && chosen !== null) return operate("wrap", { element: chosen, tag: spec.tag });
-  const { parent, index, children } = analysis.elements[number] ?? {};
+  if (!looked.isSound) return say("Correct the text first", true);
+  const number = chosen ?? looked.elements.findIndex((each) => each.tag === "BehaviorTree");
+  const { parent, index, children, tag } = looked.elements[number];
+  if (at("around").checked && !place && tag !== "BehaviorTree") return operate("wrap", { element: number, tag: spec.tag });
   const inside = { parent: number, index: children?.length ?? 0 };
-  return operate("insert", { ...(place ?? (canHold(number) || parent === null ? inside : { parent, index: index + 1 })), tag: spec.tag });
+  return operate("insert", { ...(place ?? (canHold(number) ? inside : { parent, index: index + 1 })), tag: spec.tag });
 }
 
 async function newTree(element) {
@@ -198,7 +200,7 @@ async function rename(element) {
   const text = editor.text;
   const result = await ask("rename", { text, offset: text.indexOf(attributes.ID, text.indexOf("ID", from)), name });
   if (result.error) say(result.error, true);
-  else apply(result.edits, false);
+  else editor.apply(result.edits);
 }
 
 // The operations and attributes of the selected node.
@@ -208,14 +210,22 @@ function choose(number, focus = false) {
   const element = analysis.elements[chosen];
   at("chosen").textContent = element ? `<${element.tag}> ${nameOf(element)}` : "No node is selected";
   at("actions").replaceChildren(...(element ? actions(element) : []));
-  at("form").replaceChildren(...(element ? fields(element) : []));
-  at("scripted").replaceChildren(...(element && specs.get(element.tag)?.most === 0 ? [outcomes(nameOf(element))] : []));
+  showForm(element ? fields(element) : []);
+  at("scripted").replaceChildren(...(element && specOf(element)?.most === 0 ? [outcomes(nameOf(element))] : []));
 }
 
-function pick(number) {
-  choose(number);
+// Replaces the fields of the form, except the one in which the user is typing.
+function showForm(labels) {
+  const [shown, made] = [[...at("form").children], labels].map((each) => each.map((label) => label.querySelector("[name]")));
+  if (shown.length !== made.length || shown.some((each, place) => each.name !== made[place].name)) at("form").replaceChildren(...labels);
+  else shown.forEach((each, place) => (each === document.activeElement ? (each.onchange = made[place].onchange) : each.replaceWith(made[place])));
+}
+
+function pick(number, focus = false) {
+  next = null;
+  choose(number, focus);
   const element = analysis.elements[number];
-  if (element) editor.select(element.from, element.to);
+  if (element && looked.isSound) editor.select(element.from, element.to);
 }
 
 function actions(element) {
@@ -239,17 +249,25 @@ function actions(element) {
 
 function fields(element) {
   const self = chosen;
-  const declared = specs.get(element.tag)?.attributes ?? [];
+  const declared = specOf(element)?.attributes ?? [];
   const others = Object.keys(element.attributes).filter((name) => !declared.some((each) => each.name === name));
   return [...declared, ...others.map((name) => ({ name, doc: "", choices: [] }))].map((each) => {
     const value = element.attributes[each.name] ?? "";
     const field = each.choices?.length && !value.includes("{") ? choice(each, value) : make("input", { value });
-    if (each.takes_key) field.setAttribute("list", "keys");
+    const list = make("datalist", { id: `values-of-${each.name}` }, ...suggested(each, element).map((value) => make("option", { value })));
+    if (list.options.length) field.setAttribute("list", list.id);
     field.name = each.name;
     field.required = Boolean(each.required);
     field.onchange = () => operate("set_attribute", { element: self, name: each.name, value: field.value === "" ? null : field.value }, false);
-    return make("label", { title: each.doc }, make("span", { textContent: each.required ? `${each.name} (required)` : each.name }), field, make("small", { textContent: each.doc }));
+    return make("label", { title: each.doc }, make("span", { textContent: each.required ? `${each.name} (required)` : each.name }), field, list, make("small", { textContent: each.doc }));
   });
+}
+
+// The trees for a subtree, the nodes for a reference to a node, the keys for a port.
+function suggested({ name, takes_key, is_reference }, { tag }) {
+  if (tag === "SubTree" && name === "ID") return looked.trees;
+  if (is_reference) return looked.elements.filter(specOf).map(nameOf);
+  return takes_key ? Object.keys(looked.keys).map((each) => `{${each}}`) : [];
 }
 
 const choice = ({ choices }, value) =>
@@ -258,15 +276,21 @@ const choice = ({ choices }, value) =>
 // Palette.
 function showPalette() {
   const sought = at("search").value.toLowerCase();
-  const found = [...specs.values()].filter((each) => `${each.tag} ${each.kind} ${each.doc}`.toLowerCase().includes(sought));
-  at("specs").replaceChildren(
-    ...found.map((each) => {
-      const describe = () => (at("doc").textContent = `${each.tag} (${each.kind}): ${each.doc}`);
-      const made = button(each.tag, () => insert(each), { onfocus: describe, onpointerenter: describe });
-      made.onpointerdown = (event) => drawing.drag({ spec: each }, event);
-      return make("li", {}, made);
-    }),
-  );
+  const all = [...specs.values()];
+  const named = all.filter((each) => each.tag.toLowerCase().includes(sought));
+  const found = named.length ? named : all.filter((each) => each.doc.toLowerCase().includes(sought));
+  const listed = ["Control", "Decorator", "Condition", "Action"].flatMap((kind) => {
+    const nodes = found.filter((each) => each.kind === kind);
+    return nodes.length ? [make("li", { className: "kind", textContent: `${kind}s` }), ...nodes.map(paletteItem)] : [];
+  });
+  at("specs").replaceChildren(...listed);
+}
+
+function paletteItem(spec) {
+  const describe = () => (at("doc").textContent = `${spec.tag} (${spec.kind}): ${spec.doc}`);
+  const made = button(spec.tag, () => insert(spec), { onfocus: describe, onpointerenter: describe });
+  made.onpointerdown = (event) => drawing.drag({ spec }, event);
+  return make("li", {}, made);
 }
 
 function showTree(tree) {
@@ -384,7 +408,7 @@ async function load() {
   });
   editor.open(result.text, result.form);
   saved = editor.text;
-  cursor = shownTree = null;
+  next = chosen = pending = shownTree = null;
   folded = [];
   const listed = await ask("palette", { text: result.text });
   specs = new Map((listed.nodes ?? []).map((each) => [each.tag, each]));
@@ -457,9 +481,10 @@ drawing.addEventListener("key", ({ detail: { key, ctrl, prevent } }) => {
   if (ctrl && key === "d") {
     prevent();
     onChosen((element) => operate("duplicate", { element }));
-  } else if (ctrl && key === "z") {
+  } else if (ctrl && /^[zy]$/i.test(key)) {
     prevent();
-    editor.undo();
+    if (key === "z") editor.undo();
+    else editor.redo();
   } else if (!ctrl && keys[key]) {
     prevent();
     onChosen(keys[key]);
@@ -483,7 +508,6 @@ at("find").onkeydown = (event) => {
   else pick(found);
 };
 at("key").onchange = () => drawing.flow(analysis.keys[at("key").value]);
-at("unfold").onclick = () => ((folded = []), look());
 at("export").onclick = async () => {
   const result = await ask("export", { text: editor.text, tree: shownTree });
   if (result.error) say(result.error, true);
@@ -491,18 +515,12 @@ at("export").onclick = async () => {
 };
 at("form").onsubmit = (event) => event.preventDefault();
 at("search").oninput = showPalette;
-at("undo").onclick = () => editor.undo();
-at("redo").onclick = () => editor.redo();
-at("save").onclick = () => save();
-at("play").onclick = play;
-at("verify").onclick = verify;
-at("predict").onclick = predict;
-at("stop").onclick = () => backend.stop(file);
-at("record").onclick = record;
-at("back").onclick = () => (walk.at--, showStep());
-at("next").onclick = () => (walk.at++, showStep());
-at("smaller").onclick = () => drawing.zoom(1 / 1.25);
-at("larger").onclick = () => drawing.zoom(1.25);
+const clicks = {
+  undo: () => editor.undo(), redo: () => editor.redo(), save: () => save(), play, verify, predict, record, stop: () => backend.stop(file),
+  back: () => (walk.at--, showStep()), next: () => (walk.at++, showStep()), smaller: () => drawing.zoom(1 / 1.25), larger: () => drawing.zoom(1.25),
+  unfold: () => ((folded = []), look()),
+};
+Object.entries(clicks).forEach(([id, work]) => (at(id).onclick = work));
 window.addEventListener("focus", compare);
 if (!backend.site) setInterval(compare, COMPARE_MS);
 window.addEventListener("beforeunload", (event) => editor && isDirty() && event.preventDefault());
@@ -511,7 +529,6 @@ window.studio = {
   text: () => editor.text,
   chosen: () => chosen,
   isSettled: () => analysis.text === editor.text,
-  canHold,
   replace: (part, insert) => {
     const from = editor.text.indexOf(part);
     editor.apply([{ from, to: from + part.length, insert }]);
