@@ -2,6 +2,7 @@
 import { sizes } from "./sizes.js";
 
 const EXAMPLES = ["patrol.xml", "doors.xml", "navigate.xml", "delivery.yaml", "search_and_rescue.xml"];
+const NEW = { "new.xml": '<root BTCPP_format="4">\n  <BehaviorTree ID="Main"/>\n</root>\n' };
 const FORMS = { xml: "tree.xml", yaml: "tree.yaml" };
 const total = Object.values(sizes).reduce((sum, each) => sum + each, 0);
 const LONG = new Set(["verify", "predict"]);
@@ -47,7 +48,7 @@ async function stop() {
 }
 
 async function put(name, text) {
-  opened = { name, text: text ?? (await (await fetch(`examples/${name}`)).text()) };
+  opened = { name, text: text ?? NEW[name] ?? (await (await fetch(`examples/${name}`)).text()) };
   return send("put", opened);
 }
 
@@ -83,4 +84,4 @@ async function ask(question, values, onProgress) {
   return send(question, values, onProgress);
 }
 
-export const backend = { ask, start, stop, site: { examples: EXAMPLES, put, link } };
+export const backend = { ask, start, stop, site: { examples: [...EXAMPLES, ...Object.keys(NEW)], put, link } };
