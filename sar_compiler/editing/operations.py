@@ -33,7 +33,7 @@ class Siblings(NamedTuple):
     """Consecutive children of an element.
 
     Attributes:
-        parent: The element.
+        parent: The parent element.
         place: The index of the first sibling.
         first: The first sibling.
         last: The last sibling.

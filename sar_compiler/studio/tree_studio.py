@@ -142,8 +142,8 @@ class Studio:
             return result
         elements = [*parsed.root.iterate()]
         numbers = {each.position: number for number, each in enumerate(elements)}
-        told |= {"trees": ids, "keys": _keys(loaded, numbers), "files": self._files(loaded)}
-        told["elements"] = _elements(elements, numbers, offset)
+        result |= {"trees": ids, "keys": _keys(loaded, numbers), "files": self._register_files(loaded)}
+        result["elements"] = _elements(elements, numbers, offset)
         own, starts = loaded.source, {*folded}
         folds = {number for number, each in enumerate(elements) if offset(each.offset) in starts}
         nodes: list[int | None] = []

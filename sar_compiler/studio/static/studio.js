@@ -85,19 +85,19 @@ async function look() {
   const result = await ask("look", { text, tree: shownTree, folded });
   isLooking = false;
   if (text !== editor.text || drawing.isPressed) return changed();
-  if (told.error) return say(told.error, true);
-  const isSame = looked.text === text && looked.tree === told.tree;
-  const isSound = Boolean(told.svg);
-  const from = chosen && looked.elements[chosen].from;
-  Object.assign(looked, told, { text, isSound });
+  if (result.error) return say(result.error, true);
+  const isSame = analysis.text === text && analysis.tree === result.tree;
+  const isSound = Boolean(result.svg);
+  const from = chosen && analysis.elements[chosen].from;
+  Object.assign(analysis, result, { text, isSound });
   at("picture").classList.toggle("stale", !isSound);
   at("stale").hidden = isSound;
   editor.show(result.findings, (fix) => editor.apply([fix]));
   showFindings();
   for (const each of ["play", "verify", "predict"]) at(each).disabled = !isSound || result.findings.some(({ severity }) => severity === "error");
   if (isSound) {
-    drawing.show(told, canHold, isFolded, severities());
-    at("tree").replaceChildren(...told.trees.map((each) => make("option", { textContent: each, selected: each === told.tree })));
+    drawing.show(result, canHold, isFolded, severities());
+    at("tree").replaceChildren(...result.trees.map((each) => make("option", { textContent: each, selected: each === result.tree })));
     const shownKey = at("key").value;
     at("key").replaceChildren(...["", ...Object.keys(result.keys)].map((each) => make("option", { value: each, textContent: each || "none", selected: each === shownKey })));
     drawing.flow(result.keys[at("key").value]);
@@ -167,20 +167,20 @@ function showFindings() {
 async function operate(operation, values, followed = true) {
   const text = editor.text;
   if (text !== analysis.text) return say("The drawing does not show the current text yet. Try again", true);
-  if (!looked.isSound) return say("Correct the text first", true);
+  if (!analysis.isSound) return say("Correct the text first", true);
   const result = await ask("edit", { text, operation, arguments: values });
   if (result.error) return say(result.error, true);
   if (text !== editor.text) return say("The text has changed during the operation. Try again", true);
-  if (!told.edits.length) return undefined;
+  if (!result.edits.length) return undefined;
   editor.apply(result.edits);
-  if (followed) next = resultOf(looked.elements, operation, values);
+  if (followed) next = resultOf(analysis.elements, operation, values);
   return undefined;
 }
 
 function insert(spec, place) {
-  if (!looked.isSound) return say("Correct the text first", true);
-  const number = chosen ?? looked.elements.findIndex((each) => each.tag === "BehaviorTree");
-  const { parent, index, children, tag } = looked.elements[number];
+  if (!analysis.isSound) return say("Correct the text first", true);
+  const number = chosen ?? analysis.elements.findIndex((each) => each.tag === "BehaviorTree");
+  const { parent, index, children, tag } = analysis.elements[number];
   if (at("around").checked && !place && tag !== "BehaviorTree") return operate("wrap", { element: number, tag: spec.tag });
   const inside = { parent: number, index: children?.length ?? 0 };
   return operate("insert", { ...(place ?? (canHold(number) ? inside : { parent, index: index + 1 })), tag: spec.tag });
@@ -225,7 +225,7 @@ function pick(number, focus = false) {
   next = null;
   choose(number, focus);
   const element = analysis.elements[number];
-  if (element && looked.isSound) editor.select(element.from, element.to);
+  if (element && analysis.isSound) editor.select(element.from, element.to);
 }
 
 function actions(element) {
@@ -265,9 +265,9 @@ function fields(element) {
 
 // The trees for a subtree, the nodes for a reference to a node, the keys for a port.
 function suggested({ name, takes_key, is_reference }, { tag }) {
-  if (tag === "SubTree" && name === "ID") return looked.trees;
-  if (is_reference) return looked.elements.filter(specOf).map(nameOf);
-  return takes_key ? Object.keys(looked.keys).map((each) => `{${each}}`) : [];
+  if (tag === "SubTree" && name === "ID") return analysis.trees;
+  if (is_reference) return analysis.elements.filter(specOf).map(nameOf);
+  return takes_key ? Object.keys(analysis.keys).map((each) => `{${each}}`) : [];
 }
 
 const choice = ({ choices }, value) =>
