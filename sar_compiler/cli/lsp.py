@@ -11,9 +11,7 @@ from sar_compiler.commands import OK, exit_on_interrupt
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `lsp`."""
-    parser.add_argument(
-        "--stdio", action="store_true", help="use standard input and output (the only transport)"
-    )
+    parser.add_argument("--stdio", action="store_true", help="use standard input and output (the default)")
     add_project_options(parser)
     add_budget(parser)
     parser.set_defaults(run=serve)

@@ -28,9 +28,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def _memory(text: str) -> int:
     """Parse a number of mebibytes of at least `_MIN_MEMORY_MIB`."""
     if (parsed := count(text)) < _MIN_MEMORY_MIB:
-        raise argparse.ArgumentTypeError(
-            f"'{text}' is too small: a call needs {_MIN_MEMORY_MIB} MiB to start"
-        )
+        raise argparse.ArgumentTypeError(f"'{text}' is too small: a call needs {_MIN_MEMORY_MIB} MiB")
     return parsed
 
 

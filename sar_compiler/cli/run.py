@@ -341,8 +341,7 @@ def _add_run_options(parser: Parser, group: _ArgumentGroup) -> None:
     add = group.add_argument
     text = f"{FILE_HELP} (default: the mission's own)"
     parser.add_argument("tree", nargs="?", type=TREE, metavar="TREE", help=text)
-    text = "the tree to run (default: the main tree)"
-    add("--tree", dest="tree_id", metavar="ID", help=text)
+    add("--tree", dest="tree_id", metavar="ID", help="the tree to run (default: the main tree)")
     add_mission(group)
     text = "a ROS 2 parameter file (default: the mission's own)"
     add("--params", type=YAML_FILE, metavar="FILE", help=text)

@@ -65,13 +65,10 @@ def _parser() -> Parser:
     survey.add_argument("-o", "--output", type=FILE, metavar="PREFIX", help=text)
     text = "Run a mission many times, and print its success rate for each combination of world, faults and parameters."
     add_sim_sweep(commands.add_parser("sweep", help=text, description=text))
-    for command in (live, survey):
+    for add in (live.add_argument, survey.add_argument):
         text = f"a world file, or a shipped world's name (default {DEFAULT_WORLD})"
-        command.add_argument(
-            "world", nargs="?", default=DEFAULT_WORLD, type=WORLD, help=text, metavar="WORLD"
-        )
-        text = "the seed of all noise (default 0)"
-        command.add_argument("--seed", type=seed, default=0, metavar="N", help=text)
+        add("world", nargs="?", default=DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text)
+        add("--seed", type=seed, default=0, metavar="N", help="the seed of all noise (default 0)")
     return parser
 
 

@@ -59,9 +59,8 @@ def add_search_options(parser: argparse.ArgumentParser, use: str) -> None:
     """
     add_tree_id(parser, use)
     text = "the initial value of a fact, such as points_left=4; may be repeated"
-    parser.add_argument(
-        "--set", action="append", default=[], type=_assignment, metavar="FACT=VALUE", help=text
-    )
+    add = parser.add_argument
+    add("--set", action="append", default=[], type=_assignment, metavar="FACT=VALUE", help=text)
     add_params(parser)
     add_project_options(parser)
     add_mission(parser)
