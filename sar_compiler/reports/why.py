@@ -243,7 +243,8 @@ class FailureAnalysis:
         is_meant_so = cause.node in self._explained.responses
         tolerated, worked = cause.node in history.tolerated, cause.node in history.worked
         number = -1 if cause.node is None else cause.node
-        is_turned = cause.status != FAILURE and bool(self._explained.triggers)
+        # A success explains a failure only below a node that turns it.
+        is_turned = cause.status != FAILURE
         return is_meant_so, is_turned, self._only_reports(cause), tolerated, not worked, -since, -number
 
     def _may_be_cause(self, failure: FormerFailure, *, only_missing: bool) -> bool:

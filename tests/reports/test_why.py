@@ -116,6 +116,11 @@ def test_under_what_turns_a_status_the_other_one_is_the_cause():
     assert names(why(flown(Inverter("not", leaf("one", S)))).chain) == ["not", "one"]
 
 
+def test_a_failure_is_named_before_a_success_that_an_inverter_turns():
+    ways = [leaf("one", F), Inverter("not", leaf("two", S))]
+    assert names(why(flown(Selector("root", memory=True, children=ways))).causes) == ["one", "two"]
+
+
 def test_a_time_limit_is_an_answer_of_its_own():
     root = Timeout("limit", leaf("one", R), duration=-1.0)
     reasons = why(flown(root, 1))
