@@ -567,6 +567,13 @@ NAMED_ELSEWHERE = {
         "RosTopic",
     },
     "nodes/spec.py": {"Condition"},  # the kind, likewise
+    # Those that a log of BehaviorTree.CPP shows as RUNNING only after their child; nothing else depends on it.
+    "importing/ticks.py": {
+        "PipelineSequence",
+        "Precondition",
+        "SkipUnlessUpdated",
+        "WaitValueUpdate",
+    },
     "sim/navigator.py": {
         "FollowPath"
     },  # the name that Nav2 gives a plugin of its controller, if its parameters do not

@@ -537,7 +537,7 @@ class TreeRuns:
             _, lost = self.locate(record)
             ends = self._states_after_silent_ticks(self._end) if lost is None else frozenset[bytes]()
             self.starts = frozenset(
-                halted for state in sorted(ends) for halted in self.stepper.halted(state, begins=True)
+                halted for state in sorted(ends) for halted in self.stepper.states_after_halt(state, begins=True)
             )
             if not self.starts:
                 self.starts = begin
@@ -549,7 +549,7 @@ class TreeRuns:
         return [
             (state, option._replace(state=halted))
             for state, option in matches
-            for halted in self.stepper.halted(option.state)
+            for halted in self.stepper.states_after_halt(option.state)
             if halted != option.state
         ]
 

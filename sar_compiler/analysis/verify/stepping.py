@@ -176,7 +176,7 @@ class TreeStepper:
         finally:
             self._trail.keeps = False
 
-    def halted(self, state: bytes, *, begins: bool = False) -> Iterator[bytes]:
+    def states_after_halt(self, state: bytes, *, begins: bool = False) -> Iterator[bytes]:
         """Yield the possible states after a program with BehaviorTree.CPP has halted the tree in a state.
 
         `Tree::haltTree` halts the running nodes, and then each node, although it does not run. So each `_onHalted` runs once more.
