@@ -537,7 +537,9 @@ class TreeRuns:
             _, lost = self.locate(record)
             ends = self._states_after_silent_ticks(self._end) if lost is None else frozenset[bytes]()
             self.starts = frozenset(
-                halted for state in sorted(ends) for halted in self.stepper.states_after_halt(state, begins=True)
+                halted
+                for state in sorted(ends)
+                for halted in self.stepper.states_after_halt(state, begins=True)
             )
             if not self.starts:
                 self.starts = begin
