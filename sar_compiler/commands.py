@@ -61,7 +61,7 @@ _OPTION_EXTRAS = {
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
 INTERFACES = ("bond", "btcpp_ros2_interfaces", "nav2_msgs", "sar_interfaces", "tf2_msgs")
-"""The message packages that no package index provides; a checkout can build their wheels."""
+"""The message packages that no package index provides; their wheels can be built from a checkout of this repository."""
 
 
 def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line for each kind of error

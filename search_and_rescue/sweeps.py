@@ -1,4 +1,4 @@
-"""Planner of sweeps: the stops of the search patterns in the IAMSAR manual (vol. II), without stops on obstacles."""
+"""Sweep planner: the stops of the IAMSAR manual's search patterns (vol. II), without stops on obstacles."""
 
 import itertools
 import math

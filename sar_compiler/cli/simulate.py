@@ -1,4 +1,4 @@
-"""`sar-compile simulate`: tick a tree by scenarios, without ROS."""
+"""`sar-compile simulate`: tick a tree with the leaf outcomes that scenarios define, without ROS."""
 
 import argparse
 from dataclasses import replace

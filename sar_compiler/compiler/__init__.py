@@ -204,7 +204,7 @@ class Arguments:
         return enums
 
     def node_arguments(self, instance: TreeInstance, bound: BoundNode) -> dict[str, Any]:
-        """Return the arguments of a node, by its parameters' names."""
+        """Return a node's constructor arguments, keyed by parameter name."""
         spec = bound.spec
         if not (spec.ports or spec.handed_over or bound.keys):
             return {"name": bound.name, **spec.plain_defaults, **bound.values}

@@ -7,7 +7,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.nodes.nav2.log_lines import LoggedLine
 
 IDLE, RUNNING, SUCCESS, FAILURE, SKIPPED = range(5)
-"""BehaviorTree.CPP's numbers of the statuses."""
+"""The numeric values of the statuses in BehaviorTree.CPP."""
 
 WORDS = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
 """The names of the statuses by number."""

@@ -277,7 +277,7 @@ class TickFinder:
         return index
 
     def _ends_next(self, index: int) -> bool:
-        """Return whether the root ends with the change after its halt, because some controls halt themselves before they end."""
+        """Return whether the root's change after IDLE is its result; some controls reset themselves before they return one."""
         uids, statuses = self._recording.uids, self._recording.statuses
         return index + 1 < len(uids) and uids[index + 1] == 1 and statuses[index + 1] in (SUCCESS, FAILURE)
 

@@ -122,7 +122,7 @@ class Registry:
         return {tag: self.variants(tag) for tag in sorted(self._specs)}
 
     def specs(self) -> list[NodeSpec]:
-        """Return the registered specs, for example for another registry."""
+        """Return all registered specs, for example to create another registry from them."""
         return [spec for variants in self._specs.values() for spec in variants]
 
     def without_tags(self, tags: Collection[str]) -> "Registry":

@@ -191,8 +191,8 @@ def limits(state: MissionState) -> Iterator[str]:
     for figure in state.situation.figures.values():
         if figure.of is not None and figure.value < figure.of:
             yield f"Incomplete: {figure.text}"
-        elif figure.unit == "%":
-            yield f"The {figure.text} depends on the probabilities that were set before the run"
+        elif figure.unit == "%" and figure.name.startswith("probability"):
+            yield f"{figure.text}: this value depends on the probabilities that were set before the run"
     if lost := sum(int(fact.data.get("count", 0)) for fact in state.facts if fact.kind == FACTS_LOST):
         yield f"{lost} events could not be recorded"
     if state.assumption_failed_at is not None:
@@ -203,7 +203,7 @@ def limits(state: MissionState) -> Iterator[str]:
         frame = (
             ""
             if georeference(state) is not None
-            else " They are coordinates of the robot's map, not of the earth."
+            else " They are coordinates on the robot's map, not latitude and longitude."
         )
         yield f"Positions are only as accurate as the robot's localisation.{frame}".rstrip(".")
 

@@ -409,7 +409,7 @@ class _ExplainedFailure:
         return self.ends.has_failed
 
     def last_end(self, number: int) -> NodeStatus:
-        """Return the last end of a node; if no child explains it, the message includes the node's own reason."""
+        """Return the status with which a node last ended; if no child explains it, the message includes the node's own reason."""
         node = self._state.nodes[number]
         status, label, message, changed = self._last[number]
         if number in self._own:

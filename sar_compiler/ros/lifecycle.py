@@ -58,7 +58,7 @@ class PolledService:
         return bool(self._client.service_is_ready())
 
     def is_awaited(self, since: float = -math.inf) -> bool:
-        """Return whether a server is available, but the result of a query since a time (in seconds of awake time) is not known yet."""
+        """Return whether a server is available but has not yet answered a query newer than *since* (seconds of awake time)."""
         return self._is_there and (self.known_at == -math.inf or self.known_at < since)
 
     def query(self, since: float = -math.inf) -> bool:

@@ -53,7 +53,7 @@ def constant_truth(script: Script) -> bool | None:
 
 
 def constant_clauses(script: Script) -> Iterator[tuple[Expression, bool]]:
-    """Yield the largest parts of a condition that contain variables but have a constant truth, with this truth.
+    """Yield the largest subexpressions of a condition that contain variables but always have the same truth value, with it.
 
     Args:
         script: The condition. Its parts are the operands of `&&`, `||` and `!`.

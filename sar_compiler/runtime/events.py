@@ -121,7 +121,7 @@ class TickRecord(NamedTuple):
 def append_end(
     events: Iterable[Event], root: str, status: str, tick: int = 0, time_sec: float | None = None
 ) -> tuple[Event, ...]:
-    """Append the end of a tick to its events, and set the number and time of all events.
+    """Return a tick's events with the end of the tick appended, each with the tick's number and time.
 
     Args:
         events: The events of leaves.

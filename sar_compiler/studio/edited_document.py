@@ -1,4 +1,4 @@
-"""A file of the graphical editor, which is read, compared and written with its version on the disk."""
+"""Load and save a file in the graphical editor, and detect whether it has changed on the disk."""
 
 import hashlib
 import re
@@ -25,7 +25,7 @@ def create_document(path: Path) -> None:
     """
     form = FORMS.get(path.suffix.lower())
     if form is None:
-        raise WriteError(f"'{path}' ends neither with .xml nor with .yaml. Choose another name")
+        raise WriteError(f"'{path}' does not end with .xml, .yaml or .yml. Choose another name")
     if path.exists():
         raise WriteError(f"{path} exists already. Edit it without --new")
     write_text(path, _EMPTY[form])

@@ -196,7 +196,7 @@ def _keep_text(text: str, _part: str) -> str:
 
 
 class Cause(NamedTuple):
-    """The common cause of several findings with different messages, all of which one change resolves.
+    """The common cause of findings that have different messages but are resolved by the same change.
 
     Attributes:
         text: The error that all subjects share, as the beginning of a sentence that lists the subjects.

@@ -1,4 +1,4 @@
-"""The state of a robot's mission for a page, as JSON values, and its changes."""
+"""Compute the state of one robot's mission that a page shows, and the changes to send, as JSON values."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence

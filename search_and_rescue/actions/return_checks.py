@@ -204,7 +204,7 @@ class FullBatterySuffices(RosLeaf):
     Args:
         homing: Estimates the way home.
         ways_timeout_sec: Time limit for all paths together, seconds of the machine's clock; without a planner the leaf does not wait.
-        planner_id: ID of the planner in the planner server; empty for its only one.
+        planner_id: ID of the planner in the planner server; empty if the server has only one planner.
     """
 
     name: str

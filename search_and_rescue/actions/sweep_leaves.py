@@ -206,7 +206,7 @@ class PlanSweep(_PlanLeaf):
         fence: The geofence that drawn areas must respect.
         pattern: The pattern: `parallel` legs along the long side, a `creeping_line` along the short side, an `expanding_square` around the zone's
             pose, or the diameters of a `sector` search through it.
-        coverage: Number of times each position is covered by the sweep width: legs are sweep width / coverage apart.
+        coverage: Coverage: the sweep width divided by the distance between legs.
         clearance: Distance of pieces from obstacles, metres.
     """
 
@@ -228,7 +228,7 @@ class PlanSweep(_PlanLeaf):
         super().shutdown()
 
     def _on_area(self, drawn: DrawnAreas, request: Any, response: Any) -> Any:
-        """Accept an area drawn by the operator; it takes effect at the next choice."""
+        """Accept an area drawn by the operator; it takes effect when the next zone is chosen."""
         try:
             response.success, response.message = True, drawn.add_area(request)
         except DrawingError as error:
@@ -527,7 +527,7 @@ class AdvancePiece(_SweepLeaf):
         map_extent_of(self.node)
 
     def update(self) -> Status:
-        """Advance, and log the result at the end of a pass."""
+        """Finish the current piece, and log the result of the sweep after the last piece of a pass."""
         zone = self._zone
         if not self.sweeps.state_of(zone).open_count:
             return self.outcome(Status.SUCCESS, "no piece")

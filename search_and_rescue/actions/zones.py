@@ -90,7 +90,7 @@ class ChooseZone(RosLeaf):
         zone_manager: The mission's zones and their probabilities.
         order: The order: `listed` keeps the order of the plan, `nearest` takes the zone reached first, `expected_find` detects soonest.
         ways_timeout_sec: Time limit for all paths together, seconds of the machine's clock; without a planner the leaf does not wait.
-        planner_id: ID of the planner in the planner server; empty for its only one.
+        planner_id: ID of the planner in the planner server; empty if the server has only one planner.
         orders: Accepts the operator's hints through the service `~/add_hint` (`sar_interfaces/srv/AddHint`).
         sweeps: The mission's sweeps; a hint with a position applies to the zone whose polygon contains it.
     """

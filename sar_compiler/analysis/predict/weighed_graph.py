@@ -110,7 +110,7 @@ class ProbabilityGraph:
     def _unknown_steps(
         self, graph: Graph, source: Indices, outcomes: Indices, shares: Reals
     ) -> tuple[Indices, Indices, Reals]:
-        """Return the places and outcomes after which ticks need an unknown value, with the share of these ticks."""
+        """Return each graph state and outcome after which some ticks need an unknown value, with the share of these ticks."""
         width = self._low.shape[1]
         followed = np.bincount(source * width + outcomes, shares, self._count * width).reshape(-1, width)
         missing = (self._high[self._choice_at] > 0.0) * (1.0 - followed)

@@ -24,7 +24,7 @@ from sar_compiler.runtime.variables import Enums, ScriptValue
 ROOT = "root"
 """The name of the root's status after the last tick, in conditions."""
 IDLE = "idle"
-"""The name of the value that says whether every further tick leaves the tree unchanged, in conditions."""
+"""The name, in conditions, of the value that is true if no further tick changes the tree."""
 AFTER_A_TICK = (ROOT, IDLE)
 """The names of the values that are only known after a tick."""
 

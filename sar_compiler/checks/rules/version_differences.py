@@ -67,7 +67,7 @@ def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
                     yield unknown_conversion(bound.element, name, span, cpp, meant)
                 continue
             kind = "items" if is_loop_queue(cpp) else cpp
-            message = f"{name}: BehaviorTree.CPP cannot read '{text}' as {kind}, although it is read here"
+            message = f"{name}: BehaviorTree.CPP cannot read '{text}' as {kind}, although sar_compiler can"
             plain = text.replace("+", "")
             is_meant = plain and can_be_converted(plain, cpp, context.version)
             yield bound.element.finding(

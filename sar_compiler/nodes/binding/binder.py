@@ -53,7 +53,7 @@ _Vocabulary = tuple[Registry, NodeModels, dict[str, list[NodeSpec]], dict[str, s
 
 
 class BoundForest(NamedTuple):
-    """All trees of a forest, bound.
+    """The bound trees of a forest, with the findings.
 
     Attributes:
         trees: The trees, in the order of the files, followed by the used trees of other files of the set.
@@ -244,7 +244,7 @@ class Binder:
             return
         for extra in children[1:]:
             message = f"<{TREE_TAG}> can have one child, so this node is not allowed"
-            hint = "put both in a Sequence or a Selector"
+            hint = "put all nodes of the tree in one Sequence or Selector"
             self._collector.add("too-many-children", message, extra, hint=hint)
         tree.nesting = self._level
         bound = [self._node(child) for child in children]
@@ -511,7 +511,7 @@ class Binder:
                 message = (
                     f"{what}<{tag}> can have {_count_in_words(least, most)}, so this node is not allowed"
                 )
-                hint = "put both in a Sequence or a Selector"
+                hint = "put all nodes of the tree in one Sequence or Selector"
                 self._collector.add("too-many-children", message, extra, hint=hint)
 
     def _subtree(self, element: Element) -> BoundNode:

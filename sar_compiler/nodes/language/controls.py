@@ -24,7 +24,7 @@ _SEQUENCE = "Ticks its children in order until one does not succeed. Succeeds wh
 _SELECTOR = "Ticks its children in order until one does not fail. Fails when all have failed."
 _REACTIVE = "Starts at the first child in every tick."
 _PAUSES = "Returns RUNNING after each child, so that other branches are ticked in between."
-_MEMORY = "Whether the next tick starts with the running child; otherwise, it starts with the first child."
+_MEMORY = "If true, the next tick resumes at the running child. If false, it starts at the first child."
 
 _own = partial(language_spec, Kind.CONTROL, skipping=FROM_CHILD)
 

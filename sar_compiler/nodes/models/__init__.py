@@ -111,7 +111,7 @@ class NodeModel(NamedTuple):
         return self.kind, {(port.name, port.direction, port.type_name, port.default) for port in ports}
 
     def spec(self) -> NodeSpec:
-        """Return the spec of a node that is only described."""
+        """Return the spec of a node that has a model but no Python class."""
         kind = self.kind or Kind.ACTION
         name = Parameter("name", ParameterRole.NAME, required=False, value_type=require_value_type(str))
         parameter = _used_port if self.is_from_use else _parameter
