@@ -741,7 +741,8 @@ class TickFinder:
     def _is_catching(self, index: int, uid: int) -> bool:
         """Return whether a TryCatch is being halted: the change before this one has reset its running child."""
         before = self._recording.uids[index - 1]
-        return uid > 0 and self._parents[before] == uid and self._rested[before] == index - 1
+        is_child = 0 < before <= len(self._nodes) and self._parents[before] == uid
+        return uid > 0 and is_child and self._rested[before] == index - 1
 
     def _find_skipped(self, index: int, uid: int, status: int) -> None:
         """Find the controls that were skipped: they are RUNNING without a RUNNING child, although the change is of a node outside of them."""

@@ -514,6 +514,16 @@ def test_a_run_is_compared_alone_with_an_assumption_if_an_earlier_one_is_impossi
         assert f"conforms: it is a possible run of the tree{assumed}\n" in said
 
 
+@pytest.mark.parametrize("log", LOGS[::6], ids=lambda log: log.stem)
+def test_changes_of_nodes_that_the_tree_lacks_are_ignored(log, tmp_path):
+    head, changes = parts_of(log)
+    others = tmp_path / "others.btlog"
+    others.write_bytes(
+        written(head, [each for change in changes for each in ((change[0], 60_000, 0), change)])
+    )
+    import_log(others, tmp_path)
+
+
 @pytest.mark.parametrize("tenth", range(10))
 def test_a_run_with_an_altered_outcome_does_not_conform(tenth, tmp_path, capsys):
     head, changes = parts_of(FAILED if tenth % 2 else DONE)
