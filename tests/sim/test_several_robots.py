@@ -192,7 +192,7 @@ def test_robots_that_would_touch_are_refused_before_anything_is_made(
 ) -> None:
     from sar_compiler.sim.simulation import Simulation
 
-    with pytest.raises(PlacementError, match="touching robot 'robot1'"):
+    with pytest.raises(PlacementError, match="in contact with robot 'robot1'"):
         Simulation(disaster_zone, [Placement("robot1"), Placement("robot2")], context=ros_context)
     assert "simulator" not in client.node.get_node_names()
 

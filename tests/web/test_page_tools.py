@@ -187,5 +187,5 @@ def test_a_journal_has_a_report_on_its_page(tmp_path):
 @pytest.mark.parametrize("wrong", [{"robot": 1}, {"robot": -1}, {"run": 2}, {"node": 3}])
 def test_what_is_not_in_a_journal_cannot_be_asked(tmp_path, wrong):
     place = journal_of_one_leaf(tmp_path)
-    with pytest.raises(ToolError, match="there is no such"):
+    with pytest.raises(ToolError, match="no such"):
         journal_tools([place])["otherwise"].ask({"robot": 0, "run": 1, "node": 0, "tick": 1, **wrong})
