@@ -232,7 +232,7 @@ def test_a_new_file_has_an_empty_tree_that_can_be_filled(tmp_path, name):
     assert [looked["elements"][number]["tag"] for number in looked["nodes"]] == ["BehaviorTree"]
     with pytest.raises(WriteError, match="exists already"):
         create_document(path)
-    with pytest.raises(WriteError, match="ends neither with"):
+    with pytest.raises(WriteError, match="does not end with"):
         create_document(tmp_path / "new.txt")
 
 
