@@ -53,7 +53,7 @@ def _statistics(journals: Sequence[Path]) -> "RunStatistics":
             if nodes != first:
                 raise JournalError(
                     f"{place} and {journals[0]} record different trees: {nodes_difference(first, nodes)}. "
-                    "Count the outcomes of each tree in a command of its own"
+                    "Count the outcomes of each tree with a separate command"
                 )
             found.add(file.every_run(without=OF_ROBOT, is_condensed=True))
     return found

@@ -1,7 +1,7 @@
 """Edits of a tree file in YAML.
 
 A node is moved as the lines from its dash on, together with the comments directly above it and the indented comments
-below it. A node in brackets has no lines of its own, so `expand` first rewrites it as lines.
+below it. A node in brackets is not on separate lines, so `expand` first rewrites it as lines.
 """
 
 import re

@@ -183,7 +183,7 @@ class TreeStepper:
 
         Args:
             state: The state.
-            begins: Whether a run begins then, for which the properties begin anew.
+            begins: Whether a new run begins then, so that the properties start over.
         """
         outcome, watched = self.steps.restore(self.steps.start() if begins else state)
         self.steps.enter(state, alone=True)

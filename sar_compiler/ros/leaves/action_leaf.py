@@ -48,7 +48,7 @@ class ActionLeaf(GoalSender):
     applies while a goal of another client, or a goal of `rivals`, is active. For a leaf that uses `Use.nav2()`, it also
     applies if there is no server, the server does not accept the goal in time or is silent, a node of Nav2 is inactive or
     does not respond, or transforms have stopped. After `hold_timeout_sec`, the leaf calls `on_unavailable`. If two attempts
-    in a row were rejected or aborted at once, the leaf pauses before the next attempt, even if the tree starts it anew.
+    in a row were rejected or aborted at once, the leaf pauses before the next attempt, even if the tree starts it again.
 
     A navigation goal that has succeeded does not prove that the robot has arrived. If the localisation places the robot
     farther from the goal than the run's `arrival_tolerance_m`, it has not arrived (`has_not_arrived`). Without a pose from the

@@ -138,8 +138,8 @@ function running(run) {
     list.dataset.key = key;
     list.replaceChildren(...leaves.map((id) => runner(run, id)));
     const rest = all.length - leaves.length;
-    const nobody = run.awaited.map(({ name, problem }) => (problem ? `waiting for ${name}: ${problem}` : `${name}: available`)).join("; ") || "none";
-    if (rest || !all.length) list.append(html("li", { class: "nobody" }, rest ? `and ${rest} more` : nobody));
+    const awaited = run.awaited.map(({ name, problem }) => (problem ? `waiting for ${name}: ${problem}` : `${name}: available`)).join("; ") || "none";
+    if (rest || !all.length) list.append(html("li", { class: "nobody" }, rest ? `and ${rest} more` : awaited));
   }
   leaves.forEach((id, index) => {
     const { since, message } = run.states[id];
