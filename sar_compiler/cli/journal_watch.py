@@ -21,6 +21,8 @@ def add_watch(parser: argparse.ArgumentParser) -> None:
     add("--groot2", metavar="HOST:PORT", help=text)
     text = "the file of the tree that runs (default: the tree that --groot2 reads); if repeated, the best match is used"
     add("--tree", action="append", default=[], type=ArgumentKind("tree", Path), metavar="TREE", help=text)
+    text = "write the run of --topic or --groot2 to a new journal, for sar-journal why"
+    add("--journal", type=FILE, metavar="FILE", help=text)
     add_page_options(parser)
     add_project_options(parser)
     parser.set_defaults(run=_watch)
@@ -36,6 +38,10 @@ def _watch(options: argparse.Namespace) -> None:
         raise SarError("specify either journals, --topic or --groot2")
     if options.topic is not None and not options.tree:
         raise SarError("--topic needs the tree file that bt_navigator has loaded: add --tree TREE")
+    if options.journal is not None and options.journals:
+        raise SarError(
+            "--journal needs --topic or --groot2: a run that is shown from its journal has a journal"
+        )
     interruptible()
     with suppress(KeyboardInterrupt):  # the regular end
         if options.journals:
@@ -51,5 +57,5 @@ def _watch_run(options: argparse.Namespace) -> None:
     from sar_compiler.web.run_page import watch_entries
 
     topic, groot2 = options.topic, options.groot2
-    with open_live_run(topic, groot2, workspace(options), options.tree, print_note) as run:
+    with open_live_run(topic, groot2, workspace(options), options.tree, print_note, options.journal) as run:
         watch_entries(topic or groot2, run.read_new, options.web_port, opens=options.open)

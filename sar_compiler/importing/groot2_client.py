@@ -35,6 +35,10 @@ class RecordedChange(NamedTuple):
     status: int
 
 
+class NoResponseError(UnusableRecordingError):
+    """No program responds at the address."""
+
+
 class Groot2Client:
     """A client of a program that serves Groot2's protocol.
 
@@ -132,7 +136,7 @@ class Groot2Client:
             self._socket.send_multipart([header, *payload])
             reply, *rest = self._socket.recv_multipart()
         except zmq.ZMQError as error:
-            raise UnusableRecordingError(
+            raise NoResponseError(
                 f"no program responds at {self._address}. Start a program with BehaviorTree.CPP's Groot2Publisher, and pass its first port"
             ) from error
         if reply == b"error":

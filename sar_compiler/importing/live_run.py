@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Protocol
 
 from sar_compiler.importing.bag import TreeLogReader
-from sar_compiler.importing.groot2_client import MOST_WAITING, Groot2Client
+from sar_compiler.importing.groot2_client import MOST_WAITING, Groot2Client, NoResponseError
 from sar_compiler.importing.import_run import RunTree, find_tree
 from sar_compiler.importing.journal_writer import JournalWriter
 from sar_compiler.importing.recorded_tree import describe_name_differences, refuse_differences
 from sar_compiler.importing.recording import Recording, UnusableRecordingError
-from sar_compiler.journal.database import END
+from sar_compiler.journal.database import END, JournalFile
 from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, JournalEntry, Row, end_data
 from sar_compiler.journal.spill_file import RunEnd
 from sar_compiler.json_values import json_value
@@ -62,7 +62,13 @@ class Groot2Source:
         Raises:
             UnusableRecordingError: If the program no longer responds.
         """
-        changes = self._client.read_changes()
+        try:
+            changes = self._client.read_changes()
+        except NoResponseError as error:
+            message = (
+                f"the program at {self._address} no longer responds. Its last status changes may be missing"
+            )
+            raise NoResponseError(message) from error
         if len(changes) >= MOST_WAITING:
             self.recording.flaws.append(
                 f"{self._address} may have lost status changes, because it stores at most {MOST_WAITING}"
@@ -95,15 +101,22 @@ class TopicSource:
 
 
 class _EntryList:
-    """Collects the entries that a `JournalWriter` writes."""
+    """Collects the entries that a `JournalWriter` writes.
 
-    def __init__(self) -> None:
+    Args:
+        journal: A journal to which the entries are written, too.
+    """
+
+    def __init__(self, journal: JournalFile | None) -> None:
         self._entries: list[JournalEntry] = []
+        self._journal = journal
         self._run, self._time = 0, 0.0
 
     def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
         """Add a run; return the run's number."""
         self._run += 1
+        if self._journal is not None:
+            self._journal.begin_run(about, run_about, wall)
         self._time = float(str(run_about["time"]))
         data = {**about, "run": run_about}
         self._entries.append(JournalEntry(0, self._run, wall, self._time, RUN_BEGAN, data))
@@ -111,7 +124,10 @@ class _EntryList:
 
     def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
         """Add entries and, if given, the end of a run."""
-        for row in (*watched, *facts):
+        rows = [*watched, *facts]
+        if self._journal is not None and (rows or end is not None):
+            self._journal.write(rows, end=end)
+        for row in rows:
             self._entries.append(JournalEntry(*row[:5], json_value(row.data)))
             self._time = max(self._time, row.time)
         if end is not None:
@@ -133,6 +149,10 @@ class LiveRun:
         projects: Loads the tree.
         trees: The file of the tree that runs, or several candidates, of which the best match is used; by default the source's own tree.
         report: Called with a sentence for each problem of the source.
+        journal: A new journal to which the run is written; None for no journal. The source's own tree is written to a file beside the journal.
+
+    Raises:
+        JournalError: If the journal cannot be written, or already contains a run.
     """
 
     def __init__(
@@ -142,14 +162,17 @@ class LiveRun:
         projects: Workspace,
         trees: Sequence[Path] = (),
         report: Callable[[str], object] = lambda _: None,
+        journal: Path | None = None,
     ) -> None:
         self._source, self._name, self._projects, self._trees = source, name, projects, trees
         self._report, self._has_ended = report, False
-        self._entries = _EntryList()
+        self._journal = None if journal is None else JournalFile.create(journal)
+        self._entries = _EntryList(self._journal)
         self._tree: RunTree | None = None
         self._writer: JournalWriter | None = None
         self._known = 0
         self._folder = tempfile.TemporaryDirectory()
+        self._place = Path(self._folder.name, "tree.xml") if journal is None else Path(f"{journal}.xml")
 
     def read_new(self) -> list[JournalEntry]:
         """Return the entries since the last call.
@@ -169,8 +192,7 @@ class LiveRun:
             self._report(flaw)
         recording.flaws.clear()
         if self._writer is None and recording.times:
-            place = Path(self._folder.name, "tree.xml")
-            self._tree = tree = find_tree(recording, self._name, place, self._projects, self._trees)
+            self._tree = tree = find_tree(recording, self._name, self._place, self._projects, self._trees)
             self._writer = JournalWriter(self._entries, recording, tree.nodes, tree.about, tree.of_run)
         if self._tree is not None and len(recording.names) > self._known:
             self._known = len(recording.names)
@@ -182,7 +204,11 @@ class LiveRun:
         return self._entries.pop()
 
     def close(self) -> None:
-        """Delete the file of the tree that the source has sent."""
+        """End the run in the journal; without a journal, delete the file of the tree that the source has sent."""
+        if self._journal is not None:
+            if self._writer is not None:
+                self._writer.end_run("the recording was stopped")
+            self._journal.close()
         self._folder.cleanup()
 
 
@@ -193,6 +219,7 @@ def open_live_run(
     projects: Workspace,
     trees: Sequence[Path],
     report: Callable[[str], object],
+    journal: Path | None,
 ) -> Iterator[LiveRun]:
     """Yield the run of a program that publishes its changes, or serves Groot2's protocol.
 
@@ -202,14 +229,16 @@ def open_live_run(
         projects: See `LiveRun`.
         trees: See `LiveRun`.
         report: See `LiveRun`.
+        journal: See `LiveRun`.
 
     Raises:
         UnusableRecordingError: If no program responds at the address of *groot2*.
+        JournalError: If the journal cannot be written, or already contains a run.
     """
     if topic is None:
         with (
             closing(Groot2Source(groot2 or "")) as source,
-            closing(LiveRun(source, groot2 or "", projects, trees, report)) as run,
+            closing(LiveRun(source, groot2 or "", projects, trees, report, journal)) as run,
         ):
             yield run
         return
@@ -220,5 +249,5 @@ def open_live_run(
     require_middleware()
     with spinning_node("sar_journal_watch") as node:
         topic_source = TopicSource(TreeLogListener(node, topic).messages)
-        with closing(LiveRun(topic_source, topic, projects, trees, report)) as run:
+        with closing(LiveRun(topic_source, topic, projects, trees, report, journal)) as run:
             yield run

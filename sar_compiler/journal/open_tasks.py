@@ -88,6 +88,8 @@ def severity(state: MissionState) -> str:
 def _robot_tasks(state: MissionState) -> Iterator[OpenTask]:
     """Yield the tasks about the robot and its process."""
     now, run = condition(state), state.runs[-1]
+    if "imported" in run.about:
+        return  # nobody can command another program's robot from its record
     if now.word == LOST or (now.word == CRASHED and state.goals) or (run.ending and state.goals):
         yield OpenTask(ERROR, _STOP_BUTTON)
     elif now.word == CRASHED:

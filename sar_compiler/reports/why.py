@@ -279,7 +279,9 @@ class FailureAnalysis:
             killed = "the process of the run ended without recording an end: it was killed or crashed"
             return [_run_status("KILLED", killed, self.state.now), *causes]
         if run.ending == Ending.STOPPED.value:
-            return [_run_status("STOPPED", f"by {_signal_name(run.status)}", run.ended), *causes]
+            is_by_signal = (run.status or 0) > _SIGNAL_STATUS
+            cause = f"by {_signal_name(run.status)}" if is_by_signal or not run.reason else run.reason
+            return [_run_status("STOPPED", cause, run.ended), *causes]
         ended = _run_status("ENDED", run.reason, run.ended)
         if any(cause.status == FAILURE for cause in causes):
             return [*causes, ended]

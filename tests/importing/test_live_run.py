@@ -32,10 +32,10 @@ class Publisher:
         return waiting
 
 
-def followed(messages, tree):
+def followed(messages, tree, journal=None):
     """Return the entries of a run whose messages come one by one."""
     publisher = Publisher()
-    run = LiveRun(publisher.source, "log", Workspace(), [tree])
+    run = LiveRun(publisher.source, "log", Workspace(), [tree], journal=journal)
     entries = []
     for message in messages:
         publisher.waiting.append(message)
@@ -56,6 +56,23 @@ def test_a_topic_that_is_followed_has_the_entries_of_its_bag(tree):
         statuses = [each.data for each in file.observations(STATUS)]
     assert entries[0].kind == RUN_BEGAN
     assert [each.data for each in entries[1:]] == statuses
+
+
+def test_a_topic_that_is_followed_can_be_kept_in_a_journal_like_that_of_its_bag(tree, tmp_path):
+    entries = followed(bag_messages(FAILED), tree, tmp_path / "kept.journal")
+    with JournalFile.open_snapshot(tmp_path / "kept.journal") as file:
+        kept = [(each.kind, each.data) for each in file.last_run() if each.kind in (STATUS, RUN_ENDED)]
+    assert kept[:-1] == [(each.kind, each.data) for each in entries if each.kind == STATUS]
+    assert kept[-1][0] == RUN_ENDED
+    assert kept[-1][1]["reason"] == "the tree returned FAILURE"
+
+
+def test_a_run_that_is_followed_to_a_point_before_its_end_is_stopped_in_its_journal(tree, tmp_path):
+    first, *_ = bag_messages(FAILED)
+    followed([first], tree, tmp_path / "kept.journal")
+    with JournalFile.open_snapshot(tmp_path / "kept.journal") as file:
+        [ended] = [each.data for each in file.last_run() if each.kind == RUN_ENDED]
+    assert (ended["ending"], ended["reason"]) == ("stopped", "the recording was stopped")
 
 
 def test_the_ancestors_of_a_node_run_if_the_log_begins_in_the_middle(tree):

@@ -90,6 +90,14 @@ def test_an_interrupted_mission_is_resumed_or_its_robot_fetched(ending, words):
     )
 
 
+def test_the_record_of_another_program_asks_for_nothing_that_only_its_mission_can_do():
+    state = MissionState()
+    about = {"imported": {"file": "run.btlog", "format": "btlog"}}
+    state.apply(JournalEntry(1, 1, 0.0, 0.0, RUN_BEGAN, {"run": about}))
+    state.apply(JournalEntry(2, 1, 2.0, 2.0, RUN_ENDED, {"ending": "stopped", "status": 1, "reason": ""}))
+    assert texts(state) == []
+
+
 def test_a_detection_is_reviewed_by_the_command_of_its_kind():
     (task,) = find_open_tasks(mission(FOUND))
     assert task == (

@@ -321,6 +321,14 @@ def test_of_a_run_that_was_stopped_the_signal_is_named():
     assert (first.name, first.status, first.message) == ("run", "STOPPED", "by SIGINT (Ctrl-C)")
 
 
+def test_of_a_run_that_was_stopped_without_a_signal_the_reason_is_named():
+    began, *rest = flown(leaf("drive", R), 2, ending=Ending.STOPPED)
+    stopped = rest[-1]._replace(data={**rest[-1].data, "status": 1, "reason": "the recording was stopped"})
+    first = why([began, *rest[:-1], stopped]).likeliest
+    assert first is not None
+    assert (first.status, first.message) == ("STOPPED", "the recording was stopped")
+
+
 def test_a_leaf_that_has_raised_is_named_with_what_it_has_raised():
     stream = flown(leaf("drive", R), 2, ending=Ending.FAILED)
     raised = stream[-1]._replace(kind="leaf_raised", data={"node": 0, "text": "no lens"})
