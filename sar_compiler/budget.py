@@ -214,8 +214,12 @@ class _AbandonedExit(SystemExit):
 
 
 def _raise_exit_in(thread: threading.Thread) -> None:
-    """Raise `_AbandonedExit` in a thread at its next Python instruction."""
-    if thread.ident is not None:
+    """Raise `_AbandonedExit` in a thread at its next Python instruction.
+
+    Under a debugger or a coverage tool, the thread is left alone: until it has raised, the tracer of CPython 3.11 keeps
+    the calling thread at its next function call, which can be forever.
+    """
+    if thread.ident is not None and sys.gettrace() is None:
         import ctypes
 
         error = ctypes.py_object(_AbandonedExit)

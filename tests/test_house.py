@@ -43,7 +43,7 @@ PARTS = {
     "analysis": {"journal", "missions"},
     "ros": {"journal", "missions", "views"},
     "groot2": {"ros", "views"},
-    "importing": {"journal", "ros", "views"},
+    "importing": {"analysis", "journal", "ros", "views"},
     "reports": {"analysis", "journal", "ros", "views"},
     "sim": {"analysis", "missions", "ros"},
     "execution": {"analysis", "journal", "missions", "ros", "sim", "views"},

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
+from sar_compiler.errors import UndecidableError
 from sar_compiler.importing import sqlite_log
 from sar_compiler.importing.autoremap import with_remapped_subtrees
 from sar_compiler.importing.bag import MCAP_MAGIC, read_mcap
@@ -24,14 +25,18 @@ from sar_compiler.importing.recorded_tree import (
 )
 from sar_compiler.importing.recording import Recording, UnusableRecordingError
 from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.last_run import LastRunEvents
+from sar_compiler.journal.mission_state import tree_nodes
 from sar_compiler.opener import FileKind, read_file, regular_file
-from sar_compiler.project import Workspace
+from sar_compiler.project import ProjectTree, Workspace
+from sar_compiler.tree.model import TreeFile
 from sar_compiler.tree.xml_writer import write_xml
 from sar_compiler.views.run_tree import describe_tree
 from sar_compiler.writing import write_text
 
 _LOG = FileKind("log of a run", 128 * 2**20)
 _NAV2 = "nav2:jazzy"
+_ALL_REMAPPED = "its tree does not show which subtrees have _autoremap. All subtrees are imported with _autoremap, because one subtree reads a key that it does not write"
 _UNWRITTEN = ("unwritten-key", "read-before-write", "maybe-unwritten-key")
 """The codes of findings about keys that may be read before they are written."""
 
@@ -81,10 +86,21 @@ def import_run(path: Path, journal: Path, projects: Workspace, trees: Sequence[P
             f"{path} contains no status change. Either the program has not ticked the tree, or it was killed before the "
             "logger wrote its file"
         )
-    tree = find_tree(recording, path.resolve(), Path(f"{journal}.xml"), projects, trees)
-    with closing(JournalFile.create(journal)) as file:
-        writer = JournalWriter(file, recording, tree.nodes, tree.about, tree.of_run)
-        writer.write()
+    place = Path(f"{journal}.xml")
+    tree = find_tree(recording, path.resolve(), place, projects, trees)
+    writer = _write_journal(journal, recording, tree)
+    if tree.remapped is not None and not _is_possible(journal, tree, writer):
+        assumed, exported = tree.remapped
+        write_text(place, write_xml(exported))
+        other = find_tree(recording, path.resolve(), place, projects, [place])
+        journal.unlink()
+        writer = _write_journal(journal, recording, other)
+        if _is_possible(journal, other, writer):
+            recording.flaws.remove(_ALL_REMAPPED)
+        else:
+            write_text(place, write_xml(assumed))
+            journal.unlink()
+            writer = _write_journal(journal, recording, tree)
     return ImportedRun(
         tree.place,
         len(tree.nodes),
@@ -97,6 +113,35 @@ def import_run(path: Path, journal: Path, projects: Workspace, trees: Sequence[P
     )
 
 
+def _write_journal(journal: Path, recording: Recording, tree: "RunTree") -> JournalWriter:
+    with closing(JournalFile.create(journal)) as file:
+        writer = JournalWriter(file, recording, tree.nodes, tree.about, tree.of_run)
+        writer.write()
+    return writer
+
+
+def _is_possible(journal: Path, tree: "RunTree", writer: JournalWriter) -> bool:
+    """Return whether the last run in a journal is a possible run of its tree; True if that is unknown."""
+    from sar_compiler.analysis.assumptions import StartValues
+    from sar_compiler.analysis.tree_analysis import conform_tree
+
+    nodes = [*tree_nodes(tree.about["tree"])]
+    runs = [LastRunEvents(journal, number, nodes) for number in range(1, writer.runs + 1)]
+    try:
+        found = conform_tree(
+            tree.loaded,
+            runs[-1],
+            [each.name for each in nodes],
+            is_over=writer.root_has_ended,
+            start=StartValues({}, {}),
+            is_imported=True,
+            earlier=runs[:-1],
+        )
+    except UndecidableError:
+        return True
+    return found.misfit is None
+
+
 class RunTree(NamedTuple):
     """The tree of a recorded run.
 
@@ -106,6 +151,8 @@ class RunTree(NamedTuple):
         about: The mission's description, as in a journal.
         of_run: The run's description, as in a journal.
         options: The options that other commands need to read the tree file, each with its value.
+        loaded: The tree, as it was loaded from the file.
+        remapped: If `_autoremap` was added to all subtrees: the file with it, and the file as the program has exported it.
     """
 
     place: Path
@@ -113,6 +160,8 @@ class RunTree(NamedTuple):
     about: dict[str, object]
     of_run: dict[str, object]
     options: list[list[str]]
+    loaded: ProjectTree
+    remapped: tuple[TreeFile, TreeFile] | None
 
 
 def find_tree(
@@ -141,6 +190,7 @@ def find_tree(
         added = projects.additions
         models = tuple(dict.fromkeys((*added.models, Path(palette))))
         projects = replace(projects, additions=added._replace(models=models))
+    variants: tuple[TreeFile, TreeFile] | None = None
     if exported is not None and not trees:
         trees = (place,)
         file, remapped = with_remapped_subtrees(exported.file)
@@ -151,15 +201,19 @@ def find_tree(
                 f"they write it: {', '.join(remapped)}"
             )
         _write_tree(place, exported, palette)
-        _add_autoremap(place, exported, palette, projects, recording)
+        if _add_autoremap(place, exported, palette, projects):
+            recording.flaws.append(_ALL_REMAPPED)
+            assumed = exported.with_autoremap()
+            variants = assumed.without_models_of(palette), exported.without_models_of(palette)
     candidates = []
     for each in trees:
-        sketch = projects.load_file(each).sketch()
+        loaded = projects.load_file(each)
+        sketch = loaded.sketch()
         nodes = run_nodes(sketch)
         names = describe_name_differences(recording.names, nodes)
         differences = names if exported is None else describe_node_differences(exported.nodes, nodes)
-        candidates.append((differences, each, sketch, nodes))
-    differences, found, sketch, nodes = min(candidates, key=lambda each: len(each[0]))
+        candidates.append((differences, each, loaded, sketch, nodes))
+    differences, found, loaded, sketch, nodes = min(candidates, key=lambda each: len(each[0]))
     refuse_differences(differences, found)
     about, of_run = describe_tree(sketch)
     options = [["--model", str(each)] for each in projects.additions.models]
@@ -170,7 +224,9 @@ def find_tree(
         "imported": {"file": str(source), "format": recording.form},
         "time": 0.0,
     }
-    return RunTree(found, nodes, {"mission": None, "simulated": False, **about}, of_run, options)
+    return RunTree(
+        found, nodes, {"mission": None, "simulated": False, **about}, of_run, options, loaded, variants
+    )
 
 
 def read_recording(path: Path) -> Recording:
@@ -203,22 +259,16 @@ def _read_recording(path: Path) -> Recording:
     )
 
 
-def _add_autoremap(
-    place: Path, exported: ExportedTree, palette: str, projects: Workspace, recording: Recording
-) -> None:
-    """Add `_autoremap` to all subtrees of the tree file if that explains keys that are read and never written."""
+def _add_autoremap(place: Path, exported: ExportedTree, palette: str, projects: Workspace) -> bool:
+    """Add `_autoremap` to all subtrees of the tree file if that explains keys that are read and never written; return whether it does."""
     unwritten = _count_unwritten(place, projects) if exported.has_subtrees else 0
     if not unwritten:
-        return
-    as_exported = place.with_suffix(".exported")
-    place.rename(as_exported)
+        return False
     write_text(place, write_xml(exported.with_autoremap().without_models_of(palette)))
     if _count_unwritten(place, projects) < unwritten:
-        recording.flaws.append(
-            "its tree does not show which subtrees have _autoremap. All subtrees are imported with _autoremap, because one subtree reads a key that it does not write"
-        )
-    else:
-        as_exported.replace(place)
+        return True
+    write_text(place, write_xml(exported.without_models_of(palette)))
+    return False
 
 
 def _count_unwritten(place: Path, projects: Workspace) -> int:

@@ -58,6 +58,11 @@ class JournalWriter:
         """The number of possible tick boundaries that only a pause of ambiguous length decided."""
         return self._finder.unsure
 
+    @property
+    def root_has_ended(self) -> bool:
+        """Whether the root has ended in the last run."""
+        return self._root in (SUCCESS, FAILURE)
+
     def _begin(self) -> None:
         # For each node, the status in the journal, and the last tick in which it had a status other than IDLE.
         self._shown = [IDLE] * (len(self._nodes) + 1)

@@ -287,8 +287,17 @@ class TickFinder:
             return ticks[index] != ticks[index - 1]
         if self._catches[self._recording.uids[index]] in self._catching:
             return False
-        is_settled = not (self._left or self._due)
+        is_settled = not self._left and not any(map(self._is_ticked, self._due))
         return is_over or self._is_restart(index) or (is_settled and self._is_border(index, pause))
+
+    def _is_ticked(self, uid: int) -> bool:
+        """Return whether no ancestor waits for its condition, as a WhileDoElse may do without halting its other children."""
+        while parent := self._parents[uid]:
+            condition = self._children[parent][0]
+            if self._branches[parent] and uid != condition and self._statuses[condition] == RUNNING:
+                return False
+            uid = parent
+        return True
 
     def _is_restart(self, index: int) -> bool:
         """Return whether a change starts a node that has already started or was reset in this tick, and that no ancestor repeats within a tick."""
@@ -880,7 +889,7 @@ class TickFinder:
     def _is_below_thresholds(self, uid: int, found: list[int]) -> bool:
         """Return whether a Parallel has ticked all children without reaching a threshold."""
         return not self._is_decided(uid, found) and all(
-            status != IDLE or self._skips_silently[each]
+            status != IDLE or self._skips_silently[each] or each in self._passed_over
             for each, status in zip(self._children[uid], found, strict=True)
         )
 

@@ -94,6 +94,8 @@ class Explanation(NamedTuple):
             change = (budget or Budget()).run(search)
         except BudgetSpentError as error:
             change = CounterfactualRun(reason=str(error))
+        if change.found is not None:
+            reasons = analysis.with_decisive_leaf(reasons, change.found)
         return cls(reasons, analysis.state.nodes, change)
 
     def text(self) -> str:

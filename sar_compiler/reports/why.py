@@ -231,6 +231,35 @@ class FailureAnalysis:
             chain, tuple(causes), tuple(before), now.word, now.reason, said, since, explained.went_on
         )
 
+    def with_decisive_leaf(self, reasons: CauseOfFailure, change: "Counterfactual") -> CauseOfFailure:
+        """Rank a leaf first if its success alone, with the usual outcomes afterwards, makes the mission succeed.
+
+        A condition only reports a state, so it does not rank above a leaf that has failed.
+
+        Args:
+            reasons: The causes, as returned by `find_cause`.
+            change: The smallest change that makes the mission succeed.
+        """
+        leaf = change.was.number
+        cause = self._explained.last_end(leaf) if self._explained.has_ended(leaf) else None
+        first = reasons.likeliest
+        if (
+            change.unusual
+            or change.instead.status != SUCCESS
+            or cause is None
+            or cause.status != FAILURE
+            or first is None
+            or first.node is None
+            or (
+                leaf in self._kinds.conditions
+                and first.node not in self._kinds.conditions | self._kinds.constant
+            )
+        ):
+            return reasons
+        causes = (cause, *(each for each in reasons.causes if each.node != leaf))
+        before = tuple(each for each in reasons.before if each.first.node != leaf)
+        return reasons._replace(causes=causes, before=before)
+
     def _only_reports(self, cause: NodeStatus) -> bool:
         """Return whether a result only reports a state: of a condition, or a constant status as an alternative."""
         return cause.node in self._kinds.conditions or (
@@ -417,6 +446,10 @@ class _ExplainedFailure:
         if number in self._own:
             message = self._reason(node, status, message)
         return NodeStatus(number, node.name, node.location, 0, status, label, message, node.time_of(changed))
+
+    def has_ended(self, number: int) -> bool:
+        """Return whether a node has ended at least once."""
+        return number in self._last
 
     def _has_expired(self, number: int) -> bool:
         """Return whether a node has failed because its time limit expired; if so, set its message to say so."""

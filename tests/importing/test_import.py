@@ -87,6 +87,14 @@ def test_a_subtree_that_reads_a_key_of_the_calling_tree_is_remapped(tmp_path, ca
     assert '<SubTree ID="Tree2" _autoremap="true"/>' in text
 
 
+def test_subtrees_are_not_remapped_if_the_run_is_possible_only_without_it(tmp_path, capsys):
+    # The Switch2 of Sub2 had no variable, and ticked its default, although another subtree writes the key.
+    words = ["import", "tests/importing/logs/300127.btlog", "-o", tmp_path / "j"]
+    _, said = answer(journal_command, words, capsys)
+    assert "_autoremap" not in said
+    assert "_autoremap" not in Path(f"{tmp_path}/j.xml").read_text(encoding="utf-8")
+
+
 def test_the_palette_of_the_release_whose_ports_are_in_the_log_is_used(tmp_path, capsys):
     # RoundRobin has wrap_around since Nav2's main.
     words = ["import", "tests/importing/logs/1001.btlog", "-o", tmp_path / "j"]
