@@ -27,7 +27,7 @@ NO_BEHAVIOUR = {
         "command line, environment, installed packages",
         "A path that a tree passes to a leaf",
         "Everyone with an account",
-        "It does not know about leaves",
+        "The guardian does not know about leaves",
         "If the computer, its container",
         "Use a base that stops",
         "Everyone in the ROS domain can call",
@@ -36,7 +36,7 @@ NO_BEHAVIOUR = {
         "If the domain must extend beyond",
         "`ROS_DOMAIN_ID` is not an access control",
         "Use SROS 2",
-        "It restricts each participant",
+        "SROS 2 restricts each participant",
         "While a mission runs in a rehearsal",
         "The project's tests do not cover",
         "Write to the maintainers first",
@@ -47,7 +47,7 @@ NO_BEHAVIOUR = {
         "Items with † were",
         "*Detection takes* states the time",
         "If a process dies without notice",
-        "Safety and security lists the limits",
+        "The page Safety and security lists",
         "Start the mission and Nav2 with this profile",
         "If the network is silent",
         "On a weak Wi-Fi",
@@ -55,19 +55,19 @@ NO_BEHAVIOUR = {
 }
 HELD_BY = {
     SECURITY: {
-        "leaves of `--nodes`": (
+        "leaves from `--nodes`": (
             "test_are_imported_when_the_user_names_them_himself", "test_runs_the_modules_beside_the_configuration_and_is_remembered",
         ),
         "tree files, palettes": ("test_what_nobody_would_write_is_a_finding_or_an_error_in_words", "test_are_not_imported_by_any_command"),
         "responses of services and actions": ("test_any_answer_about_a_survivor_and_any_map_are_judged", "test_any_end_of_a_drive_is_a_line"),
         "All files are read by one opener": ("test_what_others_name_is_read_by_the_opener_alone",),
-        "It obtains a handle": (
+        "The opener obtains a handle": (
             "test_what_is_no_file_is_refused_and_not_waited_for", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read",
         ),
         "The project's tests require": ("test_each_reader_of_files_is_in_the_table_of_hostile_ones",),
-        "Then it reads that same file": ("test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on",),
+        "Then the opener reads the same file": ("test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on",),
         "The path is a pipe, a device": ("test_what_is_no_file_is_refused_and_not_waited_for",),
-        "A link leads outside": ("test_what_lies_outside_is_not_read", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read"),
+        "A link points outside": ("test_what_lies_outside_is_not_read", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read"),
         "A folder is replaced by a link": ("test_a_folder_that_is_exchanged_for_a_link_does_not_widen_what_its_files_may_name",),
         "A name contains a zero byte": ("test_a_name_that_no_file_can_have_is_an_error_in_words",),
         "A file exceeds its limit": ("test_a_file_that_grows_while_it_is_read_is_read_to_its_limit", "test_the_numbers_on_the_page_are_those_of_the_code"),
@@ -125,23 +125,23 @@ HELD_BY = {
             "test_a_number_that_is_not_finite_is_null_in_every_json", "test_a_fact_with_a_position_that_is_none_is_refused",
             "test_a_time_that_is_none_is_refused",
         ),
-        "Failures and recovery covers damaged": ("test_every_promise_names_its_tests",),
+        "The page Failures and recovery covers damaged": ("test_every_promise_names_its_tests",),
         "Numbers in parameter files": ("test_a_number_that_is_not_finite", "test_a_mistake_in_a_world_file_is_found_where_it_stands"),
         "Positions in worlds and maps": ("test_a_mistake_in_a_world_file_is_found_where_it_stands",),
-        "It answers with a survivor": (
+        "A node responds with a survivor": (
             "test_a_survivor_where_nobody_can_be_is_no_answer", "test_a_survivor_beyond_the_map_is_no_answer",
             "test_any_answer_about_a_survivor_and_any_map_are_judged", "test_the_numbers_on_the_page_are_those_of_the_code",
         ),
-        "It reports a survivor without a position": ("test_does_not_acknowledge_a_report_at_no_position",),
-        "It sends an error text": ("test_any_end_of_a_drive_is_a_line", "test_what_the_server_says_of_it_makes_no_line_of_its_own_in_the_log"),
-        "It claims, on `ACTION/_mission`": (
+        "A node reports a survivor without a position": ("test_does_not_acknowledge_a_report_at_no_position",),
+        "A node sends an error text": ("test_any_end_of_a_drive_is_a_line", "test_what_the_server_says_of_it_makes_no_line_of_its_own_in_the_log"),
+        "A node claims, on `ACTION/_mission`": (
             "test_one_that_runs_goes_before_one_that_begins_whoever_is_older",
             "test_of_two_that_run_and_have_not_seen_each_other_the_younger_gives_way",
         ),
-        "It answers for another goal": (
+        "A node responds to another goal": (
             "test_what_is_answered_to_a_question_that_was_given_up_is_ignored", "test_the_late_answer_of_an_old_call_is_ignored",
         ),
-        "It sends `sar-run --serve` a goal": (
+        "A node sends `sar-run --serve` a goal": (
             "test_a_client_starts_trees_by_their_names_one_after_the_other", "test_a_payload_that_is_none_is_refused",
             "test_the_payload_has_parameters_and_the_result_says_what_is_wrong_with_them",
         ),
@@ -159,12 +159,12 @@ HELD_BY = {
         "After SIGKILL": ("test_it_cancels_the_goal_of_a_mission_that_is_killed",),
         "A run with a journal": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
         "The guardian is a separate process": ("test_it_cancels_the_goal_of_a_mission_that_is_killed",),
-        "Other runs have one": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
+        "Other runs have a guardian": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
         "The guardian acts when": (
             "test_it_cancels_the_goal_of_a_mission_that_is_killed",
             "test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancels",
         ),
-        "It cancels the active goals": (
+        "The guardian cancels the active goals": (
             "test_it_waits_for_the_end_of_the_goal_that_it_has_cancelled", "test_a_goal_that_does_not_end_is_told_to_be_under_way",
         ),
         "Ctrl-C and the end of a terminal": ("test_ctrl_c_in_a_terminal_does_not_reach_it",),
@@ -190,7 +190,7 @@ HELD_BY = {
         ),
         "A request for other files": ("test_nothing_else_can_be_reached",),
         "Keep the domain on the machine": ("test_the_range_is_this_machine_otherwise",),
-        "`sar-run --sim` and `sar-sim` set it": ("test_the_range_is_this_machine_otherwise", "test_the_range_that_a_user_chose_is_kept"),
+        "`sar-run --sim` and `sar-sim` set this": ("test_the_range_is_this_machine_otherwise", "test_the_range_that_a_user_chose_is_kept"),
         "The guardian gets the `--enclave`": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
     },
     RELIABILITY: {
@@ -205,11 +205,11 @@ HELD_BY = {
         ),
         "While a mission drives with": ("test_who_only_looks_claims_nothing_and_sees_all", "test_of_two_that_begin_at_once_the_younger_gives_way"),
         "The tree defines the reaction": ("test_the_mission_behind_failsafes_is_proved_like_the_mission_alone",),
-        "`verify` proves it": ("test_the_mission_behind_failsafes_is_proved_like_the_mission_alone",),
+        "`verify` proves this reaction": ("test_the_mission_behind_failsafes_is_proved_like_the_mission_alone",),
         "`config/fastdds_profile.xml` shortens": (
             "test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its_silence_is_noticed",
         ),
-        "Other missions detect it by this topic": ("test_who_only_looks_claims_nothing_and_sees_all", "test_of_two_that_begin_at_once_the_younger_gives_way"),
+        "Other missions watch this topic": ("test_who_only_looks_claims_nothing_and_sees_all", "test_of_two_that_begin_at_once_the_younger_gives_way"),
         "Then another process must resume": ("test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_process",),
         "The other participants also drop": ("test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_process",),
     },
