@@ -1,4 +1,4 @@
-"""Limits on the files and the memory of a tool call, which the call's process applies to itself."""
+"""Limits on the files and memory of a tool call. The process of the call applies them to itself."""
 
 import json
 import os

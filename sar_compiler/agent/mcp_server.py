@@ -103,7 +103,8 @@ class ToolAccess:
     async def run(self, command: str, options: Sequence[str], *words: str) -> tuple[int, str, str]:
         """Run `sar-compile`, and return its exit status, its standard output and its standard error.
 
-        Two calls run at a time. The time limit does not include the time for which a call waits.
+        At most two calls run at the same time, and further calls wait. The time limit of a call starts when
+        the call stops waiting.
 
         Raises:
             ToolError: If too many calls wait, the call exceeds a limit, or its arguments are invalid.
@@ -120,7 +121,7 @@ class ToolAccess:
             self._calls -= 1
         said = said.rstrip()
         if status < 0:
-            memory = f"The memory limit is {self._memory_bytes // 2**20} MiB (--memory of the server)"
+            memory = f"The server's option --memory limits it to {self._memory_bytes // 2**20} MiB"
             raise ToolError(f"{command} was ended by signal {-status}. {memory}")
         if status not in (OK, FINDINGS, RULE_FAILED):
             raise ToolError(said or f"sar-compile {command} has ended with status {status}")
@@ -188,7 +189,7 @@ class AgentTools:
         self._project = [*access.vocabulary, *access.includes]
 
     async def nodes(self, tag: str | None = None) -> ToolAnswer:
-        """List all nodes for trees, or describe a node with its attributes and possible outcomes."""
+        """List all nodes that trees can use, or describe one node with its attributes and possible outcomes."""
         return await self._data("nodes", self._vocabulary, *([] if tag is None else [tag]))
 
     async def validate(self, file: str) -> ToolAnswer:
@@ -228,7 +229,7 @@ class AgentTools:
         facts: Facts | None = None,
         max_states: int | None = None,
     ) -> ToolAnswer:
-        """Verify in all possible runs of a tree that it ends, that no tick raises an error, and a file's properties.
+        """Verify, for all possible runs of a tree, that they end, raise no error, and satisfy the properties in a file.
 
         Counterexamples are listed tick by tick. With `against`, the results are compared with those of another tree.
         """

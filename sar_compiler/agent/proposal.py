@@ -24,7 +24,7 @@ def all_findings(tree: ProjectTree) -> list[Diagnostic]:
 
 
 def has_errors(findings: list[Diagnostic]) -> bool:
-    """Return whether a finding is an error, which prevents an approval."""
+    """Return whether any of the findings is an error. A tree with errors cannot be approved."""
     return any(each.severity is Severity.ERROR for each in findings)
 
 

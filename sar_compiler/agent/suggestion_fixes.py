@@ -12,7 +12,7 @@ from sar_compiler.tree.forest import Read
 from sar_compiler.tree.model import TreeFile
 
 _ROUNDS = 20
-"""The maximum number of passes over the file, because a fix may reveal another error."""
+"""The maximum number of passes over the file. A further pass is needed if a fix reveals another error."""
 
 
 def apply_suggestions(

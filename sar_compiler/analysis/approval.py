@@ -34,7 +34,7 @@ from sar_compiler.tree.diagnostic import Source
 # The parameters that every ROS node has. They do not concern the mission.
 _ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides")
 _TRUSTED_OWNERS = (0,)
-"""The IDs of users whose files are trusted like the user's own files: root."""
+"""The user IDs whose files are trusted as much as the user's own files. Only root is trusted."""
 _MAX_LISTED = 3
 """The maximum number of changed parameters that a message names."""
 
@@ -93,7 +93,7 @@ class Fingerprint(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """The SHA-256 of all parts, which does not depend on the absolute path of the tree file."""
+        """The SHA-256 of all parts. It does not depend on the absolute path of the tree file."""
         return _digest(json.dumps(self[1:], sort_keys=True).encode())
 
 
@@ -147,7 +147,7 @@ def approve(fingerprint: Fingerprint, by: str) -> Approval:
 
 
 def approvals() -> Iterator[Approval]:
-    """Yield the user's approvals, sorted by the names of their files.
+    """Yield the user's approvals, sorted by the file names under which they are stored.
 
     Raises:
         ApprovalError: If an approval is unreadable, or other users could have written it.
@@ -157,7 +157,7 @@ def approvals() -> Iterator[Approval]:
 
 
 def revoke(file: Path) -> list[Approval]:
-    """Delete the approvals of a file's trees, and return them.
+    """Delete the approvals of all trees in a file, and return the deleted approvals.
 
     Raises:
         ApprovalError: If no tree of the file is approved, or an approval cannot be deleted.
@@ -277,7 +277,7 @@ def _files_of(tree: ProjectTree) -> dict[str, str]:
         name = os.path.relpath(real_path(Path(source.path)), forest.path.parent)
         sum_now = _digest(encode_text(source, source.text))
         if files.setdefault(name, sum_now) != sum_now:
-            raise ApprovalError(f"{source.path} has changed while it was read. Start over")
+            raise ApprovalError(f"{source.path} was changed while it was being read. Run the command again")
     return files
 
 
@@ -347,7 +347,9 @@ def _require_own_folder() -> None:
         mode = parent.stat().st_mode
         # In a sticky folder such as /tmp only the owner can replace an entry.
         if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
-            _reject_location(parent, "all users can write to it", f"chmod o-w {shlex.quote(str(parent))}")
+            _reject_location(
+                parent, "all users can write to this folder", f"chmod o-w {shlex.quote(str(parent))}"
+            )
 
 
 def _require_own(place: Path, owner: int, mode: int) -> None:

@@ -52,7 +52,7 @@ class StartValues:
 
 
 class DisputedFactError(SarError):
-    """Leaves declare different initial values for a fact, and no file overrides them."""
+    """Leaves declare different initial values for a fact, and no file sets the fact's initial value."""
 
 
 def raise_disputes(simulated: SimulatedTree) -> None:
@@ -66,7 +66,7 @@ def raise_disputes(simulated: SimulatedTree) -> None:
 
 
 def start_assumptions(start: StartValues, simulated: SimulatedTree) -> Assumptions:
-    """Return the initial facts from a mission's parameters, without facts that the tree does not have."""
+    """Return the initial facts from a mission's parameters, omitting facts that the tree does not have."""
     known = simulated.fact_values()
     return Assumptions({name: fact for name, fact in start.facts.items() if name in known})
 
@@ -131,7 +131,7 @@ def _declared_outcomes(
     leaves: Sequence[StubLeaf],
     specs: Sequence[NodeSpec],
 ) -> tuple[Outcome, ...]:
-    """Return the declared outcomes of leaves, with the probabilities and times that a file gives."""
+    """Return the declared outcomes of leaves, with the probabilities and times from a file."""
     if len(specs) != 1:
         message = f"'{key.text}' names leaves that declare different outcomes"
         if specs:
@@ -143,9 +143,7 @@ def _declared_outcomes(
     listed: set[int] = set()
     for item in items:
         for part in item.mapping.keys() & {"status", "label", "when", "then"}:
-            message = (
-                f"'outcome' refers to a declared outcome, which already has its '{part}'. Remove '{part}'"
-            )
+            message = f"'outcome' refers to a declared outcome, and the declaration already sets '{part}'. Remove '{part}'"
             words.document.report("conflicting-keys", message, item.mapping[part])
         name = words.parse_outcome(item.mapping["outcome"], leaves)
         for place, outcome in enumerate(outcomes):
@@ -177,7 +175,7 @@ def _interval(document: Document, value: Value | None) -> tuple[float, float] | 
 
 
 def _check_probabilities(document: Document, value: Value, outcomes: Sequence[Outcome]) -> None:
-    """Report impossible sums of probabilities, and times of a leaf that never returns RUNNING."""
+    """Report probabilities with an impossible sum, and durations of a leaf that never returns RUNNING."""
     ending = [outcome for outcome in outcomes if outcome.status != "RUNNING"]
     known = [outcome.p for outcome in ending if outcome.p is not None]
     least, most = sum(p[0] for p in known), sum(p[1] for p in known)
@@ -189,9 +187,12 @@ def _check_probabilities(document: Document, value: Value, outcomes: Sequence[Ou
         message = f"the probabilities p of these outcomes add up to at most {most:g}, but one of the outcomes must occur"
         document.report("wrong-value", message, value)
     if any(outcome.sec[1] for outcome in ending) and len(ending) == len(outcomes):
-        hint = "omit sec, or add the outcome RUNNING"
+        hint = "omit 'sec', or add an outcome with the status RUNNING"
         document.report(
-            "wrong-value", "none of these outcomes is RUNNING, so they take no time", value, hint=hint
+            "wrong-value",
+            "none of these outcomes has the status RUNNING, so the leaf takes no time",
+            value,
+            hint=hint,
         )
 
 
@@ -231,7 +232,7 @@ def _parse_outcome(document: Document, value: Value, specs: Sequence[NodeSpec]) 
 
 
 def _can_return(spec: NodeSpec, status: str) -> bool:
-    """Return whether a leaf can return a status; a leaf without declared outcomes can return any except SKIPPED."""
+    """Return whether a leaf can return a status. Without declared outcomes, it can return any but SKIPPED."""
     return status in (spec.statuses or ("SUCCESS", "FAILURE", "RUNNING"))
 
 
@@ -255,7 +256,7 @@ def _names_in(outcome: Outcome) -> set[str]:
 def apply_controls(
     document: Document, controls: Value, binding: Binding, registry: Registry, files: Iterable[TreeFile]
 ) -> None:
-    """Apply a file's replacements for nodes of unknown behaviour; errors become findings of the document.
+    """Replace nodes of unknown behaviour as a file requests; errors become findings of the document.
 
     Args:
         document: The file.
@@ -272,7 +273,7 @@ def apply_controls(
         tag = key.text or ""
         if tag not in known:
             listed = ", ".join(known) or "none"
-            message = f"'{tag}' is not a control or decorator that needs a replacement here. Those that need one: {listed}"
+            message = f"'{tag}' needs no replacement here. Only these controls and decorators need a replacement: {listed}"
             document.report("unknown-node", message, key, suggestion=nearest(tag, known))
             continue
         nodes = [node for node in (*described_parents(binding), *own) if node.spec.tag == tag]
@@ -311,9 +312,7 @@ def _replacement_fault(spec: NodeSpec, nodes: Sequence[BoundNode]) -> str:
         return "it is a leaf"
     needed = [each.name for each in (*spec.required_attributes, *spec.references) if each.required]
     if needed:
-        return (
-            f"it requires {', '.join(dict.fromkeys(needed))}, but a replacement has only default attributes"
-        )
+        return f"it requires {', '.join(dict.fromkeys(needed))}, but only default values are set in a replacement"
     least, most = spec.child_count
     for node in nodes:
         count = len(node.children)

@@ -27,10 +27,10 @@ _MAX_LISTED = 4
 """The maximum number of ticks that are listed for a run."""
 
 _MAX_FOUND = 8
-"""The maximum number of locations at which a tree's ticks raise errors that are reported."""
+"""The maximum number of locations for which an error of a tree's ticks is reported."""
 
 _TICK_COST, _NODE_COST = 200, 4000
-"""The cost of a tick without its nodes, and the cost of preparing a node."""
+"""The fixed cost of a tick, to which the number of nodes is added, and the cost of preparing one node."""
 
 
 class SearchBudget:
@@ -96,7 +96,7 @@ def mark(binding: Binding) -> None:
 
 
 class _Raised(NamedTuple):
-    """A tick that raises an error, with the ticks before it: for each the previous state and a test of its choices."""
+    """A tick that raises an error, and all ticks up to it, each with the state before it and a test of the choices."""
 
     error: Exception
     ticks: list[tuple[bytes, Callable[[TickSteps], bool]]]
@@ -213,7 +213,7 @@ def _has_path(path: tuple[int, ...]) -> Callable[[TickSteps], bool]:
 
 
 def _run_text(ticks: list[list[Event]]) -> str:
-    """Describe a run by the outcomes of its last ticks."""
+    """Describe a run by listing the outcomes of its last ticks."""
     if not any(ticks):
         return f"in tick {len(ticks)}"
     last = list(enumerate(ticks, 1))[-_MAX_LISTED:]
@@ -227,7 +227,7 @@ def _run_text(ticks: list[list[Event]]) -> str:
 
 
 class _SimulationDoubts:
-    """Detects errors that may not occur in real runs, because values are missing only in the simulation."""
+    """Detects errors that may not occur in real runs, because they are due to values missing in the simulation."""
 
     def __init__(self, binding: Binding) -> None:
         accesses = [access for tree in binding.used_trees() for access in key_accesses_of(tree).accesses]
@@ -284,7 +284,7 @@ _WRITING = (AccessKind.WRITE, AccessKind.CHANGE)
 
 
 class FaultyAttributes:
-    """The attributes of a bound tree that have findings, and the keys that receive their values.
+    """The attributes of a bound tree that have findings, and the keys that receive the values of these attributes.
 
     Args:
         binding: The bound tree.
@@ -305,7 +305,7 @@ class FaultyAttributes:
             self._keys |= {inner for outer, inner in links if outer in self._keys}
 
     def explains(self, bound: BoundNode, attribute: str) -> bool:
-        """Return whether an attribute with a finding explains an error in a node's attribute (empty: any attribute)."""
+        """Return whether a faulty attribute explains an error in a node's attribute (any attribute if empty)."""
         return (bound, attribute) in self._attributes or any(
             (tree, key) in self._keys for tree, key, _ in self._accesses(bound, attribute)
         )

@@ -53,7 +53,7 @@ class PropertyResult(Enum):
     IN_DOUBT = "may be violated"
     """Some of the possible runs that match the record violate the property, but not all of them."""
     OPEN = "open"
-    """The run stopped before a required event had happened, or before the end of a run could decide."""
+    """The run was stopped before a required event happened, or before the end that would decide the property."""
 
 
 class RecordedProperty(NamedTuple):
@@ -160,7 +160,7 @@ def conform(
     assumed = (
         ()
         if recorded.runs.follow(earlier)
-        else ("nothing remains of the earlier runs, which do not conform",)
+        else ("nothing remains of the earlier runs, because these runs do not conform to the tree",)
     )
     reading = _LastTickReader(record)
     moments, lost = recorded.runs.locate(reading)
@@ -180,7 +180,7 @@ def conform(
 
 
 class _LastTickReader(TickSource):
-    """Yields recorded ticks once, and stores the last of them.
+    """Yields each recorded tick once, and stores the last tick.
 
     Args:
         record: The events of leaves.
@@ -193,7 +193,7 @@ class _LastTickReader(TickSource):
 
     @property
     def omits_ticks(self) -> bool:
-        """Whether ticks without a change may be missing."""
+        """Whether ticks without a change may be missing in the record."""
         return self._source is not None and self._source.omits_ticks
 
     def read_ticks(self) -> Iterator[LoggedTick]:
@@ -209,7 +209,7 @@ class _LastTickReader(TickSource):
 
 
 class _ReplayedRun:
-    """A recorded run that is replayed with all matching runs of its tree."""
+    """A recorded run, together with all possible runs of the tree that match it."""
 
     def __init__(self, runs: TreeRuns, record: Iterable[Event], simulated: SimulatedTree) -> None:
         self.runs, self.record = runs, record
@@ -218,12 +218,12 @@ class _ReplayedRun:
         self._judged: dict[bytes, Judgement] = {}
 
     def tree_at_start(self) -> SimulatedTree:
-        """Restore the tree's facts at the start of the run, and return the tree."""
+        """Restore the tree to the start of the run, and return the tree."""
         self.runs.stepper.steps.restore(min(self.runs.starts))
         return self._simulated
 
     def judgement(self, state: bytes) -> Judgement:
-        """Return the judgement of a state, as in a proof."""
+        """Return what is known about a state: whether the run is over, and which properties it violates."""
         known = self._judged.get(state)
         if known is None:
             known = self.runs.stepper.judgement(state)
@@ -240,7 +240,7 @@ class _ReplayedRun:
         return f"{element.source.path}:{element.line}:{element.column}"
 
     def led_to(self, tick: int, number: int | None = None) -> tuple[Event, ...]:
-        """Return the last events up to the end of a tick, or up to the event of leaf *number* in it."""
+        """Return the last events up to the end of a tick, or up to the event of leaf *number* in this tick."""
         led: list[Event] = []
         last: dict[int, str] = {}
         for event in takewhile(lambda each: each.tick <= tick, self.record):
@@ -257,7 +257,7 @@ class _ReplayedRun:
         return [event for event in lost.events if event.outcome and event.number in self._leaves]
 
     def is_unfinished(self, lost: LostTick) -> bool:
-        """Return whether an impossible tick may only be unfinished or incompletely recorded.
+        """Return whether an impossible tick may just be unfinished or incompletely recorded.
 
         Only nodes that were running can be recorded as halted.
         """
@@ -295,7 +295,7 @@ class _ReplayedRun:
     def _wrong_outcome(
         self, outcomes: Sequence[Event], most: int, best: "Sequence[_Attempt]"
     ) -> tuple[int, str, list[str], str]:
-        """Describe an impossible outcome: the leaf's number, the event, the possible events, and the reason."""
+        """Return an impossible outcome as the leaf's number, the event, the possible events, and the reason."""
         event = outcomes[most]
         is_again = any(each.number == event.number for each in outcomes[:most])
         own = [
@@ -355,7 +355,7 @@ class _ReplayedRun:
     def _wrong_status(
         self, lost: LostTick, fitting: Sequence[PossibleTick]
     ) -> tuple[int, str, list[str], str]:
-        """Describe the impossible status of a node in a tick whose outcomes are possible."""
+        """Describe the impossible status of a node in a tick whose leaf outcomes are all possible."""
         recorded = lost.events[-1].statuses
         wrong = [(each, option) for option in fitting if (each := option.other_status(recorded)) is not None]
         (number, status), _ = wrong[0]
@@ -367,7 +367,7 @@ class _ReplayedRun:
 
 
 class _Attempt(NamedTuple):
-    """The state before a possible tick, the tick, and the result of `PossibleTick.common` with a recorded tick."""
+    """A possible tick, the state before it, and its comparison with a recorded tick (`PossibleTick.common`)."""
 
     state: bytes
     option: PossibleTick
@@ -381,7 +381,7 @@ class _Attempt(NamedTuple):
 
     @property
     def next(self) -> str:
-        """The next event of the possible tick after the common part."""
+        """The next event of the possible tick, after the part that it has in common with the recorded tick."""
         if self.is_whole:
             return f"the tick ends with {self.option.root}"
         return event_text(self.option.outcomes[self.place])
@@ -458,7 +458,7 @@ class _PropertyEvaluation:
     def _record_violations(
         self, some: dict[bytes, int], each: dict[bytes, int], events: Mapping[int, Event]
     ) -> None:
-        """Record the properties that are newly violated on some path, or on every path."""
+        """Record the properties that this tick is the first to violate, on some path or on every path."""
         self._some, self._each = some, each
         in_some, in_each = reduce(or_, some.values(), 0), reduce(and_, each.values(), -1)
         for rule in range(len(self._properties.names)):
@@ -489,7 +489,7 @@ class _PropertyEvaluation:
 
     @property
     def _at_end(self) -> int:
-        """The properties that are evaluated at the end of a run, as bits."""
+        """A bit set of the properties that are evaluated at the end of a run."""
         count = self._properties.rules.monitors.count
         return (1 << len(self._properties.names)) - (1 << count)
 

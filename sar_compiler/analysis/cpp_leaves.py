@@ -1,4 +1,4 @@
-"""Leaves of BehaviorTree.CPP that treat their conditions and scripts unlike other leaves.
+"""Leaves of BehaviorTree.CPP that handle conditions and scripts differently from other leaves.
 
 Neither the model of a leaf nor the log of a run contains the BehaviorTree.CPP class from which the leaf derives. So a
 recorded run is compared with the tree under each possible assumption, until the run is possible.
@@ -22,11 +22,11 @@ class LeafClass(Enum):
 
 
 LeafClasses = Mapping[str, LeafClass]
-"""The assumed leaf classes, by tag; other leaves treat their scripts as usual."""
+"""The assumed leaf classes, by tag. Leaves with other tags run their scripts in the usual way."""
 
 
 def possible_classes(simulated: SimulatedTree) -> Iterator[LeafClasses]:
-    """Yield the assumptions that one leaf tag with conditions or scripts has a class, or that all are `THREADED`."""
+    """Yield assumptions about leaves with scripts: one tag has a certain class, or all tags are `THREADED`."""
     has_while: dict[str, bool] = {}
     for each in pre_order(simulated.root):
         leaf = each.decorated if isinstance(each, Conditions) else None

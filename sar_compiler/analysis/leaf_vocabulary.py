@@ -65,7 +65,7 @@ def report_script(document: Document, value: Value, error: ScriptError) -> None:
 
 
 def parameters(value: Value | None) -> dict[str, Fact]:
-    """Return the values that a file's `parameters:` gives to keys of the root blackboard."""
+    """Return the values that the section `parameters:` of a file sets for keys of the root blackboard."""
     return {} if value is None else dict(value.data)
 
 
@@ -164,7 +164,7 @@ def typos(
             yield ConditionFault(message, place, hint="write == to compare")
         elif use.name in later:
             message = f"'{use.name}' is only known after a tick, but events are evaluated during a tick"
-            yield ConditionFault(message, place, hint="use it in end or at_end")
+            yield ConditionFault(message, place, hint="use this condition only in 'end' or 'at_end'")
         else:
             continue
         usable = False
@@ -230,7 +230,7 @@ class LeafVocabulary:
         return found
 
     def parse_outcome(self, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
-        """Return an outcome's label or status that the leaves can return; report any other value."""
+        """Return a label or status that the leaves can return; report any other value."""
         text, known = value.text or "", outcome_words(leaves)
         if text not in known:
             message = f"'{leaves[0].name}' never returns '{text}'. It returns {', '.join(known)}"
@@ -300,7 +300,7 @@ class LeafVocabulary:
 
 
 def outcome_words(leaves: Iterable[StubLeaf]) -> list[str]:
-    """Return the labels, then the statuses, of the outcomes that leaves can return."""
+    """Return the labels, followed by the statuses, of the outcomes that leaves can return."""
     labels = [outcome.label for leaf in leaves for outcome in leaf.outcomes if outcome.label]
     statuses = {outcome.status for leaf in leaves for outcome in leaf.outcomes}
     return [*dict.fromkeys(labels), *(status for status in STATUSES if status in statuses)]

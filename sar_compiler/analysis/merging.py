@@ -1,4 +1,4 @@
-"""Merging of values that a search does not distinguish, which `analysis.verify.slicing` determines."""
+"""Merging of values that a search need not distinguish. `analysis.verify.slicing` determines them."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -45,7 +45,7 @@ class MergedValues:
         return representative
 
     def _kind_of(self, value: object) -> object:
-        """Return the class of equivalent values to which a value belongs; None if the value represents itself."""
+        """Return the class of equivalent values that contains a value; None if the value is not merged with others."""
         kind = type(value)
         if self.is_unread and kind in _PLAIN:
             return kind
@@ -67,7 +67,7 @@ class MergedValues:
 
 
 def merging_notes(merged: Sequence[MergedValues]) -> Iterator[str]:
-    """Yield a note for each group of values that a search has not distinguished, with the reason."""
+    """Yield a note for each group of values that a search did not distinguish. The note includes the reason."""
     irrelevant = [each.name for each in merged if each.is_irrelevant]
     if irrelevant:
         listed = " and ".join(filter(None, [", ".join(irrelevant[:-1]), irrelevant[-1]]))
@@ -78,7 +78,8 @@ def merging_notes(merged: Sequence[MergedValues]) -> Iterator[str]:
 class ValueMerging:
     """Replaces written values by representatives, so that a search does not distinguish equivalent values.
 
-    Merging is switched by an entry, so that the switch is part of each state and of the cached effects of scripts.
+    A blackboard entry switches merging on and off, so that the switch is part of each state and of the cached
+    effects of scripts.
 
     Args:
         cells: The contents of entries.
@@ -96,7 +97,7 @@ class ValueMerging:
         self._cells.set_content(self._switch, True)  # noqa: FBT003 - the value of an entry
 
     def add_switch(self, entries: Iterable[Entry]) -> list[int]:
-        """Return the place of the merging switch if it affects code that uses the given entries; otherwise no place."""
+        """Return the cell of the merging switch if merging affects one of the entries; otherwise an empty list."""
         return [self._switch] if any(entry.name in self.values for entry in entries) else []
 
     def representative(self, name: str, value: object) -> object:

@@ -120,7 +120,7 @@ def prediction_as_json(prediction: Prediction, seconds: float) -> str:
 
 
 def prediction_as_svg(prediction: Prediction) -> str:
-    """Return an SVG plot of the probabilities that a run has ended, and that it has succeeded, by each time."""
+    """Return an SVG plot of the probabilities that a run has ended or succeeded, as functions of time."""
     distribution = prediction.distribution
     last_sec = distribution[-1][0] or 1.0
     wide, high = _WIDTH - _LEFT - _ABOVE, _HEIGHT - _BELOW - _ABOVE
@@ -135,7 +135,7 @@ def prediction_as_svg(prediction: Prediction) -> str:
 
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{_WIDTH}" height="{_HEIGHT}" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img">',
-        f"<title>the probability that a run has ended, and has succeeded, by each time: {escape(_time(prediction))}</title>",
+        f"<title>the probabilities that a run has ended, and that it has succeeded, as functions of time: {escape(_time(prediction))}</title>",
         f"<style>\n{literal(files(__package__).joinpath('prediction.css').read_text('utf-8'))}</style>",
         f'<rect class="ground" width="{_WIDTH}" height="{_HEIGHT}"/>',
         *_axes(last_sec, wide, high),

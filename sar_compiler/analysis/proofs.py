@@ -1,4 +1,4 @@
-"""Searches of a loaded tree's runs with a properties file and the user's facts."""
+"""Functions that search the runs of a loaded tree, given a properties file and the user's facts."""
 
 import contextlib
 import functools
@@ -29,7 +29,7 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 SearchResult = TypeVar("SearchResult")
 TreeSearch = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], SearchResult]
-"""Searches the runs of a tree, given the tree, the properties file, and the tags of all leaves, as `verify.verify`."""
+"""A function such as `verify.verify`, with the arguments tree, properties file, and tags of all leaves."""
 
 
 def search_runs(
@@ -42,7 +42,7 @@ def search_runs(
     outcomes: Iterable[str | Path] = (),
     more: Assumptions | None = None,
 ) -> SearchResult:
-    """Simulate a bound tree with the assumptions of its files, search its runs, and *more* assumptions, and return the results."""
+    """Search the runs of a bound tree under the assumptions of its files and *more*, and return the result."""
     path = default_properties(tree, binding) if properties is None else properties
     file = None if path is None else read_property_file(path)
     others = [read_property_file(each) for each in outcomes]

@@ -30,7 +30,7 @@ from sar_compiler.runtime.variables import ScriptValue, VariableError
 from sar_compiler.runtime.walking import pre_order
 
 _MAX_LISTED = 20
-"""The maximum number of listed events before an alarm: of events that properties receive, and of other events."""
+"""The maximum numbers of events listed before an alarm: of events that properties use, and of other events."""
 
 
 class WatchedEvent(NamedTuple):
@@ -113,7 +113,7 @@ class _EarlyCondition:
         self.value = False
 
     def evaluate(self) -> None:
-        """Evaluate the condition and store its value; report an error, after which the value is false."""
+        """Evaluate the condition and store its value; if this raises an error, report it and store False."""
         try:
             self.value = self._holds()
         except ConditionError as error:
@@ -223,7 +223,7 @@ class RuntimeMonitor:
             entry.write(known + by)
 
     def on_before_event(self, number: int) -> None:
-        """Evaluate the conditions of a leaf's events, before the next event of the leaf changes the state."""
+        """Evaluate the conditions on a leaf's events before its next event changes the state."""
         for condition in self._conditions.get(number, ()):
             condition.evaluate()
 
@@ -254,7 +254,7 @@ class RuntimeMonitor:
     def _process_outcome(
         self, number: int, numbers: Sequence[tuple[int, Outcome | None]], action: str
     ) -> None:
-        """Process a declared outcome of a leaf, given the numbers of all events that match, with their outcomes."""
+        """Process a declared outcome of a leaf, given the numbers and outcomes of all matching events."""
         (event, outcome), excluded = numbers[0], None
         if len(numbers) > 1 or (outcome is not None and outcome.when):
             (event, outcome), excluded = self._select_outcome(number, numbers)
@@ -305,7 +305,7 @@ class RuntimeMonitor:
     def _select_outcome(
         self, number: int, numbers: Sequence[tuple[int, Outcome | None]]
     ) -> tuple[tuple[int, Outcome | None], tuple[str, str] | None]:
-        """Return the first outcome that is possible now; if no outcome is possible, the first one and the reason."""
+        """Return the first outcome that is possible now, or else the first outcome and why it is impossible."""
         leaf = self._leaves[number]
         try:
             for event, outcome in numbers:
@@ -319,7 +319,7 @@ class RuntimeMonitor:
         )
 
     def _process_undeclared(self, number: int, status: str, label: str) -> None:
-        """Process an outcome that the leaf does not declare, or whose label it has not reported."""
+        """Process an undeclared outcome of a leaf, or an outcome whose label the leaf has not reported."""
         self._add_event(number, label or status)
         leaf = self._leaves.get(number)
         if leaf is None:
@@ -330,7 +330,7 @@ class RuntimeMonitor:
         else:
             listed = ", ".join(dict.fromkeys(outcome.name for outcome in known))
             self._report_assumption(
-                number, f"'{leaf.name}' reports which of its outcomes it returns: {listed}"
+                number, f"'{leaf.name}' reports the label of each returned outcome: {listed}"
             )
 
     def _apply_effects(self, leaf: StubLeaf, outcome: Outcome) -> None:
@@ -378,7 +378,7 @@ class RuntimeMonitor:
 
 
 def describe_condition(leaf: StubLeaf, outcomes: Sequence[Outcome]) -> tuple[str, str]:
-    """Describe the conditions of a leaf's outcomes that are impossible now, and their variables' current values."""
+    """Describe the conditions that make outcomes of a leaf impossible now, and the values of their variables."""
     whens = dict.fromkeys(outcome.when for outcome in outcomes)
     names = dict.fromkeys(use.name for when in whens for use in name_uses(parse(when)))
     values = ", ".join(f"{name} is {_value(leaf, name)}" for name in names)

@@ -434,7 +434,7 @@ class TestAFolderOfOthers:
         above = approval_folder().parent.parent
         above.chmod(0o777)
         said = str(refusal(tree))
-        assert said.startswith(f"approvals in {above} are ignored: all users can write to it.")
+        assert said.startswith(f"approvals in {above} are ignored: all users can write to this folder.")
         assert said.endswith(f"chmod o-w {above}")
         above.chmod(0o1777)
         assert refusal(tree) is None

@@ -414,7 +414,7 @@ class TestManyCalls:
         ("word", "said"),
         [
             ("much", "the result of verify is larger than 16 MiB. Request less"),
-            ("die", "verify was ended by signal 6. The memory limit is 2048 MiB (--memory of the server)"),
+            ("die", "verify was ended by signal 6. The server's option --memory limits it to 2048 MiB"),
         ],
     )
     def test_a_call_that_takes_too_much_is_an_error_that_says_so(self, access, word, said):

@@ -518,7 +518,11 @@ def test_a_run_is_compared_alone_with_an_assumption_if_an_earlier_one_is_impossi
         log.write_bytes(written(head, [*first, *later]))
         journal = import_log(log, tmp_path)
         _, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
-        assumed = ", if nothing remains of the earlier runs, which do not conform" if is_altered else ""
+        assumed = (
+            ", if nothing remains of the earlier runs, because these runs do not conform to the tree"
+            if is_altered
+            else ""
+        )
         assert f"conforms: it is a possible run of the tree{assumed}\n" in said
 
 

@@ -106,7 +106,7 @@ class Prediction:
     merged: tuple[MergedValues, ...] = ()
 
     def quantile(self, share: float) -> float | None:
-        """Return the time in seconds by which a share of the ending runs has ended; None if unknown."""
+        """Return the time in seconds by which a given share of the ending runs has ended; None if unknown."""
         whole = self.distribution[-1][2] if self.distribution else 0.0
         return next((sec for sec, _, ended in self.distribution if ended >= share * whole - _ROUNDING), None)
 
@@ -188,7 +188,7 @@ def _predict_searched(
 
 
 def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
-    """Require that no time takes too many ticks, because each number of remaining ticks is a separate state.
+    """Raise an error if a duration takes too many ticks. Each number of remaining ticks is a separate state.
 
     Raises:
         UndecidableError: If a time takes too many ticks.
@@ -203,7 +203,7 @@ def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
 
 
 def _require_no_error(graph: Graph, simulated: SimulatedTree) -> None:
-    """Require that no tick raises an error, because the behaviour after an error is unknown.
+    """Raise an error if a tick raises one, because the behaviour after an error is unknown.
 
     Raises:
         UndecidableError: If a tick raises an error.
@@ -221,7 +221,7 @@ def _round_up(seconds: float) -> str:
 
 
 def _times(simulated: SimulatedTree) -> Iterator[tuple[str, float]]:
-    """Yield the names of nodes with a constant duration or time limit, each with the seconds."""
+    """Yield the name of each node with a constant duration or time limit, and this time in seconds."""
     for behaviour in simulated.root.iterate():
         if isinstance(behaviour, StubLeaf):
             yield from ((behaviour.name, outcome.sec[1]) for outcome in behaviour.outcomes)
@@ -252,7 +252,7 @@ def _unknown_prediction(properties: Properties) -> Prediction:
 
 
 class _ViolationMonitors(MonitorSet):
-    """Monitors that store their violations as further bits of their state.
+    """Monitors whose state also contains a bit for each property that was violated.
 
     Args:
         monitors: The wrapped monitors.
@@ -313,7 +313,7 @@ class _PredictionSolver:
             self._classify_state(int(state))
 
     def _classify_state(self, state: int) -> None:
-        """Determine which properties were violated on the way to a state, and whether a run has succeeded in it."""
+        """Determine which properties were violated on the way to a state, and whether the run succeeds there."""
         steps, code = self._stepper.steps, self._graph.states[state]
         outcome, watched = steps.restore(code)
         broken = watched >> self._properties.rules.monitors.count
@@ -397,7 +397,7 @@ class _PredictionSolver:
 
 
 def _end_judgement(steps: TickSteps, code: bytes) -> Judgement:
-    """Return the judgement of a state in which a run ends, if necessary because the tree idles."""
+    """Return the judgement of a final state; if nothing else ends the run there, the tree is idle."""
     judgement = steps.judge(code, None)
     if not judgement.ends:
         return steps.judge(code, idle=True)

@@ -32,7 +32,7 @@ from sar_compiler.runtime.outcomes import middle
 Flags: TypeAlias = npt.NDArray[Any]
 Indices: TypeAlias = npt.NDArray[Any]
 Reals: TypeAlias = npt.NDArray[Any]
-"""Arrays of bool, int64 and float64 with a number for each place or for each step."""
+"""Arrays of bool, int64 and float64 with one element for each place or for each step."""
 
 _MOST_ROUNDS = 100
 # The number of rounds of `_improve` that are faster than a pass in Python.
@@ -110,7 +110,7 @@ class ProbabilityGraph:
     def _unknown_steps(
         self, graph: Graph, source: Indices, outcomes: Indices, shares: Reals
     ) -> tuple[Indices, Indices, Reals]:
-        """Return each graph state and outcome after which some ticks need an unknown value, with the share of these ticks."""
+        """Return states and outcomes after which some ticks need an unknown value, with the share of these ticks."""
         width = self._low.shape[1]
         followed = np.bincount(source * width + outcomes, shares, self._count * width).reshape(-1, width)
         missing = (self._high[self._choice_at] > 0.0) * (1.0 - followed)
@@ -133,7 +133,7 @@ class ProbabilityGraph:
         return ProbabilityBounds(float(least[0]), float(most[0]))
 
     def _place_flags(self, states: Flags) -> Flags:
-        """Extend flags of states to flags of places, which are False for all other places."""
+        """Extend an array of flags from states to all places. The flags of the additional places are False."""
         return np.concatenate([states, np.zeros(self._count - self._states, bool)])
 
     def _optimum(self, goal: Flags, sign: int) -> tuple[Reals, Reals]:
@@ -160,14 +160,15 @@ class ProbabilityGraph:
         raise UndecidableError(f"the bounds of a probability did not converge in {_MOST_ROUNDS} rounds")
 
     def _interior_probabilities(self) -> Reals:
-        """Return outcome probabilities for each place in the middle of their bounds, positive if possible."""
+        """Return outcome probabilities in the middle of their bounds, for each place, and positive if possible."""
         probabilities: Reals = self._middle[self._choice_at]
         return probabilities
 
     def _initial_policy(self, given: Flags, values: Reals, sign: int) -> Reals:
-        """Return probabilities that are optimal for a graph without loops, found in one pass from the last places on.
+        """Return probabilities that are optimal for a graph without loops, computed in one backward pass.
 
-        For a graph with loops they are a good start. `_improve` alone would need as many rounds as the longest path.
+        For a graph with loops, these probabilities are a good starting point. `_improve` alone would need as
+        many rounds as the longest path.
 
         Args:
             given: For each place, whether its value is known.
@@ -292,7 +293,7 @@ class ProbabilityGraph:
         return float(ticks[0] / reached[0]) if reached[0] > 0.0 else None
 
     def influences(self, goal: Flags, usual: Sequence[int]) -> Iterator[tuple[int, float, float]]:
-        """Yield each influential leaf with a derivative, and with the goal's probability without the leaf's failures.
+        """Yield each influential leaf, its derivative, and the goal's probability if the leaf never failed.
 
         The derivative is the derivative of the goal's probability with respect to the probability of the leaf's usual
         outcome, if the leaf's other outcomes keep their proportions. Unknown probabilities are set to the middle of
@@ -397,7 +398,7 @@ class _Equations:
         self._solver = splu(sparse.identity(size, format="csc") - matrix) if size else None
 
     def mean(self, values: Reals) -> Reals:
-        """Return the mean of a quantity of steps for each place, weighted by the probabilities of the steps."""
+        """Return, for each place, the mean of a quantity over the place's steps, weighted by their probabilities."""
         return np.bincount(self._source, self._likely * values, self._count)[self.places]
 
     def solve(self, known: Reals) -> Reals:
@@ -419,7 +420,7 @@ class _Equations:
 
 
 def _steps_of(graph: Graph) -> tuple[Indices, Indices, Indices]:
-    """Return three arrays with the source, the target and the waits' index of every step."""
+    """Return three arrays: the source, the target and the index of the waits of every step."""
     sources, targets, waits = [], [], []
     for steps, first in ((graph.steps, 0), (graph.middles, len(graph.states))):
         counts = [int(steps.step_count(place)) for place in range(len(steps))]

@@ -48,7 +48,7 @@ MAX_TICKS = 1000
 
 @dataclass(frozen=True)
 class OutcomeStep:
-    """A step of a leaf's script, which contains an outcome and the conditions of its use.
+    """A step of a leaf's script: an outcome, and the conditions under which the leaf returns this outcome.
 
     Attributes:
         outcome: The label or the status of the outcome.
@@ -168,7 +168,7 @@ def read_expectations(value: Value | None, words: LeafVocabulary) -> Expectation
 
 
 def _lines(document: Document, parts: Mapping[str, Value]) -> Iterator[tuple[str, int]]:
-    """Yield the keys of `Expectations.lines`, each with its line."""
+    """Yield each key of `Expectations.lines` with its line number."""
     for name, value in parts.items():
         yield name, document.source.position_of(value.start)[0]
         below = [key for key, _ in value.entries] if value.entries is not None else value.as_list
@@ -219,7 +219,7 @@ _ALWAYS = "always"
 def read_scripts(value: Value, words: LeafVocabulary) -> dict[StubLeaf, tuple[OutcomeStep, ...]]:
     """Return the steps of each scripted leaf.
 
-    If several keys name a leaf, a path precedes a name, and a name precedes a tag.
+    If several keys name a leaf, a path overrides a name, and a name overrides a tag.
     """
     scripts: dict[StubLeaf, tuple[OutcomeStep, ...]] = {}
     ranks: dict[StubLeaf, int] = {}
@@ -280,7 +280,7 @@ def _check_running(document: Document, value: Value, leaves: Sequence[StubLeaf])
             document.report("wrong-value", message, value, hint="omit 'after'")
 
 
-_EMPTY_HINT = "write leaves: with their outcomes, and expect: with the expected results"
+_EMPTY_HINT = "write the outcomes of leaves under 'leaves:', and the expected results under 'expect:'"
 
 
 @dataclass(eq=False, repr=False)
@@ -406,7 +406,7 @@ def _simulate(
     parameters: Mapping[str, object],
     assumptions_for: Callable[[SimulatedTree], Assumptions],
 ) -> SimulatedTree:
-    """Compile a bound tree with stub leaves, with the assumptions that are returned for the tree."""
+    """Compile a bound tree with stub leaves, under the assumptions that *assumptions_for* returns."""
     # Which assumptions are possible depends on the leaves, so the tree is first compiled without assumptions.
     plain = compile_simulated(binding, parameters)
     assumed = assumptions_for(plain)

@@ -212,7 +212,7 @@ class _ScriptedOutcomes:
 
 
 def _outcomes_with_name(name: str, options: Sequence[Outcome]) -> list[Outcome]:
-    """Return the outcomes whose label or status is *name*; outcomes with the label come first."""
+    """Return the outcomes whose label or status is *name*, starting with those whose label is *name*."""
     labelled = [outcome for outcome in options if outcome.label == name]
     return labelled + [outcome for outcome in options if outcome.status == name]
 
@@ -251,7 +251,7 @@ class UntilError(SarError):
 
 @dataclass
 class ScenarioRun:
-    """A run, as far as it was played.
+    """The ticks that a simulated run has played so far.
 
     Attributes:
         simulated: The tree.

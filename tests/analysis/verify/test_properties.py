@@ -198,7 +198,7 @@ def test_a_property_of_nothing_but_leaves_that_the_tree_does_not_have_is_left_ou
             "properties:\n  p: {never: A starts, while: root == 'SUCCESS'}",
             "2:31",
             "wrong-condition",
-            "use it in end or at_end",
+            "use this condition only in 'end' or 'at_end'",
         ),
         ("properties:\n  p: {at_end: root = 'SUCCESS'}", "2:15", "wrong-condition", "write == to compare"),
         ("properties:\n  p: {at_end: root == }", "2:20", "script-error", "a value is missing"),
