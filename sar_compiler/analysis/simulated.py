@@ -1,4 +1,4 @@
-"""Simulation of a loaded tree with a script, and comparison with expectations, for tests in Python."""
+"""Functions for Python tests that simulate a loaded tree according to a script and check the results."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -78,7 +78,7 @@ class Simulated:
         return self
 
     def tick(self, times: int = 1) -> "Simulated":
-        """Tick a number of times, even after the end.
+        """Tick the tree a number of times, even after the end of the run.
 
         Raises:
             Exception: Any exception of a node.
@@ -88,7 +88,7 @@ class Simulated:
         return self
 
     def expect(self, *, trace: str | Path | None = None, **expectations: object) -> None:
-        """Compare the run with expectations, which are written as in a scenario's `expect`.
+        """Compare the run with expectations, which are written as in the section `expect` of a scenario.
 
         Args:
             trace: The path of the file with the expected trace, relative to the current folder.
@@ -114,7 +114,7 @@ def _document(parts: Mapping[str, object]) -> Document:
 
 
 def _raise_unmet(run: ScenarioRun, missed: list[Failure], golden: Path | None = None) -> None:
-    """Raise an error with the violated expectations and the trace, if there are any."""
+    """Raise an error if expectations are violated. The error contains the expectations and the trace."""
     different = compare_golden(golden, trace(run), "the trace now") if golden else None
     if different is not None:
         missed = [*missed, Failure("trace", different)]

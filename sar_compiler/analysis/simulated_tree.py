@@ -1,4 +1,4 @@
-"""Compilation of a tree with stub leaves, which runs without a robot.
+"""Compilation of a tree with stub leaves, so that the tree runs without a robot.
 
 Controls, decorators and the leaves of the tree language are the real nodes, on a simulated clock. Every other leaf,
 whether it is installed or only described by a model, becomes a `StubLeaf`, whose outcomes an outcome policy chooses.
@@ -86,12 +86,12 @@ def _unknown_behaviour(bound: BoundNode) -> Diagnostic:
             f"<{tag}> has its own methods ({bound.spec.factory_path.replace(':', '.')}), and its registered semantics do "
             "not define exactly when it ticks its children"
         )
-        hint = f"derive it from sar_compiler.{bound.spec.kind.value}, with begin and resume, or register it with semantics, or {replace}"
+        hint = f"derive it from sar_compiler.{bound.spec.kind.value} with the methods begin and resume, register it with semantics, or {replace}"
         return element.finding("only-described", message, hint=hint)
-    message = f"<{tag}> is only described by a model, which does not define when it ticks its children"
+    message = f"<{tag}> is only described by a model. A model does not define when a node ticks its children"
     palettes = " or ".join(palettes_containing(tag))
     known = f", or the palette that describes it (--model {palettes})" if palettes else ""
-    hint = f"load the module that has it (--nodes PKG.MOD){known}, or {replace}"
+    hint = f"load the module that defines it (--nodes PKG.MOD){known}, or {replace}"
     return element.finding("only-described", message, hint=hint)
 
 
@@ -103,7 +103,7 @@ def described_parents(binding: Binding) -> list[BoundNode]:
 
 
 def self_ticking_parents(binding: Binding) -> list[BoundNode]:
-    """Return the controls and decorators whose behaviour only the methods of users' py_trees classes define."""
+    """Return the controls and decorators whose behaviour is only defined by methods of users' py_trees classes."""
     return [
         node
         for node in binding.all_nodes()
@@ -112,7 +112,7 @@ def self_ticking_parents(binding: Binding) -> list[BoundNode]:
 
 
 def by_semantics(bound: BoundNode, clock: Clock) -> Substitute | None:
-    """Return a constructor of nodes with a node's registered semantics; None if the semantics are incomplete.
+    """Return a constructor for nodes with the registered semantics of a node; None if these are incomplete.
 
     Args:
         bound: The node, without children that can be skipped.
@@ -165,7 +165,7 @@ def _repeat_substitute(again: int, rounds: float, name: str, child: Behaviour) -
 
 
 def replace_nodes(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
-    """Replace all nodes with given tags by nodes with default attributes.
+    """Replace all nodes with given tags by other nodes, which have default attributes.
 
     Args:
         binding: The tree, which is changed.
@@ -184,7 +184,7 @@ _LANGUAGE = {(each.tag, each.class_path) for each in language.SPECS if each.clas
 
 
 def needs_stub(spec: NodeSpec) -> bool:
-    """Return whether a node becomes a stub leaf: a leaf that does not belong to the tree language."""
+    """Return whether a node becomes a stub leaf. Every leaf outside the tree language becomes one."""
     return spec.kind.is_leaf and (spec.tag, spec.class_path) not in _LANGUAGE
 
 
@@ -318,7 +318,7 @@ def compile_simulated(
 
 
 class UnreadableClock(ManualClock):
-    """The clock for an exploration of all runs, in which the time is unknown."""
+    """The clock that is used while all possible runs are explored. Reading the time raises an error."""
 
     def now(self) -> float:
         """Refuse to return the time.
@@ -327,8 +327,8 @@ class UnreadableClock(ManualClock):
             UndecidableError: Always.
         """
         raise UndecidableError(
-            "a control or decorator reads the clock, whose time is unknown in an exploration of all runs. Measure time "
-            "with start_timer() and time_is_up() of the tick"
+            "a control or decorator reads the clock, but the time is unknown while all possible runs are explored. Measure time "
+            "with the tick's methods start_timer() and time_is_up() instead"
         )
 
 
@@ -421,7 +421,7 @@ class SimulationBuilder(Builder):
     def _integers_in(
         self, said: Sequence[Outcome], instance: TreeInstance, bound: BoundNode
     ) -> dict[str, str]:
-        """Return the integer attributes that outcomes' scripts use as placeholders, as text by placeholder name."""
+        """Return the text of each integer attribute that scripts of outcomes use as a placeholder, by name."""
         scripts = [script for outcome in said for script in (outcome.when, outcome.then)]
         return {
             parameter.name: number_text(self._source.fixed_value(instance, bound, parameter))
@@ -430,7 +430,7 @@ class SimulationBuilder(Builder):
         }
 
     def report_only_described(self, bound: BoundNode) -> None:
-        """Report a subtree without a tree file; ignore other nodes without an implementation, which are leaves."""
+        """Report a subtree without a tree file. Other nodes without an implementation are leaves and are ignored."""
         if bound.element.tag == SUBTREE_TAG:
             super().report_only_described(bound)
 
@@ -483,13 +483,13 @@ class SimulationBuilder(Builder):
         first, other = self._start.setdefault(name, (value, leaf))
         if first != value and name not in self._assumptions.facts:
             self.disputes[name] = (
-                f"the fact '{name}' is {first!r} at the start for '{other}', but {value!r} for '{leaf}'. "
-                f"Write the value: facts: {{{name}: {first!r}}}"
+                f"the leaf '{other}' declares the initial value {first!r} of the fact '{name}', but '{leaf}' declares {value!r}. "
+                f"Set the value with facts: {{{name}: {first!r}}}"
             )
 
 
 class _Outputs:
-    """The entries that a leaf writes in a real run: for output ports, and for keys inside values such as `x: {key}`.
+    """The entries that a leaf writes in a real run, for output ports and for keys inside values such as `x: {key}`.
 
     The written values are unknown, unless the scripts of the leaf's outcomes define them.
 
@@ -540,13 +540,13 @@ class _Outputs:
         return [after for outcome in outcomes for after in _after_writing(outcome, written)]
 
     def _effects(self, word: str, key: str, assumed: Mapping[tuple[str, str], tuple[str, ...]]) -> list[str]:
-        """Return the possible effects on a key, as scripts; an assumed value may also be left unwritten."""
+        """Return scripts for the possible effects on a key. A key with assumed values may also stay unwritten."""
         values = assumed.get((self._leaf, key))
         return [f"{word} := {UNKNOWN}"] if values is None else ["", *(f"{word} := {each}" for each in values)]
 
 
 def _after_writing(outcome: Outcome, written: list[tuple[str, list[str]]]) -> Iterator[Outcome]:
-    """Yield an outcome with each combination of effects of the attributes that it writes."""
+    """Yield a copy of an outcome for each combination of effects on the attributes that the outcome writes."""
     effects = [
         possible
         for attribute, possible in written
@@ -603,7 +603,7 @@ def match_rank(key: str, path: Sequence[str], tag: str) -> int:
 
 
 def _can_name(keys: Iterable[str], bound: BoundNode) -> bool:
-    """Return whether one of the keys can name a node, judging by its last part."""
+    """Return whether any of the keys can name a node, judging by the last part of each key."""
     return any(key.rpartition("/")[2] in (bound.name, bound.spec.tag) for key in keys)
 
 

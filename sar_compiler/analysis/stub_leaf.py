@@ -1,4 +1,4 @@
-"""A leaf that returns the outcomes that a policy chooses, instead of a real leaf.
+"""Stub leaves, which replace real leaves and return the outcomes that a policy chooses.
 
 The leaf's only state is its py_trees status. Outcomes change facts, which are entries of a separate board, so that
 scripts and snapshots handle them like other entries.
@@ -108,16 +108,16 @@ class FactVariables:
         return self._leaf_variables(name).entry(name)
 
     def values_of(self, names: Iterable[str]) -> dict[str, object]:
-        """Return the values of the facts among the given names, by the last part of their board names."""
+        """Return the values of those names that are facts, by the last part of the fact's name on the board."""
         entries = [self.entry(name) for name in names if self.is_fact(name)]
         return {entry.name.rpartition("/")[2]: entry.read() for entry in entries}
 
     def memo(self, scripts: Iterable[Script]) -> "Memo | None":
-        """Return a cache for the effects of scripts; None unless the boards are numbered."""
+        """Return the cache of script results, or None if the board does not store entries as numbers."""
         return self.memo_of([self.entry(use.name) for each in scripts for use in name_uses(each)])
 
     def memo_of(self, entries: Sequence[Entry]) -> "Memo | None":
-        """Return a cache for the effects of code that uses the given entries; None unless the boards are numbered."""
+        """Return a result cache for code that uses the given entries; None if the board stores no numbers."""
         return self._scope.board.memo(entries)
 
     def is_fact(self, name: str) -> bool:
@@ -144,7 +144,7 @@ class FactVariables:
         return compile_fast_script(program.script, self.entry, self.enums.numbers, usual, condition)
 
     def _write_unknown(self, name: str, value: object) -> ScriptValue | None:
-        """Write the value if it is unknown; return None for a known value, which is not written."""
+        """Write an unknown value and return it. If the value is known, write nothing and return None."""
         if not isinstance(value, UnknownValue):
             return None
         entry = self.entry(name)
@@ -267,7 +267,7 @@ class StubLeaf(SkippableLeaf):
         return Event(self.path, self.number, what, status, label, facts)
 
     def _recall(self, what: Outcome | None, programs: Iterable[Program], run: Callable[[], T]) -> T:
-        """Run code that evaluates programs; on numbered boards, reuse the result for equal values of variables."""
+        """Run code that evaluates programs, or reuse the cached result for equal values of the variables."""
         if what not in self._memos:
             self._memos[what] = self.variables.memo(each.script for each in programs)
         memo = self._memos[what]

@@ -183,7 +183,7 @@ def change_scenario(scenario: Mapping[str, object], changes: Mapping[str, object
 
 
 class _Group(NamedTuple):
-    """Equal consecutive choices for a leaf, as a step of a scenario."""
+    """Consecutive equal choices for a leaf, which become one step of a scenario."""
 
     leaf: str
     step: Mapping[str, object]

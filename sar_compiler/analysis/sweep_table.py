@@ -20,7 +20,8 @@ def sweep_as_text(
     Args:
         rows: The rows.
         rule: The stopping rule of the rows.
-        smallest: The failed run nearest to a default run, with its row; None if no run has failed.
+        smallest: The failed run that differs least from a default run, with its row; None if no run has
+            failed.
         written: The file to which its scenario was written, and the command that replays it; None for no file.
     """
     confidence = f"{100 * rule.confidence:g} % interval"
@@ -29,7 +30,7 @@ def sweep_as_text(
     if smallest is not None:
         row, played = smallest
         which = "".join(f"{name} {value}, " for name, value in row.labels.items())
-        text += f"\n\nThe failed run nearest to a default run ({which}seed {played.seed}): {played.failure}"
+        text += f"\n\nThe failed run that differs least from a default run ({which}seed {played.seed}): {played.failure}"
     if written is not None:
         text += f"\n  the smallest failing scenario was written to {written[0]}. Replay it with: {written[1]}"
     return text
@@ -108,7 +109,7 @@ class _Mean(NamedTuple):
 
 
 def _means(outcomes: Sequence[RunResultSample], confidence: float) -> dict[str, _Mean]:
-    """Return the mean of each counted number over the runs that have it."""
+    """Return the mean of each counted number over the runs that contain this number."""
     names = dict.fromkeys(name for each in outcomes for name in each.counts)
     counts = {name: [each.counts[name] for each in outcomes if name in each.counts] for name in names}
     z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
@@ -128,5 +129,5 @@ def _times(outcomes: Sequence[RunResultSample]) -> list[float]:
 
 
 def quantile(ordered: Sequence[float], part: float) -> float:
-    """Return a quantile of values in ascending order, given its share of the values."""
+    """Return the value below or at which a given share of the ascending values lies."""
     return ordered[max(0, -(-len(ordered) * round(part * 100) // 100) - 1)]

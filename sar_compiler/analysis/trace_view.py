@@ -12,7 +12,7 @@ from sar_compiler.tree.plain import as_json, speakable, to_json_value, value_as_
 
 
 def trace(run: ScenarioRun) -> str:
-    """Return the trace of a run: the ticks with new events, a line for other ticks, and the end."""
+    """Return the trace of a run: ticks with new events in full, one line for other ticks, and the end."""
     writer = _TraceWriter(run)
     lines: list[str] = []
     repeated: list[TickRecord] = []
@@ -67,7 +67,7 @@ def failure_line(run: ScenarioRun, failure: Failure) -> str:
 
 
 def coverage_text(coverage: OutcomeCoverage) -> str:
-    """Describe how many nodes were ticked and how many leaf outcomes occurred in a set of runs, and list the others."""
+    """Describe how many nodes were ticked and leaf outcomes occurred in a set of runs, and list the missing ones."""
     nodes, missed = coverage.nodes, coverage.never_ticked
     possible = sum(len(node.outcomes) for node in nodes)
     unseen = sum(len(node.unseen_outcomes) for node in nodes)
@@ -83,7 +83,7 @@ def coverage_text(coverage: OutcomeCoverage) -> str:
 
 
 def _is_news(tick: TickRecord, before: TickRecord | None) -> bool:
-    """Return whether a tick has changes or events that the previous tick did not have."""
+    """Return whether a tick has a change or an event that was not in the previous tick."""
     if before is None or tick.facts or tick.keys or tick.root != before.root:
         return True
     known = {(event.number, event.status, event.label) for event in _visible_events(before)}

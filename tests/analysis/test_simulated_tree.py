@@ -266,7 +266,7 @@ def test_leaves_that_start_a_fact_differently_are_a_dispute_until_somebody_settl
     registry = registry_with(One={"facts": {"left": 1}}, Two={"facts": {"left": 2}})
     disputed = simulated_tree(body, registry=registry)
     assert disputed.disputes == {
-        "left": "the fact 'left' is 1 at the start for 'One', but 2 for 'Two'. Write the value: facts: {left: 1}"
+        "left": "the leaf 'One' declares the initial value 1 of the fact 'left', but 'Two' declares 2. Set the value with facts: {left: 1}"
     }
     settled = simulated_tree(body, registry=registry, facts={"left": 2})
     assert (settled.disputes, settled.fact_values()) == ({}, {"left": 2})

@@ -74,7 +74,7 @@ def test_without_a_scenario_what_leaves_do_not_agree_on_is_wrong_usage(capsys, t
     status, out, err = run(capsys, path, "--nodes", "tests.analysis.verify.leaves")
     assert (status, out.strip()) == (2, "")
     assert err.startswith(
-        "sar-compile: the fact 'f' is 0 at the start for 'X', but 1 for 'W'. Write the value:"
+        "sar-compile: the leaf 'X' declares the initial value 0 of the fact 'f', but 'W' declares 1. Set the value with"
     )
 
 
@@ -224,7 +224,7 @@ def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, 
     assert "root" not in out
     places = [line for line in err.splitlines() if "error[only-described]" in line]
     assert [line.split(": ")[2] for line in places] == [
-        f"<{tag}> is only described by a model, which does not define when it ticks its children"
+        f"<{tag}> is only described by a model. A model does not define when a node ticks its children"
         for tag in ("RecoveryNode", "Twice")
     ]
     assert (

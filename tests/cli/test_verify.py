@@ -74,7 +74,7 @@ def test_leaves_that_do_not_agree_on_a_fact_are_nothing_to_prove_anything_with(r
     status, out, err = run(tree, *nodes)
     assert (status, out) == (2, "")
     assert err == (
-        "sar-compile: the fact 'f' is 0 at the start for 'X', but 1 for 'W'. Write the value: facts: {f: 0}\n"
+        "sar-compile: the leaf 'X' declares the initial value 0 of the fact 'f', but 'W' declares 1. Set the value with facts: {f: 0}\n"
     )
     assert run(tree, *nodes, "--set", "f=1")[2] == ""
 
@@ -93,7 +93,7 @@ def test_a_control_that_is_only_described_is_nothing_to_prove_anything_with(run)
     status, out, err = run(tree)
     assert (status, out) == (1, "")
     assert (
-        "error[only-described]: <Recover> is only described by a model, which does not define when it ticks its children\n"
+        "error[only-described]: <Recover> is only described by a model. A model does not define when a node ticks its children\n"
         in err
     )
     assert "controls: {Recover: ...}" in err

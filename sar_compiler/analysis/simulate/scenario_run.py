@@ -413,7 +413,7 @@ class Failure:
 
 
 def failures(run: ScenarioRun) -> list[Failure]:
-    """Return the violated expectations of a run's scenario, except for an expected trace."""
+    """Return the expectations of the scenario that a run violates. An expected trace is not compared."""
     if run.trouble:
         return [Failure("run", f"tick {len(run.ticks)} could not be finished: {run.trouble}")]
     lines = run.scenario.expect.lines
@@ -424,7 +424,7 @@ def failures(run: ScenarioRun) -> list[Failure]:
 
 
 def _failed_expectations(run: ScenarioRun) -> Iterator[tuple[str, str]]:
-    """Yield the key of each violated expectation in `Expectations.lines`, and the actual result."""
+    """Yield, for each violated expectation, its key in `Expectations.lines` and the actual result."""
     expect = run.scenario.expect
     yield from _end_mismatches(run)
     if expect.root is not None and run.root != expect.root:
@@ -461,13 +461,13 @@ def _end_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
         else:
             yield "ends", f"the run has not ended by {last}: {what} not {how} yet"
     elif run.ended and expect.within_ticks is not None and len(run.ticks) > expect.within_ticks:
-        yield "within", f"the run ends with {last}, expected by tick {expect.within_ticks}"
+        yield "within", f"the run ends with {last}, but was expected to end by tick {expect.within_ticks}"
     elif run.ended and expect.within_sec is not None and run.time_sec > expect.within_sec:
-        yield "within", f"the run ends with {last}, expected by {expect.within_sec:g} s"
+        yield "within", f"the run ends with {last}, but was expected to end by {expect.within_sec:g} s"
 
 
 def _order_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
-    """Yield the first event of the expected order that does not happen after the previous event of the order."""
+    """Yield the first expected event that does not happen after the event expected before it."""
     events = run.events
     before: EventPattern | None = None
     for pattern in run.scenario.expect.order:

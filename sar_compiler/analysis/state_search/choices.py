@@ -33,7 +33,7 @@ class Choices:
         self._asked = 0
 
     def pick(self, count: int) -> int:
-        """Return the option to take, from 0 to *count* - 1.
+        """Return the number of the option to choose, from 0 to *count* - 1.
 
         Raises:
             UnsteadyError: If there was a different number of options after the same earlier choices.

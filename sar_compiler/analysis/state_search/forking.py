@@ -126,7 +126,7 @@ class ForkingTicker(Ticker):
         self._shown: dict[int, list[int]] = {}
 
     def ignore_statuses(self, forgotten: list[bool]) -> None:
-        """Set for each node whether states forget its last status, because it makes no difference between ticks.
+        """Set, for each node, whether states omit the last status of the node because no later tick depends on it.
 
         In the middle of a tick, the statuses of the children of ticked nodes still matter, because their parents may be
         about to read them.
@@ -171,7 +171,9 @@ class ForkingTicker(Ticker):
             node = called
 
     def next_fork(self) -> int:
-        """Restore the last fork with a remaining option; return the number of intermediate states left, -1 for none."""
+        """Restore the last fork with an untried option; return the number of forks at intermediate states after it.
+
+        The result is -1 if no fork has an untried option."""
         choice = self.choices.advance()
         if choice < 0:
             return -1
@@ -182,7 +184,7 @@ class ForkingTicker(Ticker):
         return left
 
     def _look_up_visit(self, node: TreeNode) -> int:
-        """Return KNOWN if a tick has reached an equal place before; else ENTERED at an intermediate state or CALLED."""
+        """Return KNOWN at a place that a tick has reached before, ENTERED at a new intermediate state, else CALLED."""
         trail, entries = self.trail, self.entries
         entries.update_contents()
         shown = self._shown_at(node) if self._forgotten else self._none

@@ -10,12 +10,12 @@ from sar_compiler.analysis.state_search.numbering import StateStore
 from sar_compiler.analysis.state_search.trail import Waits
 
 Edge = tuple[int, int]
-"""A tick: the number of the state after it, and the leaves and timers for which it continues to wait, as bits."""
+"""A tick: the number of the state after it, and a bit set of the leaves and timers for which the run still waits."""
 
 
 @dataclass(frozen=True)
 class Breach:
-    """The first tick with a violation, which is at the least distance from the start.
+    """The first tick that violates a rule. No other violation of the rule is nearer to the start.
 
     Attributes:
         source: The number of the state in which the tick starts.
@@ -29,7 +29,7 @@ class Breach:
 
 
 class Numbers:
-    """An array of numbers with two bytes each, or with four or eight bytes once a number requires them."""
+    """An array of numbers that take two bytes each, or four or eight bytes once a number requires them."""
 
     def __init__(self) -> None:
         self._short = vec[i16]()

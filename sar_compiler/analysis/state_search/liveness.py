@@ -1,4 +1,4 @@
-"""Liveness: events that must eventually happen (the end of the run, pending obligations), and runs without them.
+"""Liveness: events that must eventually happen (the end of a run, obligations), and runs in which they never do.
 
 There are finitely many states, so an endless run stays in one strongly connected component from some tick on. But not
 every component can contain an endless run. The search allows a leaf to return RUNNING forever and a timer never to
@@ -298,7 +298,7 @@ _ALL: Final = -1
 
 @dataclass(frozen=True)
 class Lasso:
-    """A path from the start to a loop, and the loop.
+    """A path from the start to a loop, together with this loop.
 
     Attributes:
         stem: The states on the path, from the first state to the first state of the loop.
@@ -325,7 +325,7 @@ _Moment = tuple[int, int, int, int]
 
 
 def _round(graph: Graph, entry: int, inside: set[int]) -> list[Edge]:
-    """Return the ticks of a shortest fair loop from a state back to the state."""
+    """Return the ticks of a shortest fair loop that leads from a state back to the same state."""
     # A shortest loop may be unfair. So the search is breadth first, tick by tick, over places together with the bits
     # that were set in every tick so far. At the end of the loop there must be no such bits.
     start, states = (entry, _ALL, 0, 0), len(graph.states)

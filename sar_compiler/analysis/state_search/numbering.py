@@ -11,11 +11,11 @@ _FREE: Final = 0
 _BITS_OF_NUMBER: Final = 32
 _NUMBER: Final = (1 << _BITS_OF_NUMBER) - 1
 _HASH: Final = (1 << 31) - 1
-"""The mask for the bits of a hash that the table stores, which also limits the size of the table."""
+"""The mask for the bits of a hash that the table stores. It also limits the size of the table."""
 _STRETCH: Final = 1 << 12
-"""The number of states in a stretch. The states of a stretch must take less than 2^31 bytes, 500,000 bytes each."""
+"""The number of states in a stretch. All states of a stretch must fit into 2^31 bytes, so one may take 500,000 bytes."""
 _KEPT_MIDDLES: Final = 1 << 15
-"""The minimum number of other intermediate states that ticks reach before one is forgotten; about 6 MB in total."""
+"""An intermediate state is forgotten once ticks have reached this many others, which take about 6 MB."""
 
 
 class StateStore:

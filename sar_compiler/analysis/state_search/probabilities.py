@@ -38,7 +38,7 @@ from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, Ticker
 from sar_compiler.runtime.outcomes import Outcome, probabilities
 
 TOLERANCE_SEC: Final = 1e-6
-"""Tolerance for ticks at multiples of the period, which floats reach only approximately."""
+"""The tolerance for the times of ticks, because floats represent multiples of the period only approximately."""
 
 
 class TicksLeft:
@@ -53,7 +53,7 @@ class TicksLeft:
 
 
 class LimitUse:
-    """Makes conditions decrease limits once if they find the same situation, such as a pause, in consecutive ticks.
+    """Makes a condition decrease limits only once if the same situation, such as a pause, lasts several ticks.
 
     A repeated outcome is evaluated with the limits before its first occurrence, and leaves the limits unchanged.
 
@@ -78,7 +78,7 @@ class LimitUse:
         self._last = self._now
 
     def spend(self, index: int, found: str) -> list[Any]:
-        """Set the limits to their values before a repeated outcome; return the current limits, for `restore`.
+        """Reset the limits to the values before a repeated outcome; return the current limits for `restore`.
 
         For any other outcome, nothing is changed, and the result is empty.
 
@@ -115,7 +115,7 @@ class CountedTimes(Times):
         self._known: dict[int, TicksLeft] = {}
 
     def ticks(self, seconds: float) -> int:
-        """Convert a time in seconds to the number of ticks after which it has expired."""
+        """Convert a time in seconds to the number of ticks after which this time has passed."""
         return max(0, math.ceil((seconds - TOLERANCE_SEC) / self._period_sec))
 
     def seconds(self, ticks: int) -> float:
@@ -231,7 +231,7 @@ class ProbabilisticLeaf(StubNode):
         self._known: dict[tuple[int, ...], list[Option]] = {}
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return the number of options; 1 if it cannot be determined, in which case the tick raises the error."""
+        """Return the number of options, or 1 if an error prevents this. The tick then raises the error."""
         try:
             replies = self._possible()
         except SarError:
@@ -282,8 +282,8 @@ class ProbabilisticLeaf(StubNode):
         if len(options) > 1:
             if self._trail.going_on:
                 message = (
-                    f"'{self.behaviour.name}' has several outcomes with probabilities while another node ends (catch_on_halt). "
-                    "This cannot be computed: declare one outcome, or outcomes without p"
+                    f"'{self.behaviour.name}' has several outcomes with probabilities while another node ends (catch_on_halt), "
+                    "and this case cannot be computed. Declare one outcome, or outcomes without p"
                 )
                 raise UndecidableError(message)
             self._trail.going_on = option.weight
@@ -299,7 +299,7 @@ class ProbabilisticLeaf(StubNode):
         return known
 
     def _ending_replies(self, replies: list[Reply]) -> list[Reply]:
-        """Return the outcomes among which the leaf can choose; RUNNING only if no other outcome is possible."""
+        """Return the outcomes that the leaf can choose. RUNNING is one of them only if no other is possible."""
         return [reply for reply in replies if reply.outcome != RUNNING] or replies[:1]
 
     def _create_options(self, replies: list[Reply]) -> list[Option]:

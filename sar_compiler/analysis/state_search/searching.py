@@ -28,15 +28,15 @@ from sar_compiler.budget import Progress
 _REPORT_EVERY: Final = 256
 _WAITS_BITS: Final = 28
 _WAITS: Final = (1 << _WAITS_BITS) - 1
-"""A step is packed into one number: the target, as in `Steps.targets`, and in these bits the effect on the waits."""
+"""A step is packed into one number. These bits contain the effect on the waits, and the higher bits the target."""
 _NO_TARGET: Final = (1 << 31) - 1
-"""Used instead of a target: the tick raises an error."""
+"""The value that replaces the target of a step whose tick raises an error."""
 _MANY_TARGETS: Final = -1
-"""Used instead of the only state to which a place leads: the place leads to several states."""
+"""The value that replaces the target of a place that leads to several states."""
 _LINEAR_LIMIT: Final = 32
 """The number of steps up to which a linear search is faster than a set."""
 _PACKED_BITS: Final = 20
-"""The number of bits of a number of which three can be packed into a machine number."""
+"""The maximum size, in bits, of numbers of which three can be packed into one machine number."""
 
 NOTHING: Final = 0
 """There is no further step."""
@@ -51,7 +51,7 @@ LEFT: Final = 4
 
 
 class Judgement(NamedTuple):
-    """The judgement of a state.
+    """The judgement of a state: whether the run is over, and which rules are violated or pending.
 
     Attributes:
         ends: Whether the run is over in the state.
@@ -101,7 +101,7 @@ class Stepper:
         raise NotImplementedError
 
     def judge(self, state: bytes, idle: bool | None) -> Judgement:
-        """Judge a state.
+        """Determine whether a run is over in a state, and which rules the state violates.
 
         Args:
             state: The state.
@@ -221,7 +221,7 @@ class _Exploration:
         return True
 
     def _record_step(self, target: int, waits: Waits) -> None:
-        """Record a step from the current place; it has no target if it raises an error, or all steps after it do."""
+        """Record a step from the current place. It has no target if the step, or all steps after it, raise errors."""
         goes_on, changed, settled = waits
         if target >= 0:
             # At the end of a tick, no run waits for leaves and timers that have started in the tick.

@@ -8,7 +8,7 @@ from mypy_extensions import i32, i64, u8
 from sar_compiler.runtime.kernel.cells import RUNNING
 
 _CONTINUES: Final = 128
-"""Added to each byte of a number except the last byte."""
+"""The bit that is set in every byte of a number except the last byte."""
 _HALF_FULL: Final = 15
 """The maximum value of half a byte; a number of at least this size continues in further bytes."""
 _LONGEST: Final = 21
@@ -88,7 +88,7 @@ class StateCode:
         return written
 
     def _make_room(self, bits: int, places: i64) -> None:
-        """Enlarge the buffer for a head with a number of bits and for a number of places, if necessary."""
+        """Enlarge the buffer if a head of *bits* bits and *places* places would not fit."""
         most = bits + _LONGEST * (places + 3)
         if len(self._room) < most:
             self._room = vec[u8](bytes(most))
@@ -181,7 +181,7 @@ class StateCode:
 
 
 def _write_place(code: vec[u8], at: i64, step: i64, held: i64) -> i64:
-    """Write a place, as its distance from the previous place, with its content; return the next index."""
+    """Write a place (the distance from the previous place) and its content; return the next index."""
     if step < _HALF_FULL and held < _HALF_FULL:
         code[at] = u8(step << 4 | held)
         return at + 1

@@ -118,7 +118,7 @@ class RecordedLeafNode(ChoosingNode):
 
 
 class ConditionLeafNode(RecordedLeafNode):
-    """A condition that reads a single entry, with a cache of its results by the entry's content.
+    """A condition that reads a single entry, and caches the result for each content of this entry.
 
     Args:
         part: The builder of the node.
@@ -182,7 +182,7 @@ class StubNode(ChoosingNode):
         self._find_possible: Callable[[], list[Reply]] = self._possible_replies
 
     def branch_count(self, ticker: Ticker) -> int:  # noqa: ARG002
-        """Return the number of outcomes that are possible now; 1 if a condition fails, which the tick then raises."""
+        """Return the number of possible outcomes, or 1 if a condition raises an error, as the tick will then do."""
         try:
             return len(self._possible())
         except SarError:
@@ -237,7 +237,7 @@ _UP: Final = 2
 
 
 class ChosenTimes(Times):
-    """Timers that may expire at any check, or at a later one.
+    """Timers for which each check tries both possibilities: the timer has expired, or it has not.
 
     Args:
         choices: Decide whether a timer has expired.

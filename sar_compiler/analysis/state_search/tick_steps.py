@@ -126,7 +126,7 @@ class TickSteps(Stepper):
         self.outcome, self.waits, self.broken = outcome, ticker.waits, ticker.trail.broken
 
     def judge(self, state: bytes, idle: bool | None) -> Judgement:
-        """Judge a state.
+        """Determine whether a run is over in a state, and which rules the state violates.
 
         Args:
             state: The state.

@@ -94,7 +94,7 @@ class Trail:
         self.going_on = self.changed = self.settled = 0
 
     def rewind(self, happened: int) -> None:
-        """Forget all events except the first *happened* ones."""
+        """Forget all events except the first *happened* events."""
         if self.keeps:
             del self.numbers[happened:]
             del self.pasts[happened:]

@@ -98,7 +98,7 @@ class StoppingRule:
         return wilson(sum(not each.failure for each in outcomes), len(outcomes), self.confidence)
 
     def is_enough(self, outcomes: Sequence[RunResultSample]) -> bool:
-        """Return whether the runs of a row can end."""
+        """Return whether a row with these results needs no more runs."""
         return len(outcomes) >= self.runs or self.interval(outcomes).half_width <= self.half_width
 
 
@@ -203,6 +203,6 @@ def _batch_label(batch: _Batch) -> str:
 
 
 def smallest_failure(rows: Sequence[SweepRow]) -> tuple[SweepRow, RunResultSample] | None:
-    """Return the failed run nearest to a default run, with its row; None if no run has failed."""
+    """Return the failed run that differs least from a default run, and its row; None if no run has failed."""
     failed = [(row, outcome) for row in rows for outcome in row.outcomes if outcome.failure]
     return min(failed, key=lambda each: each[1].size, default=None)

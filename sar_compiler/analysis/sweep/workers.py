@@ -72,7 +72,7 @@ class ReplaceableExecutor:
 
 
 def worker_processes(count: int) -> ReplaceableExecutor:
-    """Return an executor with worker processes; a single worker is the current process."""
+    """Return an executor with worker processes, or with only the current process if *count* is 1."""
     if count == 1:
         return ReplaceableExecutor(InlineExecutor, 1)
     # Spawned, because a forked process would copy locks that this process's threads hold.

@@ -46,9 +46,13 @@ def test_what_is_so_holds(expected):
     ("expected", "word", "message"),
     [
         ("root: FAILURE", "root", "the root is SUCCESS in the last tick, expected FAILURE"),
-        ("within: 5s", "within", "the run ends with tick 14 (6.5 s), expected by 5 s"),
-        ("within: 13 ticks", "within", "the run ends with tick 14 (6.5 s), expected by tick 13"),
-        ("within: 1 tick", "within", "the run ends with tick 14 (6.5 s), expected by tick 1"),
+        ("within: 5s", "within", "the run ends with tick 14 (6.5 s), but was expected to end by 5 s"),
+        (
+            "within: 13 ticks",
+            "within",
+            "the run ends with tick 14 (6.5 s), but was expected to end by tick 13",
+        ),
+        ("within: 1 tick", "within", "the run ends with tick 14 (6.5 s), but was expected to end by tick 1"),
         ("facts: {at: zone}", "facts", "the fact 'at' is 'base' at the end, expected 'zone'"),
         (
             "order: [DetectSurvivor found, DetectSurvivor found]",

@@ -313,7 +313,8 @@ def test_the_proof_names_the_classes_of_which_it_proves_nothing():
 )
 def test_a_class_with_a_tick_of_its_own_whose_semantics_leave_something_open_is_refused(body):
     with pytest.raises(
-        UnknownBehaviourError, match=r"(?s)Ticking\w+> has its own methods .*with begin and resume"
+        UnknownBehaviourError,
+        match=r"(?s)Ticking\w+> has its own methods .*with the methods begin and resume",
     ):
         verified(body)
 
