@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def _start_values(
     tree: ProjectTree, params: str | Path | StartValues | None, binding: Binding
 ) -> StartValues:
-    """Read a tree's start values from a parameter file, without ROS; report unusual values.
+    """Read the start values of a tree's runs from a parameter file, without ROS; report unusual values.
 
     Raises:
         ParameterFileError: If ROS would refuse or misread the file.
@@ -47,7 +47,7 @@ def _start_values(
 def stage_of(
     tree: ProjectTree, tree_id: str | None = None, params: str | Path | StartValues | None = None
 ) -> "ScenarioStage":
-    """Return the stage on which scenarios of a tree are simulated.
+    """Return the tree and the settings with which its scenarios are simulated.
 
     Args:
         tree: The tree file.
@@ -240,7 +240,7 @@ def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`
     max_states: int = 1_000_000,
     budget: "Budget | None" = None,
 ) -> "Prediction":
-    """Compute the tree's probability of success and of its properties, and its duration.
+    """Compute the probabilities that the tree succeeds and that each property holds, and the tree's duration.
 
     Args:
         tree: The tree file.

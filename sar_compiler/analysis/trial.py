@@ -61,7 +61,7 @@ def try_runs_within(
 
 
 def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Diagnostic]:
-    """Return findings about ticks that raise errors, within a budget; no findings for a file with other errors.
+    """Return findings about ticks that raise errors, within a budget. A file with other errors is not searched.
 
     A tree without keys and scripts cannot raise errors, and is not compiled.
 
@@ -102,7 +102,7 @@ def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Di
 
 
 def _may_raise(tree: Element, registry: Registry) -> bool:
-    """Return whether a tree has keys or scripts, without which ticks cannot raise errors."""
+    """Return whether a tree has keys or scripts. Only ticks of trees with keys or scripts can raise errors."""
     return any(
         "{" in text or name in CONDITIONS or _is_script(element.tag, name, registry)
         for element in tree.iterate()

@@ -60,7 +60,7 @@ def verification_data(verification: Verification) -> dict[str, object]:
 
 
 def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
-    """Compare two verifications as text: a line for each property, and a counterexample for each worse result.
+    """Return a comparison as text: a line for each property, and a counterexample for each worse result.
 
     Args:
         comparison: The compared verifications.
@@ -78,7 +78,7 @@ def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str
 
 
 def comparison_as_json(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
-    """Compare two verifications as JSON; see `comparison_as_text`."""
+    """Return a comparison of two verifications as JSON; see `comparison_as_text`."""
     sides = zip(("before", "now"), names, (comparison.before, comparison.now), strict=True)
     data = {
         "worse": comparison.is_worse,
@@ -176,7 +176,7 @@ def _count_line(verification: Verification) -> str:
 
 
 def _verdict_text(verdict: Verdict) -> str:
-    """Return a verdict as text, with the reason unless a counterexample shows it."""
+    """Return a verdict as text. The reason is included unless a counterexample shows it."""
     shown = verdict.trace is not None or not verdict.reason
     return verdict.outcome.value if shown else f"{verdict.outcome.value}: {verdict.reason}"
 
@@ -194,7 +194,7 @@ def _limits(verification: Verification) -> Iterator[str]:
     yield f"Not proved beyond {count_with_noun(verification.states, 'state')}: there are more states ({how})."
     if verification.growing:
         listed = ", ".join(f"{name} ({count})" for name, count in verification.growing)
-        yield f"The most different values in the last states: {listed}."
+        yield f"The entries with the most different values in the last states: {listed}."
 
 
 def _search_data(verification: Verification) -> dict[str, object]:

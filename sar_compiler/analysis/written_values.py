@@ -22,7 +22,7 @@ _MOST = 24
 
 
 def distinguished_values(binding: Binding) -> tuple[str, ...]:
-    """Return values, as literals of scripts, that the scripts and cases of a tree can distinguish; empty if they are too many."""
+    """Return, as script literals, the values that a tree's scripts and cases distinguish; empty if too many."""
     found: dict[str, None] = {}
     for text in _texts(binding):
         for literal in _LITERAL.findall(text):
@@ -48,7 +48,7 @@ def _texts(binding: Binding) -> Iterator[str]:
 def compare_with_written_values(
     binding: Binding, compare: Callable[[Assumptions | None], Conformance]
 ) -> Conformance:
-    """Compare a run with the runs of its tree, with assumptions about values that leaves write if these matter.
+    """Compare a run with its tree's possible runs. Values that leaves write are assumed if the result needs them.
 
     Args:
         binding: The tree.

@@ -128,7 +128,7 @@ def register_origins(root: Behaviour, origins: Origins) -> None:
 
 
 def file_and_line_of(behaviour: Behaviour) -> str | None:
-    """Return the file and line of a behaviour, or of its nearest ancestor from a file; None if neither is from a file."""
+    """Return the file and line of a behaviour or of its nearest ancestor from a file; None if no file has them."""
     around: list[Behaviour] = []
     each: Behaviour | None = behaviour
     while each is not None:
@@ -161,7 +161,7 @@ def _attributes(instance: TreeInstance, bound: BoundNode, known: Mapping[str, An
 
 
 def _uses(instance: TreeInstance, bound: BoundNode, attributes: Mapping[str, object]) -> Iterator[Use]:
-    """Yield the resources outside the tree that a node needs, except those whose name is in a key without a value."""
+    """Yield the external resources that a node needs; omit a resource whose name depends on an unknown key."""
     ports = {each.name for each in bound.spec.ports}
     entries = {name: instance.scope.resolve(key) for name, key in bound.keys.items() if name in ports}
     known = {name: entry for name, entry in entries.items() if entry.exists and not entry.is_unknown}
@@ -294,7 +294,7 @@ class Arguments:
             hint = self.parameter_advice.format(name=name)
         else:
             message = f"{parameter.name}: the key '{key}' of this subtree has no value at compile time"
-            hint = f"this attribute is fixed at compile time: pass a value, or a parameter as {{{ROOT_SIGN}{key}}}"
+            hint = f"this attribute is fixed at compile time. Pass a value, or a mission parameter as {{{ROOT_SIGN}{key}}}"
         near = nearest(name, self._parameters)
         advice = Advice(suggestion=f"{{{prefix}{near}}}" if near else None, hint=hint)
         self._collector.add("unknown-key", message, bound.element, value=parameter.name, **advice)
@@ -321,7 +321,7 @@ def _as_text(value: object) -> str:
 
 
 class PreviewArguments(Arguments):
-    """The constructor arguments of nodes, with placeholders for the objects and parameters of a mission."""
+    """Constructor arguments of nodes, in which placeholders replace the objects and parameters of a mission."""
 
     def _handed_over(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
         if parameter.target in (Scope, Enums):
@@ -336,7 +336,7 @@ class PreviewArguments(Arguments):
 
 
 _NodeInInstance = tuple[TreeInstance, BoundNode]
-"""A node with the tree instance that contains it."""
+"""A tree instance, and one of its nodes."""
 
 
 def report_without_class(bound: BoundNode, collector: FindingCollector) -> None:
@@ -491,7 +491,7 @@ class Builder:
         return {parameter.name: arguments[parameter.name] for parameter in bound.spec.constant_attributes}
 
     def _maker(self, bound: BoundNode) -> Any:
-        """Return the factory of a node; if the py_trees class would misinterpret a skip, that of its replacement.
+        """Return the factory of a node, or of its replacement if the py_trees class would misinterpret a skip.
 
         A node that has only a model becomes a stock behaviour of its kind, unless `prepare` has reported it.
         """
@@ -503,13 +503,13 @@ class Builder:
 
 
 class PreviewBuilder(Builder):
-    """Builder of a tree for display, which needs neither mission objects nor the modules of leaves."""
+    """Builder of a tree for display. It needs neither the objects of a mission nor the modules of leaves."""
 
     def report_only_described(self, bound: BoundNode) -> None:
-        """Do nothing, because a stock behaviour of the same kind is used instead."""
+        """Report nothing, because a stock py_trees behaviour of the same kind is used instead."""
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:
-        """Return a stock behaviour if one of the rejected arguments is a placeholder for a key's value."""
+        """Return a stock py_trees behaviour if one of the rejected arguments is a placeholder for a key's value."""
         if not any(parameter.name in bound.keys for parameter in bound.spec.constant_attributes):
             return None
         return _stand_in(bound.spec.kind, **arguments)

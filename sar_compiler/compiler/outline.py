@@ -1,4 +1,4 @@
-"""A tree as text, or as plain data, which `show --format json` prints and golden tests compare."""
+"""A tree as text or as plain data. `show --format json` prints the data, and golden tests compare it."""
 
 from collections.abc import Callable
 from typing import Any

@@ -73,10 +73,10 @@ class SketchedNode(Behaviour):
         self.class_name = class_name
 
     def tip(self) -> None:
-        """Return None: a sketch is never ticked."""
+        """Return None, because a sketch is never ticked."""
 
     def update(self) -> Status:
-        """Return INVALID: a sketch is never ticked."""
+        """Return INVALID, because a sketch is never ticked."""
         return Status.INVALID
 
 
@@ -155,7 +155,7 @@ class _SketchBuilder:
         waiting.extend((each, above, level, around) for each in reversed(elements))
 
     def _fits(self, tree: BoundTree, level: int, around: frozenset[int]) -> bool:
-        """Return whether a subtree can be expanded: it is not inside itself, not too deep and not too large."""
+        """Return whether a subtree can be expanded, that is, if it is not recursive, not too deep and not too large."""
         is_deep = level + tree.nesting + tree.wrappers > MAX_LEVELS
         return not is_deep and id(tree) not in around and self._count + len(tree.nodes) <= MAX_NODES
 

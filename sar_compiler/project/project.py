@@ -88,7 +88,7 @@ class Project:
             raise
 
     def _require_trust(self, modules: list[str]) -> None:
-        """Allow the import of modules beside the configuration, if the user trusts them."""
+        """Allow the import of modules in the configuration's folder, if the user trusts these modules."""
         from sar_compiler.project.trust import ConfigurationCode
 
         path = self.configuration.path

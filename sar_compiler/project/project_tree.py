@@ -112,7 +112,7 @@ class ProjectTree:
 
     @functools.cached_property
     def palettes(self) -> tuple[TreeFile, ...]:
-        """The palette files, except for those among the checked files.
+        """The palette files that are not among the checked files themselves.
 
         Raises:
             UnreadableFileError: If a palette does not exist or cannot be read.
@@ -137,7 +137,7 @@ class ProjectTree:
         return project.configuration.decide(sorted(found, key=lambda each: each.span))
 
     def check(self) -> list[Diagnostic]:
-        """Return all findings about the palettes, the file and its includes, including those of the further checks.
+        """Return all findings about the palettes, the file and its includes, including findings of further checks.
 
         Raises:
             TreeError: If a palette is malformed, or the configuration names modules that are not trusted.

@@ -1,4 +1,4 @@
-"""Import of the modules that a configuration names and that are in its folder, in the version that the user trusts.
+"""Import of modules that a configuration names, from the configuration's folder, in the version that the user trusts.
 
 Trust applies to the paths and contents of the configuration file and of every file of the packages (or modules) that it
 names. One digest identifies all of them, and a file named after the digest in the user's state folder records the trust.

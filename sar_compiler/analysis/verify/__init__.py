@@ -119,7 +119,7 @@ def _search(
 def _partial_result(
     asked: Collection[str], progress: Progress, properties: Properties, simulated: SimulatedTree
 ) -> Verification:
-    """Return an intermediate result, in which violated properties have no counterexamples."""
+    """Return an intermediate result. Its violated properties have no counterexamples yet."""
     violated = "the property is violated, but the search stopped before a run could be shown"
     verdicts = tuple(
         Verdict(each, ProofStatus.BROKEN, violated)
@@ -158,7 +158,7 @@ def _search_whole(
     questions = ProofQuestions(space, simulated.explain)
     found = Verification(
         tuple(
-            Verdict(each, ProofStatus.UNDECIDED, "the search stopped before this was evaluated")
+            Verdict(each, ProofStatus.UNDECIDED, "the search stopped before this question was decided")
             for each in asked
         ),
         len(graph.states),

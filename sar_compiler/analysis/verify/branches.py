@@ -39,7 +39,7 @@ _MAX_STATES = 20_000
 """The maximum number of states of a branch. The search of a larger branch could take longer than the proof."""
 _READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.FIXED)
 _OUTSIDE = -1
-"""The number that stands for properties among the users of an entry."""
+"""The number that represents the properties in the set of users of an entry."""
 
 
 def has_parallels(flat: FlatTree) -> bool:
@@ -91,7 +91,7 @@ class EntrySharing:
                 self._changed.add(entry.name)
 
     def is_apart(self, branch: Behaviour) -> bool:
-        """Return whether a branch shares no entry that changes with the rest of the tree or with properties."""
+        """Return whether a branch shares no changing entry with other parts of the tree or with properties."""
         if branch.id not in self._origins:
             return False
         made = self._origins.construction(branch.id)
@@ -153,7 +153,7 @@ class BranchAssembly:
     def play_tick(
         self, position: "BranchPosition", wanted: IsWanted
     ) -> "tuple[BranchPosition, tuple[int, ...]]":
-        """Play the first wanted tick; return the new position and the choices in the original tree."""
+        """Play the first tick that *wanted* accepts; return the new position and the choices in the original tree."""
         path = next(step for step in self.stepper.ticks(position.state) if wanted(step)).path()
         self.results.clear()
         state = next(self.stepper.ticks(position.state, path)).state or b""

@@ -50,7 +50,7 @@ def prove_by_branches(
     report: Report,
     so_far: Verification,
 ) -> Verification | None:
-    """Answer all questions by searches with replaced branches; return None if this is not possible.
+    """Decide all questions by searches with replaced branches; return None if this is not possible.
 
     Args:
         prepared: The tree.
@@ -150,7 +150,7 @@ class _BranchQuestions:
 
 
 class BranchArrangement:
-    """Replaces the branches of a tree, single or joined, except for given branches.
+    """Replaces all branches of a tree, singly or joined, except for the given branches.
 
     Args:
         prepared: The tree.
@@ -216,7 +216,7 @@ class BranchArrangement:
 
 
 def _needs_all(node: TreeNode) -> bool:
-    """Return whether a parallel node requires all children to succeed, and may have joined children."""
+    """Return whether the children of a parallel node may be joined, because all of them must succeed."""
     behaviour, count = node.behaviour, len(node.children)
     if count > _MAX_JOINED:
         return False
@@ -281,7 +281,7 @@ class _WholeRun:
 
     @property
     def position(self) -> object:
-        """The current position in the run; at equal positions, runs can continue in the same way."""
+        """The current position in the run. Runs with equal positions can continue in the same way."""
         return self._state, self._of_parts
 
     def play_tick(self, wanted: IsWanted) -> None:
@@ -290,7 +290,7 @@ class _WholeRun:
         self._of_parts, choices = parts.play_tick(self._of_parts, wanted)
         step = next(whole.ticks(self._state or b"", choices))
         if step.outcome != parts.stepper.steps.outcome:
-            message = "the run of the whole tree differs from the run of its parts"
+            message = "the run of the whole tree differs from the run that was composed of its branches"
             raise AssertionError(message)
         self.found.append(PlayedTick(choices, step.outcome))
         self.ticks.append(whole.tick_record(len(self.ticks) + 1))

@@ -1,4 +1,4 @@
-"""Counterfactuals: the smallest change that makes a recorded run succeed, and the effects of other leaf outcomes.
+"""Counterfactuals: the smallest change that lets a recorded run succeed, and the effects of other leaf outcomes.
 
 The recorded run is located among all runs of the tree, tick by tick. Then the search tries other continuations, from
 the last tick backwards.
@@ -161,7 +161,7 @@ class _OtherOutcome(NamedTuple):
 def _changes(
     moment: FoundTick, ticks_of_state: Callable[[bytes], Iterable[PossibleTick]]
 ) -> list[_OtherOutcome]:
-    """Return the outcomes in a tick that could have been different, last outcome first.
+    """Return the outcomes of a tick that could have been different, starting with the last outcome.
 
     Args:
         moment: The recorded tick.
@@ -188,7 +188,7 @@ class _Continuations:
         self._successful: dict[tuple[bytes, int], list[PossibleTick]] = {}
 
     def follow(self, change: _OtherOutcome) -> WhatIfResult:
-        """Return the consequence of another outcome, by playing the most usual ticks until the tree has ended."""
+        """Return the consequence of a changed outcome, by playing the most usual ticks until the tree has ended."""
         tick, outcomes = change.tick, list(change.tick.outcomes[change.place + 1 :])
         for _ in range(_MAX_FOLLOWED):
             ticks = self._runs.possible_ticks(tick.state) if tick.root == _RUNNING else []
@@ -217,7 +217,7 @@ class _Continuations:
         return found
 
     def path_to_success(self, tick: PossibleTick, most: int) -> list[PossibleTick] | None:
-        """Return the shortest sequence of ticks after *tick* with which the root succeeds; None if there is none.
+        """Return the shortest sequence of ticks after *tick* that lets the root succeed; None if there is none.
 
         Args:
             tick: The tick.

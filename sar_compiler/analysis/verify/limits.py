@@ -1,4 +1,4 @@
-"""Limits: facts that bound how often events can happen, which proofs require."""
+"""Limits: facts that bound how often events can happen. Proofs require such bounds."""
 
 from collections.abc import Collection
 
@@ -12,7 +12,7 @@ _WITHOUT_END = 1e18
 
 
 def remove_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
-    """Remove the assumed limits of leaf outcomes for a recorded run; return whether there are any.
+    """Remove the assumed limits on leaf outcomes for a recorded run; return whether any limit was removed.
 
     Args:
         simulated: The tree with stub leaves.

@@ -22,9 +22,9 @@ from sar_compiler.runtime.outcomes import Fact
 from sar_compiler.runtime.variables import Enums, ScriptValue
 
 ROOT = "root"
-"""The name of the root's status after the last tick, in conditions."""
+"""The name by which conditions read the status of the root after the last tick."""
 IDLE = "idle"
-"""The name, in conditions, of the value that is true if no further tick changes the tree."""
+"""The name by which conditions read whether no further tick changes the tree."""
 AFTER_A_TICK = (ROOT, IDLE)
 """The names of the values that are only known after a tick."""
 
@@ -43,7 +43,7 @@ class ConditionError(UndecidableError):
 
 
 class IdleUnknownError(SarError):
-    """A condition asks whether the tree idles, which is not known yet."""
+    """A condition reads whether the tree is idle, but this is not known yet."""
 
 
 class PropertyScope(FactVariables):
@@ -283,7 +283,7 @@ class PropertyAutomata:
 
     @property
     def count(self) -> int:
-        """The number of properties; further rules have higher numbers."""
+        """The number of properties. Rules that are not properties have higher numbers."""
         return self.monitors.count + len(self.at_end)
 
     def judge(self, outcome: int, watched: int, idle: bool | None) -> Judgement:
@@ -311,7 +311,7 @@ class PropertyAutomata:
 
 
 def _evaluate_condition(condition: AfterTickCondition, root: str, *, idle: bool | None) -> bool | None:
-    """Return whether a condition holds; None if it depends on whether the tree idles, which is not known yet."""
+    """Return whether a condition holds; None if it depends on `idle`, and it is unknown whether the tree is idle."""
     try:
         return condition(root, idle)
     except IdleUnknownError:
@@ -459,7 +459,7 @@ class Properties:
 
     @property
     def asks_for_idle(self) -> bool:
-        """Whether a condition asks whether every tick leaves the tree unchanged."""
+        """Whether any condition reads `idle`, which tells whether every tick leaves the tree unchanged."""
         return any(IDLE in condition.names for condition in self.conditions)
 
     def events(self, number: int) -> set[int]:
@@ -498,7 +498,7 @@ class Properties:
 
 
 def without_properties() -> Properties:
-    """Return the properties without a file, which only define that a run ends when the root has succeeded or failed."""
+    """Return the properties to use without a file: a run ends when the root has succeeded or failed."""
     return Properties(PropertyAutomata(MonitorSet(()), {}, _root_is_over))
 
 
@@ -524,8 +524,10 @@ def properties_of(
     has_end = file.end is None or file.end.text != NO_END
     if not has_end:
         for name, value in file.ends.items():
-            message = f"'{name}' must hold at the end, but end: {NO_END} declares that runs have no end"
-            file.document.report("conflicting-keys", message, value, hint="state the condition with never")
+            message = (
+                f"'{name}' must hold at the end of a run, but 'end: {NO_END}' declares that runs have no end"
+            )
+            file.document.report("conflicting-keys", message, value, hint="use 'never' instead of 'at_end'")
     at_end = [reading.condition(value, name, after_a_tick=True) for name, value in file.ends.items()]
     end = reading.condition(file.end, "end", after_a_tick=True) if file.end is not None and has_end else None
     file.document.raise_findings()
@@ -557,7 +559,7 @@ class _PropertyEvents:
 
     @property
     def cannot_happen(self) -> bool:
-        """Whether the tree has none of the named leaves."""
+        """Whether the events cannot happen, because the tree has none of the named leaves."""
         return bool(self.missing) and not self.numbers
 
 

@@ -116,7 +116,7 @@ class PossibleTick(NamedTuple):
     broken: tuple[tuple[int, Event], ...] = ()
 
     def common(self, recorded: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
-        """Return the numbers of recorded outcomes, and of this tick's outcomes, in their common beginning.
+        """Return how many recorded outcomes, and how many outcomes of this tick, belong to their common beginning.
 
         A recorded outcome that may only be the result of a leaf's condition is ignored if this tick lacks it.
 
@@ -127,7 +127,7 @@ class PossibleTick(NamedTuple):
         return _common(self.outcomes, recorded, before)
 
     def other_status(self, recorded: Sequence[tuple[int, str]]) -> tuple[int, str] | None:
-        """Return the first node whose recorded status differs, with the recorded status; None if all statuses match.
+        """Return the first node whose recorded status differs from this tick, and that status; None if all match.
 
         Args:
             recorded: The recorded statuses of the tick, in order, each with the node's number.
@@ -234,7 +234,7 @@ class FoundTicks:
         self._matches.append(matches)
 
     def remove_other_ticks(self, states: Collection[bytes], shared: "Callable[[_Matches], _Matches]") -> None:
-        """Remove the matches from which none of the states after the last tick can be reached."""
+        """Remove the matches that lead to none of the possible states after the last tick."""
         now = frozenset(states)
         known: dict[tuple[int, frozenset[bytes]], tuple[_Matches, frozenset[bytes]]] = {}
         for index in range(len(self._matches) - 1, -1, -1):
@@ -337,7 +337,7 @@ class TreeRuns:
 
     @property
     def is_spent(self) -> bool:
-        """Whether the limit on explored ticks is reached."""
+        """Whether the limit on the number of explored ticks is reached."""
         return not self._left
 
     def possible_ticks(self, state: bytes) -> list[PossibleTick]:
@@ -351,7 +351,7 @@ class TreeRuns:
     def ticks_like(
         self, state: bytes, recorded: Sequence[Event], before: ObservedPrefix
     ) -> list[PossibleTick]:
-        """Return the ticks of a state that are like a recorded tick; all ticks if the state has few ticks.
+        """Return the ticks of a state that resemble a recorded tick, or all ticks if the state has few ticks.
 
         Ticks with other outcomes are represented by one tick for each first outcome that differs. So their number
         grows with the number of ticked leaves, and not with the number of combinations of outcomes.
@@ -370,7 +370,7 @@ class TreeRuns:
     def _ticks_with(
         self, state: bytes, recorded: Sequence[Event], before: ObservedPrefix
     ) -> Iterable[PossibleTick]:
-        """Return the ticks of a state with exactly the recorded outcomes; all ticks if the state has few ticks."""
+        """Return the ticks of a state with exactly the recorded outcomes, or all ticks if the state has few ticks."""
         if self._has_few_ticks(state):
             return self._known[state]
         matches = self._play_ticks(state, recorded, before, is_whole=True)
@@ -438,7 +438,7 @@ class TreeRuns:
     def beginnings(
         self, state: bytes, recorded: Sequence[Event], before: ObservedPrefix
     ) -> list[PossibleTick]:
-        """Return the ticks of a state like `ticks_like`, including ticks that raise errors."""
+        """Return the same ticks as `ticks_like`, and additionally the ticks that raise errors."""
         if state in self._wide:
             return [*self._play_ticks(state, recorded, before)]
         return [*self.possible_ticks(state), *self._raising.get(state, ())]
@@ -527,7 +527,9 @@ class TreeRuns:
         return found, None
 
     def follow(self, earlier: Iterable[TickSource]) -> bool:
-        """Start after earlier runs of the program, which halted the tree after each; return False if these are impossible.
+        """Set the start to the end of the program's earlier runs; return False if these runs are impossible.
+
+        The program has halted the tree after each earlier run.
 
         Raises:
             UndecidableError: As `locate`.
@@ -547,7 +549,7 @@ class TreeRuns:
         return True
 
     def _matches_before_halt(self, matches: _Matches) -> _Matches:
-        """Return the ticks in which the root ends, with the states after the program has halted the tree, which changes no status."""
+        """Return the matches in which the root has ended, with the states after the program then halts the tree."""
         return [
             (state, option._replace(state=halted))
             for state, option in matches
@@ -568,7 +570,7 @@ class TreeRuns:
         return frozenset(found)
 
     def _find_later_matches(self, position: "_RecordPosition", tick: Sequence[Event]) -> list[_Matches]:
-        """Return the matches of omitted ticks without changes, then of a recorded tick; empty if there are none."""
+        """Return the matches of omitted unchanged ticks, followed by those of a recorded tick, or an empty list."""
         end = Event(tick[-1].path, 0, TICKED, position.observed.statuses.get(0, ""))
         now, steps = position, list[_Matches]()
         seen = {now.states}
@@ -617,7 +619,7 @@ class TreeRuns:
         moments, lost = self.locate(record)
         if lost is not None:
             raise NotReplayedError(
-                f"the run is not possible in the tree from tick {lost.number} on, {lost.time_sec:.1f} s: "
+                f"the run is impossible in the tree from tick {lost.number} ({lost.time_sec:.1f} s) on, because "
                 "no declared leaf outcomes match this tick"
             )
         return moments

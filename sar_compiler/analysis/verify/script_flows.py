@@ -49,7 +49,7 @@ class FlowValue:
         return bool(self.forms) and not self.names
 
     def plus(self, constant: float) -> "FlowValue":
-        """Return the properties of the value plus a constant."""
+        """Return the known properties of the sum of this value and a constant."""
         forms = frozenset((name, offset + constant) for name, offset in self.forms)
         return replace(self, forms=forms, types=_REAL)
 

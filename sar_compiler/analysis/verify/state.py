@@ -93,7 +93,7 @@ class PreparedTree:
         return prepared
 
     def merge(self, values: Mapping[str, MergedValues]) -> None:
-        """Let searches merge values, given by absolute names of entries; must be called before the first tick."""
+        """Let searches merge values, by absolute entry name. This must be called before the first tick."""
         if not values:
             return
         entries, merging = self.entries, ValueMerging(self.entries, values)
@@ -137,7 +137,7 @@ class StateValues:
         return {**keys, **facts}
 
     def growing_values(self, states: StateStore) -> tuple[tuple[str, int], ...]:
-        """Return the keys, facts and cells with the most different values in the last states, with these numbers."""
+        """Return the entries with the most different values in the last states, and how many values each has."""
         values: dict[str, set[str]] = {}
         for state in states.states_between(max(len(states) - _SAMPLE, 0), len(states)):
             for name, value in {**self.values_in(state), **self.own()}.items():

@@ -110,7 +110,7 @@ class StateSpace:
         return self._trace([*stem, *last])
 
     def lasso(self, lasso: Lasso) -> Trace:
-        """Return a run that leads to a loop and once around the loop."""
+        """Return a run that leads to a loop and passes through the loop once."""
         states = [lasso.stem[-1], *(target for target, _ in lasso.loop)]
         loop = zip(states, map(self._is_edge, lasso.loop), strict=False)
         return self._trace([*self._stem(lasso.stem), *loop], len(lasso.loop))

@@ -1,4 +1,4 @@
-"""Playing of a simulated tree's ticks from any state, with checks of the user's declarations."""
+"""Code that plays ticks of a simulated tree from any state, and checks the user's declarations."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
@@ -148,7 +148,7 @@ class TreeStepper:
     def _deny(self, behaviour: Behaviour, what: str) -> None:
         cls = type(behaviour)
         self._trail.broken |= 1 << self._rule
-        self.wrong = f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) {what}. Correct its outcomes or semantics"
+        self.wrong = f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) {what}. Correct the declared outcomes or semantics"
 
     def _user_cells(self) -> dict[str, object]:
         """Return the values of the cells of the user's controls and decorators, by node and attribute name."""
@@ -197,7 +197,7 @@ class TreeStepper:
             is_left = self.ticker.next_fork()
 
     def _halts_tree(self) -> bool:
-        """Halt the tree; return False if a script fails, which ends the program."""
+        """Halt the tree; return False if a script fails and thereby ends the program."""
         try:
             self.flat.nodes[0].stop(self.ticker)
             for node in self.flat.nodes:
@@ -214,7 +214,7 @@ class TreeStepper:
         return True
 
     def pass_over(self, place: int) -> None:
-        """Skip the following ticks that begin like the last tick, up to the outcome with index *place*.
+        """Skip all following ticks that equal the last tick up to the outcome with index *place*.
 
         The next combination of choices then differs at this outcome or before it.
         """
@@ -228,7 +228,7 @@ class TreeStepper:
         self.ticker.choices.rewind(next(behind, self.ticker.choices.choice_count))
 
     def play(self, state: bytes, wanted: Callable[[TickSteps], bool], number: int = 0) -> TickRecord:
-        """Play the first wanted tick of a state, and return its record with the given tick number."""
+        """Play the first tick of a state that *wanted* accepts, and return its record with the given tick number."""
         next(step for step in self.ticks(state) if wanted(step))
         return self.tick_record(number)
 
@@ -256,7 +256,7 @@ class TreeStepper:
         return [event for event in map(events.__getitem__, numbers) if event.outcome]
 
     def unusual_outcomes(self) -> tuple[bool, ...]:
-        """Return for each outcome of the last tick whether it is unusual."""
+        """Return, for each outcome of the last tick, whether this outcome is unusual."""
         entries, unusual = self.ticker.entries, []
         after = entries.now
         for event, past in self._recorded_events():
@@ -285,7 +285,7 @@ class TreeStepper:
         return tuple(found)
 
     def _own_number(self, place: int) -> int:
-        """Return the number of an event of the last tick; for a second event, of the leaf event that it accompanies."""
+        """Return the number of an event of the last tick. A second event has the number of its leaf event."""
         count, numbers = len(self._alphabet.events), self._trail.numbers
         if numbers[place] < count:
             return numbers[place]

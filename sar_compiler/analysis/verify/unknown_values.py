@@ -62,7 +62,7 @@ def explore_decidable(
 
 
 class _RecordedErrors(Stepper):
-    """The steps of a tree, with a record of the first ticks that raise errors.
+    """The steps of a tree, together with the first ticks that raised errors.
 
     Args:
         steps: The steps.

@@ -163,7 +163,9 @@ class ProofQuestions:
             # An end may follow in a run that was not explored.
             yield Verdict(AN_END, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))
         else:
-            yield _violation(AN_END, "the run cannot end after this", self._space.trace_to(found.stuck))
+            yield _violation(
+                AN_END, "no end of the run can be reached from here", self._space.trace_to(found.stuck)
+            )
         if found.circling is None:
             yield self._not_violated(NO_LIVELOCK)
         else:
@@ -209,7 +211,7 @@ class ProofQuestions:
     def _not_violated(self, question: str) -> Verdict:
         graph = self._graph
         if graph.error is not None:
-            reason = "runs were not explored beyond an error"
+            reason = "runs were not explored beyond ticks that raise errors"
             return Verdict(question, ProofStatus.UNDECIDED, reason)
         if self._space.unknown is not None:
             return Verdict(question, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))

@@ -230,7 +230,7 @@ def test_a_notebook_has_the_questions_with_their_answers_as_a_table():
             "<OwnLiar><A/><B/></OwnLiar>",
             (
                 "'OwnLiar' (tests.analysis.verify.own_controls.OwnLiar) ticked 'B' although 'A' had returned FAILURE, but its "
-                "declaration allows that only after SUCCESS. Correct its outcomes or semantics"
+                "declaration allows that only after SUCCESS. Correct the declared outcomes or semantics"
             ),
             1,
         ),
