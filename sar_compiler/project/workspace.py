@@ -86,7 +86,7 @@ class Workspace:
             for entry_point, place in ignored_entry_points(ENTRY_POINTS, checkout):
                 self.report_once(
                     f"the leaves of '{entry_point.value}' are ignored: {place} declares them as installed, "
-                    f"but this folder is inside the checked folder. Install them, or add --nodes {entry_point.value}"
+                    f"but this path is inside the checked folder. Install them, or add --nodes {entry_point.value}"
                 )
         return self._projects[key]
 
