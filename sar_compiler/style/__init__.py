@@ -1,6 +1,6 @@
 """The colours and signs of all output: pages, reports, drawings of trees, exports to map programs, terminals.
 
-The colours are those of Okabe and Ito, which are distinguishable with colour blindness. No information is given by
+The colours are those of Okabe and Ito, which colour-blind people can distinguish. No information is given by
 colour alone.
 """
 
@@ -83,9 +83,9 @@ LEVELS = (
     LevelStyle("done", "success", "✓"),
     LevelStyle("given-up", "failure", "✗"),
 )
-"""The looks by the numbers of `Level`."""
+"""The appearance of each `Level`, by the number of the level."""
 FOUND = LevelStyle("found", "warning", "!")
-"""The look of a detection that a person must visit; its sign is shown until the visit is complete."""
+"""The appearance of a detection that a person must visit. The sign is shown until the visit is complete."""
 _DONE, _GIVEN_UP = 2, 3
 
 MARKS: Mapping[str, str] = {
@@ -94,7 +94,7 @@ MARKS: Mapping[str, str] = {
     "house": "M-10 10 V-2 L0 -11 L10 -2 V10 Z",
     "square": "M-9 -9 H9 V9 H-9 Z",
 }
-"""The outlines of landmarks by the shapes of their kinds, as SVG paths 24 wide around the origin; else circles."""
+"""The outlines of landmarks by shape, as SVG paths that are 24 wide around the origin. The default is a circle."""
 
 # The letter of a status, and its outline in a square of 16.
 _STATUSES = {
@@ -113,9 +113,9 @@ PROPERTIES = {
     "kept": LevelStyle("kept", "success", "✓"),
     "broken": LevelStyle("broken", "failure", "✗"),
 }
-"""The looks of monitored properties, by verdict."""
+"""The appearance of monitored properties, by verdict."""
 DECORATORS = {"↻": "runs its child again", "▣": "subtree", "◇": "another decorator"}
-"""The meanings of the signs of decorators, which all have one shape."""
+"""The meanings of the signs on decorators. All decorators have the same shape."""
 IN_TEXT = {"RUNNING": "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]", "": "[-]"}
 """The status signs in text output, as in py_trees."""
 
@@ -135,10 +135,10 @@ TERMINAL: Mapping[str, str] = {
     "carets": "bold red",
     "advice": "green",
 }
-"""The styles of a terminal's text, in rich's notation; a terminal has its own colours."""
+"""The styles of text in a terminal, in the notation of rich. The terminal defines the actual colours."""
 
 TAK_CERTAIN, TAK_LIKELY = -65536, -35072
-"""TAK's red and orange (of few colours) for confirmed and unconfirmed detections, as signed ARGB numbers."""
+"""The colours of TAK for confirmed (red) and unconfirmed (orange) detections, as signed ARGB numbers."""
 
 
 def colour_of(level: int, *, is_found: bool) -> str:
@@ -154,7 +154,7 @@ def colour_of(level: int, *, is_found: bool) -> str:
 
 
 def sign_of(level: int, *, is_found: bool) -> str:
-    """Return the sign in the mark of a landmark."""
+    """Return the sign that is drawn inside the mark of a landmark."""
     return FOUND.sign if is_found and level < _DONE else LEVELS[level].sign
 
 

@@ -54,7 +54,7 @@ class Shape(Enum):
 
 
 class DrawnNode(NamedTuple):
-    """A node of a drawing; its texts contain no control characters or line breaks.
+    """A node of a drawing. The texts of the node contain no control characters or line breaks.
 
     Attributes:
         parent: The parent's index in the pre-order list of nodes; -1 for the root.
@@ -185,7 +185,7 @@ def _shape_and_sign(bound: BoundNode) -> tuple[Shape, str]:
 
 
 def _attributes(bound: BoundNode) -> dict[str, str]:
-    """Return the attributes of a node as written, except for attributes that the drawing shows in another form."""
+    """Return the attributes of a node as written, but omit those that the drawing shows in another form."""
     attributes = bound.element.attributes
     shown = {"name", "oneshot", *bound.conditions}
     if bound.spec.semantics.with_memory:
@@ -219,7 +219,7 @@ _DOT_SHAPES = {
 
 
 def dot(tree: Drawable, *, folded: bool = False) -> str:
-    """Return a tree as a Graphviz digraph; subtrees are clusters, or single nodes if they are folded."""
+    """Return a tree as a Graphviz digraph. Subtrees are clusters, or single nodes if *folded*."""
     lines = [
         f"digraph {_quote(escape_to_one_line(tree.name))} {{",
         "  ordering=out;",
@@ -270,7 +270,7 @@ _EDGE = " --> "
 
 
 def mermaid(tree: Drawable, *, folded: bool = False) -> str:
-    """Return a tree as a Mermaid flowchart; subtrees are boxes, or single nodes if they are folded."""
+    """Return a tree as a Mermaid flowchart. Subtrees are boxes, or single nodes if *folded*."""
     nodes = drawn_nodes(tree, folded=folded)
     shapes = sorted({node.shape for node in nodes}, key=list(Shape).index)
     lines = [
@@ -342,7 +342,7 @@ class Block:
 
     @property
     def anchor(self) -> float:
-        """The x position of the lines above and below the box, relative to the same origin as `x`."""
+        """The x position of the edges above and below the box, relative to the same origin as `x`."""
         return self.x + self.shift + (self.wide / 2 if self.centred else _TRUNK)
 
     @property
@@ -386,7 +386,7 @@ def svg(
 
 
 def drawing_style() -> str:
-    """Return the stylesheet of pictures, with colours as names that `sar_compiler.style` defines."""
+    """Return the stylesheet of pictures. It uses the names of colours that `sar_compiler.style` defines."""
     return files(__package__).joinpath("drawing.css").read_text("utf-8")
 
 
@@ -491,7 +491,7 @@ def _node(node: DrawnNode, block: Block) -> str:
 
 
 def _outline(shape: Shape, x: int, y: int, wide: int, high: int) -> str:
-    """Return the SVG path of a node's outline: an octagon for a selector as in py_trees, round ends for a condition."""
+    """Return the SVG path of a node's outline, such as an octagon for a selector, and round ends for a condition."""
     if shape is Shape.PARALLEL:
         return f"M{x} {y}h{wide}l-6 {high}h{-wide}z"
     if shape is Shape.DECORATOR:

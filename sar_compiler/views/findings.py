@@ -26,7 +26,7 @@ _IN_PROPERTIES = str.maketrans({**_ALWAYS, ":": "%3A", ",": "%2C"})
 
 
 def findings_as_json(findings: Iterable[Diagnostic]) -> str:
-    """Return findings as a JSON array; lines and columns count from 1, and the end column is exclusive."""
+    """Return findings as a JSON array. Lines and columns are counted from 1, and the end column is exclusive."""
     return as_json([*map(finding_data, findings)])
 
 
@@ -97,13 +97,13 @@ def _plain_line(line: str, paint: Callable[[str, str], str]) -> str:
 
 
 FEW = 3
-"""The maximum number of findings with one message, and of messages with one cause, that are not merged."""
+"""Up to this number, findings with the same message and messages with the same cause are not merged."""
 
 _NAMED = 8
 
 
 def group_by_cause(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Merge the findings that have the same cause into one, which lists the further locations or subjects.
+    """Merge findings with the same cause into one finding, which lists the further locations or subjects.
 
     Up to `FEW` findings with the same message, all in one file, are not merged. A cause with up to `FEW` different
     messages results in at least one finding for each message.
@@ -151,7 +151,7 @@ _LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: 
 
 
 def findings_as_sarif(findings: Sequence[Diagnostic], fixes: Mapping[object, "Fix"]) -> str:
-    """Return findings as a SARIF log with one run; columns count UTF-16 code units, SARIF's default.
+    """Return findings as a SARIF log with one run. Columns are counted in UTF-16 code units, as SARIF expects.
 
     Args:
         findings: The findings.

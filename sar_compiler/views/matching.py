@@ -71,7 +71,7 @@ class ComparedNode:
 
 
 Key = Callable[[ComparedNode], Hashable | None]
-"""Returns the key that two nodes must share to be paired; a node whose key is None is not paired."""
+"""Returns the key of a node. Two nodes are paired only if their keys are equal and not None."""
 
 
 def match(old: TreeFile, new: TreeFile) -> tuple[ComparedNode, ComparedNode]:
@@ -93,7 +93,7 @@ def match(old: TreeFile, new: TreeFile) -> tuple[ComparedNode, ComparedNode]:
 
 
 def pairs_in_order(old: ComparedNode, new: ComparedNode) -> list[tuple[ComparedNode, ComparedNode]]:
-    """Return the pairs of matching children whose relative order is the same in both nodes."""
+    """Return pairs of matching children, leaving out pairs whose order differs between the two nodes."""
     there = {child.partner: child for child in old.children}
     pairs = [(there[child], child) for child in new.children if child in there]
     if not old.ordered:
@@ -182,7 +182,7 @@ def _align_gap(
     key: Key,
     accept: Callable[[ComparedNode, ComparedNode], bool] = lambda _old, _new: True,
 ) -> list[tuple[list[ComparedNode], list[ComparedNode]]]:
-    """Pair nodes of two ranges that have equal keys in the same order; return the ranges between the pairs."""
+    """Pair nodes of two lists that have equal keys in the same order; return the sublists between the pairs."""
     keys = [[key(node) for node in nodes] for nodes in (old, new)]
     pairs = [(i, j) for i, j in common_subsequence(*keys) if accept(old[i], new[j])]
     for i, j in pairs:
@@ -193,7 +193,7 @@ def _align_gap(
 def _ranges_between(
     old: list[ComparedNode], new: list[ComparedNode], pairs: Sequence[tuple[int, int]]
 ) -> Iterator[tuple[list[ComparedNode], list[ComparedNode]]]:
-    """Yield the ranges of two lists before, between and after pairs."""
+    """Yield the sublists of two lists that are before, between and after the given pairs."""
     i = j = 0
     for next_i, next_j in [*pairs, (len(old), len(new))]:
         yield old[i:next_i], new[j:next_j]
@@ -215,7 +215,7 @@ def _without_pair(nodes: list[ComparedNode]) -> list[ComparedNode]:
 def _pair_by_key(
     old: list[ComparedNode], new: list[ComparedNode], old_key: Key, new_key: Key | None = None
 ) -> None:
-    """Pair nodes by a key, at any position; nodes with the same key are paired in order."""
+    """Pair nodes that have equal keys, at any position. Several nodes with the same key are paired in order."""
     by_key: dict[Hashable, deque[ComparedNode]] = defaultdict(deque)
     for node in new:
         by_key[(new_key or old_key)(node)].append(node)
@@ -229,7 +229,7 @@ def _pair_by_key(
 
 
 def _find_moved(old: ComparedNode, new: ComparedNode) -> None:
-    """Pair the remaining nodes by content or name, first large nodes and nodes whose parents match."""
+    """Pair the remaining nodes by content or name, starting with large nodes and nodes whose parents match."""
     left, right = (
         sorted(_without_pair(list(root.iterate())), key=lambda node: -node.size) for root in (old, new)
     )
@@ -280,7 +280,7 @@ def _are_similar(old: ComparedNode, new: ComparedNode) -> bool:
 
 
 _NEAR = 8
-"""The number of positions to try on either side of the expected position of a repeated key."""
+"""How many positions before and after the expected position of a repeated key are tried."""
 
 
 class _Link(NamedTuple):

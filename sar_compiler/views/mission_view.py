@@ -62,7 +62,7 @@ Line = list[Piece]
 
 
 def status_sign(status: str) -> str:
-    """Return the sign of a status; the sign is `[-]` for a status that is not of the current activation."""
+    """Return the sign of a status, or `[-]` for a status from an earlier activation."""
     return IN_TEXT.get(status, IN_TEXT[""])
 
 
@@ -91,7 +91,7 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
 
 
 def condition_change(state: MissionState, before: StatusLine) -> str:
-    """Return the log line of a mission's new status line; empty if it is unchanged or not worth reporting."""
+    """Return the log line for a mission's new status line; empty if there is no change worth reporting."""
     now = condition(state)
     if (now.word, now.reason) == (before.word, before.reason) or {now.level, before.level} <= {GOOD, QUIET}:
         return ""
@@ -152,7 +152,7 @@ def _figures(state: MissionState, now: float) -> Iterator[Line]:
 
 
 def _detection_lines(state: MissionState) -> Iterator[Line]:
-    """Yield a line for each kind of landmark that can be detected; if there is no such kind, the latest events."""
+    """Yield a line for each kind of landmark that can be detected, or the latest events if no kind can."""
     situation = state.situation
     kinds = [kind for kind in situation.kinds.values() if kind.is_found]
     for kind in kinds:
@@ -216,7 +216,7 @@ def _rows(state: MissionState, height: int) -> list[_TreeRow]:
 
 
 def _visible_rows(state: MissionState, open_nodes: Collection[int]) -> list[_TreeRow]:
-    """Return the rows of the chains that remain visible if only the branches of open nodes are unfolded."""
+    """Return the rows that remain visible if only the branches of the given open nodes are unfolded."""
     rows: list[_TreeRow] = []
     waiting = [(0, 0)] if state.nodes else []
     while waiting:
@@ -236,7 +236,7 @@ def _chain(state: MissionState, number: int) -> Iterator[NodeState]:
 
 
 def _select_rows(rows: Sequence[_TreeRow], height: int) -> list[int]:
-    """Return the indices of the rows to show if not all of them fit: running rows, then the nearest other rows."""
+    """Return the indices of the rows that fit: running rows first, then the rows nearest to a running row."""
     running = [index for index, row in enumerate(rows) if row.is_running] or [0]
     distance = [_distance(running, index) for index in range(len(rows))]
     order = sorted(
@@ -251,7 +251,7 @@ def _select_rows(rows: Sequence[_TreeRow], height: int) -> list[int]:
 
 
 def _fill_single_gaps(chosen: Sequence[int], count: int) -> list[int]:
-    """Add omitted rows whose neighbours are both chosen, because an omission line would need as much space."""
+    """Choose every omitted row between two chosen rows, because an omission line would need as much space."""
     there = {-1, *chosen, count}
     return sorted({*chosen, *(index for index in range(count) if index - 1 in there and index + 1 in there)})
 
@@ -289,7 +289,7 @@ def _row(state: MissionState, row: _TreeRow, now: float, *, is_folded: bool) -> 
 
 
 def _names(chain: Sequence[NodeState]) -> Iterator[Piece]:
-    """Yield the names in a chain, each with its status sign if the sign differs; a long chain is shortened."""
+    """Yield the names in a chain, with a status sign where the sign changes; a long chain is shortened."""
     # A subtree often has the name of its root.
     nodes = [
         next(same) for _, same in itertools.groupby(chain, lambda node: (node.name, status_sign(node.status)))

@@ -58,7 +58,7 @@ def _outcome_texts(spec: NodeSpec) -> list[str]:
 
 
 def _skip_conditions(spec: NodeSpec) -> Iterator[str]:
-    """Yield `SKIPPED` with its conditions, if a control or a decorator can be skipped."""
+    """Yield `SKIPPED` and the conditions for a skip, if a control or decorator can be skipped."""
     skipping = spec.skipping
     if skipping.possible is SkipPossibility.NEVER:
         return
@@ -89,7 +89,7 @@ def _outcome_text(outcome: Outcome) -> str:
 def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
     label = parameter.value_type.label
     if parameter.role is ParameterRole.REFERENCE:
-        label = f"the name of a {parameter.target_name} in the same tree. Optional if there is only one"
+        label = f"the name of a {parameter.target_name} in the same tree. Optional if the tree has only one"
     if parameter.direction is not None:
         label = f"{parameter.direction.message_name}; {label}"
     if parameter.role is ParameterRole.NAME:

@@ -1,4 +1,4 @@
-"""A compiled tree with the node numbers of BehaviorTree.CPP's tools, its status changes, and its XML."""
+"""A compiled tree as the tools of BehaviorTree.CPP see it: node numbers, status changes, and XML."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -49,7 +49,7 @@ class NumberedNode(NamedTuple):
 
 
 class NumberedTree:
-    """A compiled tree whose nodes are numbered as in BehaviorTree.CPP; a node and its conditions share one number.
+    """A compiled tree with node numbers as in BehaviorTree.CPP. A node and its conditions share one number.
 
     Args:
         tree: The compiled tree.
@@ -138,7 +138,7 @@ class StatusChanges(VisitorBase):
             self._set(uid, number_of(behaviour.status))
 
     def finalise(self) -> None:
-        """Set the nodes that have ended or were halted to IDLE, parents first."""
+        """Set the status of nodes that have ended or were halted to IDLE, starting with the parents."""
         for uid in sorted(self._busy):
             _, _, parent, behaviour, *_ = self._tree.nodes[uid - 1]
             status = number_of(behaviour.status)
@@ -154,7 +154,7 @@ class StatusChanges(VisitorBase):
 
 
 def tree_xml(tree: NumberedTree) -> str:
-    """Return a tree as XML with a `BehaviorTree` element for each use of a subtree, and models of user-defined nodes.
+    """Return a tree as XML: a `BehaviorTree` element for each use of a subtree, and models of user-defined nodes.
 
     Nodes have their numbers, and the names and attributes of their equivalents in BehaviorTree.CPP.
     """
@@ -262,7 +262,7 @@ class _NodeWriter:
 
 
 def _attribute_names(specs: Iterable[NodeSpec]) -> Iterator[str]:
-    """Yield the names of a node's attributes that BehaviorTree.CPP knows; for a built-in node, only its ports."""
+    """Yield the names of a node's attributes that BehaviorTree.CPP knows. A built-in node has only its ports."""
     specs = list(specs)
     built_in = is_built_in(specs)
     for spec in specs:

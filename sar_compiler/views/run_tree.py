@@ -14,7 +14,7 @@ from sar_compiler.views.drawing import drawn_nodes
 
 
 def describe_tree(tree: Drawable) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the data with which a journal describes a tree: the data of the mission, and the data of the run."""
+    """Return the description of a tree for the journal: the data of the mission, and the data of the run."""
     looks = [[each.shape.value, each.sign] for each in drawn_nodes(tree)]
     of_run = {"tree_id": tree.name, "looks": looks, "constant": _constants(tree), "limits": _limits(tree)}
     return {"tree": json_data(outline(tree))}, of_run
@@ -25,7 +25,7 @@ def _bound_node(tree: Drawable, behaviour: Behaviour) -> BoundNode:
 
 
 def _constants(tree: Drawable) -> list[int]:
-    """Return the numbers of the leaves that always return the same status, and so cannot be the cause of a failure."""
+    """Return the numbers of leaves that always return the same status. Such a leaf does not explain a failure."""
     nodes = ((number, each, _bound_node(tree, each).spec) for number, each in enumerate(pre_order(tree.root)))
     return [number for number, each, spec in nodes if not each.children and len(set(spec.statuses)) == 1]
 

@@ -1,4 +1,4 @@
-"""The server of the graphical editor, which delivers the page of `studio` and responds to the page's requests.
+"""The server of the graphical editor. It delivers the page of `studio`, and responds to the page's requests.
 
 All requests except those for the page itself require the access token, because they read and write the user's file.
 """
@@ -55,7 +55,7 @@ def edit_app(studio: Studio, token: str) -> ASGIApp:
 
 
 async def _ask(studio: Studio, one: asyncio.Lock, token: str, request: Request) -> Response:
-    """Return the response to a request of the page; requests that take little time are processed one at a time.
+    """Return the response to a request of the page. Short requests are processed one at a time.
 
     Raises:
         HTTPException: If the token is wrong, or the values are not a JSON object.
@@ -103,7 +103,7 @@ def serve_editor(
         raise SarError(message)
     with closing(AppServer(partial(edit_app, studio), port)) as server:
         server.start()
-        report(f"The editor: {server.url} (Ctrl-C ends the editor)")
+        report(f"The editor is at {server.url} (press Ctrl-C to end the editor)")
         if opens:
             open_page(server.url)
         server.wait()

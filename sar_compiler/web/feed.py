@@ -1,4 +1,4 @@
-"""Server-sent events of runs for browsers: the state and its changes.
+"""Server-sent events that give browsers the state of a run and all changes of this state.
 
 A page receives `hello` (the robots and their commands), `changes`, a `beat` every second, `verbs` if the available commands
 change, and `bye` at the end.
@@ -45,7 +45,7 @@ _MAX_WAITING = 8_000_000
 
 
 def as_json(data: object) -> str:
-    """Convert a value to compact JSON, in which numbers that are not finite become null."""
+    """Convert a value to compact JSON. Infinite numbers and NaN become null."""
     return json_text(data, separators=(",", ":"))
 
 
@@ -55,7 +55,7 @@ def message(event: str, data: object) -> str:
 
 
 class ReplayFeed:
-    """The recorded states of journals for a replay page, which requests them by time.
+    """The recorded states of journals for a replay page. The page requests states by time.
 
     Args:
         replay: The recordings.
@@ -71,7 +71,7 @@ class ReplayFeed:
         self._ended = False
 
     async def moment(self, time: float, since: int) -> str:
-        """Return the state at a time as JSON; see `Replay.moment`.
+        """Return the state at a given time as JSON; see `Replay.moment`.
 
         Raises:
             JournalError: If a journal has become unreadable.
@@ -81,7 +81,7 @@ class ReplayFeed:
         )
 
     async def stream(self) -> AsyncIterator[str]:
-        """Yield the events for a browser: the duration of the recording, then heartbeats."""
+        """Yield the events for a browser: first the duration of the recording, then heartbeats."""
         self._pages += 1
         try:
             yield message("hello", self._hello)
@@ -100,7 +100,7 @@ class ReplayFeed:
 
 
 class _Browser:
-    """A browser that follows a run; the task that sends to the browser creates this object."""
+    """A browser that follows a run. The task that sends messages to the browser creates this object."""
 
     def __init__(self) -> None:
         self._waiting: asyncio.Queue[str] = asyncio.Queue()
@@ -157,11 +157,11 @@ class LiveFeed:
         self._queue.append(lambda: _apply_entry(self._states[robot], entry))
 
     def set_why(self, why: Mapping[str, Any], robot: int = 0) -> None:
-        """Queue the cause of the failure of a robot's run, as JSON values; can be called in any thread and does not block."""
+        """Queue why a robot's run failed, as JSON values; can be called in any thread and does not block."""
         self._queue.append(lambda: self._states[robot].set_why(why))
 
     def set_awaited(self, items: Sequence[AwaitedItem], robot: int = 0) -> None:
-        """Queue the resources for which a robot's next run waits; can be called in any thread and does not block."""
+        """Queue the resources that a robot's next run waits for; can be called in any thread and does not block."""
         self._queue.append(lambda: self._states[robot].set_awaited(items))
 
     def set_process(self, process: RunProcess, robot: int = 0) -> None:
@@ -205,7 +205,7 @@ class LiveFeed:
         self._has_sent_all = True
 
     def finish(self) -> None:
-        """Let `run` send the queued entries and end; can be called in any thread."""
+        """Make `run` send the queued entries and then return. This can be called in any thread."""
         self._ended = True
 
     async def _send_new_entries(self) -> None:
@@ -221,7 +221,7 @@ class LiveFeed:
 
 
 def _apply_entry(state: PageState, entry: JournalEntry) -> None:
-    """Apply an entry in its JSON form, or an event that reports the error if the entry is not valid JSON."""
+    """Apply an entry in its JSON form. If it is not valid JSON, apply an event that reports this instead."""
     try:
         data = json_value(json_text(entry.data))
     except Exception as error:  # noqa: BLE001 - an entry must not end the page

@@ -1,4 +1,4 @@
-"""The HTTP server of a page, which runs in a separate thread and can only be reached from this machine."""
+"""The HTTP server of a page. It runs in a separate thread, and only this machine can reach it."""
 
 import asyncio
 import json
@@ -74,7 +74,7 @@ class CommandSender(NamedTuple):
     seen: Mapping[str, str] = {}
 
     def author(self, page: str) -> CommandAuthor:
-        """Return the author of the command, given a description of the page."""
+        """Return the author of the command: the sender's name with a description of the page, and the reason."""
         return CommandAuthor(f"{self.name or 'an operator'} ({page})", self.reason)
 
 
@@ -181,7 +181,8 @@ async def _command_response(orders: CommandHandler | None, token: str, request: 
         seen = parse_seen(unquote(request.headers.get("x-seen", "")[:_MAX_SEEN]))
     except ValueError as error:
         return _text_response(
-            400, f"the header X-Seen is {error}. Write the objects of the command that the sender saw"
+            400,
+            f"the header X-Seen is {error}. Put the objects of the command into this header, as the sender saw them",
         )
     giver = CommandSender(by, robot, request.client.host if request.client else "", reason, seen)
     return await _send_command(orders, request.path_params["verb"], values, giver)
@@ -222,7 +223,7 @@ async def _report(tools: Tools, request: Request) -> Response:
 
 
 def _robot(request: Request) -> int:
-    """Return the robot's index in a request; raises an `HTTPException` if it is not a number."""
+    """Return the index of the robot in a request; raise an `HTTPException` if the index is not a number."""
     try:
         return int(request.query_params.get("robot", 0))
     except ValueError:
@@ -297,12 +298,14 @@ async def _send_command(
     except (TimeoutError, asyncio.TimeoutError):
         if result.cancel():
             return _text_response(503, "the mission is busy. The command was not sent")
-        return _text_response(504, "the command was sent, but has no response yet. Check the log")
+        return _text_response(
+            504, "the command was sent, but has no response yet. Check the log for the result"
+        )
     return JSONResponse({"accepted": accepted, "message": text})
 
 
 def guard(app: ASGIApp) -> ASGIApp:
-    """Return an application that rejects requests from other origins, and restricts by headers how a browser may use a response.
+    """Wrap an application so that it rejects requests from other origins and adds security headers to responses.
 
     Args:
         app: The protected application.
@@ -346,7 +349,7 @@ _REQUEST_SEC = 10.0
 
 
 class PageError(SarError):
-    """A page cannot be served; the robot has not moved."""
+    """A page cannot be served. This error occurs only before the robot has moved."""
 
 
 class _Protocol(H11Protocol):
@@ -363,7 +366,7 @@ class _Protocol(H11Protocol):
         self._update_deadline()
 
     def data_received(self, data: bytes) -> None:
-        """Receive data; limit the time in which the head of a request must end."""
+        """Receive data. The head of a request must be complete within a time limit."""
         super().data_received(data)
         self._update_deadline()
 
@@ -423,7 +426,7 @@ class AppServer:
 
     @property
     def url(self) -> str:
-        """The address to open; the browser does not send the part after the # to the server."""
+        """The address to open. A browser does not send the part after the # to the server."""
         return f"http://{_ADDRESS}:{self.port}/#{self.token}"
 
     def start(self) -> None:
@@ -470,7 +473,7 @@ class PageServer(AppServer):
 
     @property
     def url(self) -> str:
-        """The address to open; the page sends the part after the # only with commands."""
+        """The address to open. The page sends the part after the # only together with commands."""
         return super().url if self._is_secret else super().url.partition("#")[0]
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Compute the state of one robot's mission that a page shows, and the changes to send, as JSON values."""
+"""The state of one robot's mission that a page shows, and the changes to send, as JSON values."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -37,7 +37,7 @@ PageChange = dict[str, Any]
 
 
 class LastStatus(NamedTuple):
-    """The last status of a node other than a reset, with statistics of earlier statuses. Times are seconds since the run's start.
+    """The last status of a node, ignoring resets, with statistics of earlier statuses. Times are seconds since the run's start.
 
     Attributes:
         status: The status in the last entry that is not a reset.
@@ -70,7 +70,7 @@ class LastStatus(NamedTuple):
     def with_status(
         self, status: str, message: str, label: str, tick: int, now: float, *, was_reset: bool
     ) -> "LastStatus":
-        """Return the record after a further status, which starts a new activation if the node was reset before."""
+        """Return the record after a further status. After a reset, this status starts a new activation."""
         is_same = self.status == status and not was_reset
         has_failed = status == FAILURE
         took = now - self.since if self.status == RUNNING and status != RUNNING else 0.0
@@ -93,7 +93,7 @@ class LastStatus(NamedTuple):
 
 
 class GrowingList:
-    """A list that reports its changes: the first changed index, and all values from this index on.
+    """A list that reports the first index changed since the last report, and all values from this index on.
 
     Attributes:
         values: The content.
@@ -128,7 +128,7 @@ class GrowingList:
 
 
 class PageState:
-    """The page's state of a robot's mission after the entries applied so far.
+    """The state of a robot's mission that the page shows, after the entries applied so far.
 
     A change replaces these parts: `run`, `awaited`, `time`, `nodes`, `pose`, `plan`, `drive`, `condition`, `tasks`, `resume`, `place`, `objects`
     of commands, `estimate`, `times` of pose, plan and map, `north`, `map`, `kinds` by name, `figures`, `gauges`, `alarms`, `properties` and `why`.
@@ -196,17 +196,17 @@ class PageState:
         self._touched.add("time")
 
     def let_pass(self, seconds: float) -> None:
-        """Set the time to this many seconds after the last entry."""
+        """Set the time to a number of seconds after the last entry."""
         self._passed = seconds
         self._touched.add("time")
 
     def set_why(self, why: Mapping[str, Any]) -> None:
-        """Add the cause of the run's failure, as JSON values; a new run removes it."""
+        """Set the cause of the run's failure, as JSON values. The start of a new run removes the cause."""
         self._why = why
         self._touched.add("why")
 
     def set_awaited(self, items: Sequence[AwaitedItem]) -> None:
-        """Set the resources for which the next run waits before its start; the start of the run removes them."""
+        """Set the resources that the next run waits for. The start of this run removes them."""
         self._mission.awaited = items
         self._touched.update(("awaited", "condition", "tasks"))
 
@@ -239,7 +239,7 @@ class PageState:
         return change
 
     def full_state(self) -> PageChange:
-        """Return the whole state, as changes of the empty state."""
+        """Return the whole state in the form of changes to an empty state."""
         return {
             "begin": True,
             "robot": self.robot,
@@ -317,7 +317,7 @@ class PageState:
             self._log.replace(self._fact, [*when, with_author(str(sentence), CommandAuthor.from_data(data))])
 
     def _add_line(self, level: str, text: str, stamp: float | None = None) -> int:
-        """Add a line to the log, before later lines if it has a time stamp; return the line's index."""
+        """Add a line to the log, sorted by time if it has a time stamp; return the line's index."""
         now, lines, walls = self._mission.now, self._log.values, self._walls
         wall = now.wall if stamp is None else min(now.wall, stamp)
         of_run = sum(1 for line in lines[-len(walls) :] if line[0] == now.run) if walls else 0

@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 _PATIENCE_SEC = 10.0
 # The maximum number of a run's entries that are stored for queries during the run.
 _MAX_ENTRIES = 100_000
-_NO_TREE = "the tree is not built yet, or is too large for queries"
+_NO_TREE = "the tree is not built yet, or the tree is too large for queries"
 
 
 class ToolError(SarError):
-    """A query is invalid, or currently not possible."""
+    """A query is invalid, or it cannot be processed at the moment."""
 
 
 class LiveTools:
@@ -84,11 +84,11 @@ class LiveTools:
             self._entries.append(entry)
 
     def release_abandoned(self) -> None:
-        """Continue a paused tree if no browser has queried it recently; must be called regularly."""
+        """Resume a paused tree if no browser has sent queries recently. This must be called regularly."""
         self._breakpoints.release_if_abandoned()
 
     def stop_pausing(self) -> None:
-        """Remove all breakpoints, and continue a paused tree."""
+        """Remove all breakpoints, and resume the tree if it is paused."""
         self._breakpoints.clear()
 
     def _log_breakpoint(self, text: str) -> None:
@@ -96,7 +96,7 @@ class LiveTools:
         where = (
             ""
             if held is None
-            else f"The tree is paused at a breakpoint before '{held.name}'. An active drive continues."
+            else f"The tree is paused at a breakpoint before '{held.name}'. If the robot is driving, it drives on."
         )
         self._log(text, where)
 
@@ -109,7 +109,7 @@ class LiveTools:
         ]
 
     def _change_breakpoints(self, values: Mapping[str, Any]) -> object:
-        """Set or remove the breakpoint of a node (`node`, `is_set`), or continue the tree (`goes_on`); return all breakpoints."""
+        """Change the breakpoint of a node (`node`, `is_set`), or resume the tree (`goes_on`); return all breakpoints."""
         if self._tree is None:
             raise ToolError(_NO_TREE)
         self._breakpoints.keep_alive()
@@ -161,7 +161,7 @@ class WhatIf:
         self._lock = Lock()
 
     def query(self, values: Mapping[str, Any]) -> object:
-        """Return the effect of each other outcome of a leaf (`node`) in a tick (`tick`) of a run (`run`) of a robot (`robot`).
+        """Return the effect of every other outcome of a leaf, given the fields `robot`, `run`, `tick` and `node`.
 
         Raises:
             SarError: If the effects cannot be determined.
@@ -221,7 +221,7 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
 
 
 def _consequence_data(found: "WhatIfResult", names: Sequence[str], looks: Sequence[Any]) -> dict[str, object]:
-    """Convert the effect of an outcome to JSON values, without conditions that succeed."""
+    """Convert the effect of an outcome to JSON values, leaving out conditions that succeed."""
 
     def is_reported(event: Event) -> bool:
         look = looks[event.number] if event.number < len(looks) else None

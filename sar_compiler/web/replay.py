@@ -1,4 +1,4 @@
-"""The recorded states of missions at any time, computed from their journals for a replay page.
+"""Computes the recorded state of missions at any time from their journals, for a replay page.
 
 The state at a time is computed from the nearest earlier checkpoint, which contains the packed state after a number of entries.
 Checkpoints are created when a journal is opened, and kept in memory. The journals are not changed.
@@ -17,7 +17,7 @@ from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.web.page_state import PageState, all_changes
 
 Explain = Callable[[Path], Mapping[str, Any] | None]
-"""A function that returns the cause of a mission's failure from a journal, as JSON values; None if the mission has not failed."""
+"""A function that finds the cause of a mission's failure in a journal; None if the mission has not failed."""
 
 # The difference between the clocks of robots above which their missions are unrelated, in seconds.
 _UNRELATED_SEC = 24 * 3600
@@ -26,7 +26,7 @@ _MIN_ENTRIES, _MAX_CHECKPOINTS = 2000, 400
 
 
 class TrackPosition(NamedTuple):
-    """A position in a robot's track, in which the time between runs is omitted.
+    """A position in a robot's track. The track leaves out the time between runs.
 
     Attributes:
         entry: The position in the journal's stream.
@@ -105,7 +105,7 @@ class ReplayTrack:
         self.last = position
 
     def state_at(self, time: float, robot: int) -> PageState:
-        """Return the state at a time, in seconds since the replay's start; the next call changes the returned object.
+        """Return the state at a time in seconds since the replay's start. The next call changes the same object.
 
         The state of the last call is advanced if it is near enough; otherwise a checkpoint is restored.
         """
@@ -127,7 +127,7 @@ class ReplayTrack:
         return self._state
 
     def _restore(self, count: int) -> tuple[PageState, TrackPosition]:
-        """Return the state and the position of the last of the first *count* checkpoints, or of the start if *count* is 0."""
+        """Return the state and position of checkpoint number *count*, or of the start if *count* is 0."""
         if not count:
             return self._new_state(), TrackPosition()
         position, packed = self._checkpoints[count - 1]
@@ -169,7 +169,7 @@ class Replay:
         self._number = 0
 
     def moment(self, time: float, since: int = 0) -> dict[str, Any]:
-        """Return the state at a time as JSON values: the `number` and `time` of the state, and `changes` for each robot.
+        """Return the state at a time as JSON values: `number` and `time` of the state, and `changes` for each robot.
 
         Args:
             time: The time, in seconds since the start of the replay.

@@ -1,4 +1,4 @@
-"""The page of a run of `sar-run` or of journals; this module, with its dependencies, is only imported if the page is requested."""
+"""The page of a run or of journals. This module and its dependencies are only imported if the page is requested."""
 
 import sys
 import time
@@ -103,11 +103,11 @@ class RunPage(RunExtension):
         self._tools.begin(tree, engine)
 
     def on_awaited(self, items: Sequence[AwaitedItem]) -> None:
-        """Show the resources for which the start waits."""
+        """Show the resources that the run waits for before it starts."""
         self._feed.set_awaited(items)
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Stop serving at once, or, on a terminal, after Ctrl-C."""
+        """Stop serving the page: after Ctrl-C on a terminal, otherwise at once."""
         self._has_ended = self._orders.has_ended = True
         self._tools.stop_pausing()
         if has_begun and self._has_viewers and not self._run.signals.came:
@@ -121,9 +121,9 @@ class RunPage(RunExtension):
         return is_terminal and not self._run.options.supervision.is_there
 
     def _report(self, _: Mapping[str, Any]) -> str:
-        """Return the report; raise an error during the run, so that the mission is not slowed down."""
+        """Return the report after the run. During the run, raise an error so that the mission is not slowed down."""
         if not self._is_staying:
-            raise ToolError("the run is still active. Use sar-journal report meanwhile")
+            raise ToolError("the page has no report while the run is active. Use sar-journal report instead")
         return report_page(self._place)
 
     def _wait_for_viewers(self) -> None:
@@ -135,7 +135,7 @@ class RunPage(RunExtension):
 
 
 def open_page(url: str) -> None:
-    """Open a page in the system's browser, without waiting for the browser."""
+    """Open a page in the default browser, without waiting for the browser to start."""
 
     def show() -> None:
         if not webbrowser.open(url):
@@ -185,7 +185,7 @@ def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fa
 
 
 def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = False) -> None:
-    """Serve a page of missions in other processes, from their journals, until Ctrl-C.
+    """Serve a page of missions that run in other processes until Ctrl-C, using their journals.
 
     Raises:
         JournalError: If a file is not a journal, or cannot be read.
@@ -335,7 +335,7 @@ def _serve(
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Return the robots' names: the namespaces in the journals' default file names if these are unique, otherwise the file names."""
+    """Return the robots' names: the namespaces in journal file names if they are unique, else the file names."""
     stems = [path.stem for path in paths]
     spaces = [stem.partition(".")[0] for stem in stems]
     return spaces if len(set(spaces)) == len(stems) else stems

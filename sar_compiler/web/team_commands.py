@@ -32,7 +32,7 @@ class TeamCommands:
         self._calls: dict[int, tuple[str, CommandClient]] = {}
 
     def add_run(self, robot: int, began: JournalEntry) -> list[OperatorCommand]:
-        """Process the start of a robot's run; return the commands of the mission, or none if the mission is not installed."""
+        """Process the start of a robot's run. Return the mission's commands, or none if the mission is not installed."""
         from sar_compiler.execution.command_authors import RemoteCommandAuthor
         from sar_compiler.execution.command_client import CommandClient
 
@@ -63,14 +63,14 @@ class TeamCommands:
 
 @contextmanager
 def open_team_commands(complain: Callable[[str], object]) -> Iterator[TeamCommands | None]:
-    """Yield the object that carries out commands; None without ROS, with a message if ROS cannot be used."""
+    """Yield the object that carries out commands, or None if ROS is missing or cannot be used."""
     from sar_compiler.ros.middleware import MiddlewareError, require_middleware
     from sar_compiler.ros.serving import spinning_node
 
     try:
         require_middleware()
     except MiddlewareError as error:
-        complain(f"This page has no commands: {error}")
+        complain(f"This page cannot send commands: {error}")
         yield None
         return
     if find_spec("rclpy") is None:

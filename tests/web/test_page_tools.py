@@ -62,7 +62,10 @@ def test_a_breakpoint_holds_the_tree_before_its_node_until_somebody_goes_on(run)
     tick = engine.tick()
     next(tick)
     assert ask(tools, "breakpoints") == {"nodes": [2], "held": 2}
-    assert said[-1][1] == "The tree is paused at a breakpoint before 'end'. An active drive continues."
+    assert (
+        said[-1][1]
+        == "The tree is paused at a breakpoint before 'end'. If the robot is driving, it drives on."
+    )
     assert ask(tools, "breakpoints", goes_on=True) == {"nodes": [2], "held": None}
     assert [*tick] == []
     assert said[-1][1] == ""
