@@ -54,7 +54,7 @@ class Shape(Enum):
 
 
 class DrawnNode(NamedTuple):
-    """A node of a drawing. The texts of the node contain no control characters or line breaks.
+    """A node of a drawing. The strings of the node contain no control characters or line breaks.
 
     Attributes:
         parent: The parent's index in the pre-order list of nodes; -1 for the root.

@@ -173,7 +173,8 @@ class ForkingTicker(Ticker):
     def next_fork(self) -> int:
         """Restore the last fork with an untried option; return the number of forks at intermediate states after it.
 
-        The result is -1 if no fork has an untried option."""
+        The result is -1 if no fork has an untried option.
+        """
         choice = self.choices.advance()
         if choice < 0:
             return -1
