@@ -1,7 +1,8 @@
 """The checks of tree files.
 
 A rule is a function that takes a `CheckContext`, which is a forest with the results of its analysis, and yields
-findings. Each module in `rules` contains a family of rules, the functions `check_...`.
+findings. Each module in
+`rules` contains one family of rules, whose names begin with `check_`.
 """
 
 import bisect
@@ -41,14 +42,14 @@ Palettes = Iterable[TreeFile]
 
 
 def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
-    """Return the findings from binding all trees of a forest, including unused trees."""
+    """Bind all trees of a forest to their nodes' specs, including unused trees, and return the findings."""
     findings = context.bound_forest.findings
     # A missing tree may be in a file that could not be read.
     return findings if context.is_whole else [each for each in findings if each.code != "unknown-tree"]
 
 
 def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield the findings about the classes of the leaves in use, except classes declared by their import path."""
+    """Yield findings about the classes of the leaves in the trees; skip leaves declared by an import path."""
     specs = {
         spec.class_path: spec
         for spec in context.bound_forest.specs
@@ -62,7 +63,7 @@ def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 MOST = 1000
-"""The maximum number of reported findings of one kind. Further findings are reported after some are fixed."""
+"""The maximum number of findings of one kind that a check reports. After fixes, the next check reports others."""
 
 _FAMILIES = (single_nodes, interruptions, needless, order, keys, scripts, subtrees, version_differences)
 RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
@@ -74,7 +75,7 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
 
 
 def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
-    """Return the findings about palettes, which do not depend on the checked tree file."""
+    """Return the findings about palettes. These findings do not depend on the checked tree file."""
     collector, palettes = FindingCollector(), tuple(palettes)
     models = read_models(palettes, collector)
     compare_models(models, registry_without(registry, models), collector)
@@ -125,7 +126,7 @@ def make_check_context(
 
 
 def _schema_findings(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagnostic]:
-    """Return the schema's findings that no rule reports; an empty list in a browser, where lxml is missing."""
+    """Return the schema's findings that no rule reports. The list is empty in a browser, which lacks lxml."""
     if sys.platform == "emscripten":
         return []
     forest, registry, findings = context.forest, context.registry, [*found]
@@ -182,7 +183,7 @@ def _apply_suppressions(forest: Forest, findings: list[Diagnostic]) -> list[Diag
 
 
 def limit_findings(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return the first `MOST` findings of each kind, and a note with the number of further findings of a kind."""
+    """Return at most `MOST` findings of each kind; a note counts the findings of a kind that are left out."""
     findings = list(findings)
     counts = Counter(finding.code for finding in findings)
     if max(counts.values(), default=0) <= MOST:
@@ -201,9 +202,9 @@ def limit_findings(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
 
 
 _EXPECTED = (SarError, ImportError, OSError, UnicodeEncodeError)
-"""The errors for which commands have a message: wrong usage, missing installations and unwritable output."""
+"""The errors that commands report in a message of their own, such as wrong usage or unwritable output."""
 
-_HINT = "if the function is yours, correct it. Otherwise, please report this with the file and the output of sar-compile --version"
+_HINT = "if you wrote this function, correct it. Otherwise, report this error together with the file and the output of sar-compile --version"
 _CLASS_HINT = "fix the class. Other checks of this node were skipped"
 _START = Span(1, 1, 1, 1)
 
@@ -216,7 +217,7 @@ def failure_of_rule(
     Args:
         name: The rule's name.
         error: The error that it raised.
-        default: The element to report if it is unknown which element the rule was checking.
+        default: The element to report when the error does not show which element the rule was checking.
         found: The findings so far. An error that another rule has already raised is not reported again.
 
     Raises:

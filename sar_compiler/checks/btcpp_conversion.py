@@ -17,7 +17,7 @@ from sar_compiler.tree.model import TreeFile
 _WARNINGS = ("btcpp-version", "cpp-type-mismatch", "ignored-attribute")
 """The warnings about constructs that BehaviorTree.CPP refuses."""
 _MODELLED = ("unknown-node",)
-"""The errors that the converted file does not have, because it contains a model of each node."""
+"""The errors that cannot occur in the converted file, because this file contains a model of each node."""
 
 
 def convert_to_btcpp(
@@ -35,7 +35,7 @@ def convert_to_btcpp(
         btcpp: The version of BehaviorTree.CPP that the trees are for; None if it is not configured.
 
     Raises:
-        TreeError: If the file has content outside the trees that would be lost.
+        TreeError: If the file has content outside its trees, because the conversion would lose this content.
     """
     palettes = tuple(palettes)
     losses = convert(forest.main, Form.XML).losses
@@ -52,7 +52,7 @@ def convert_to_btcpp(
 
 
 def _replace_main(forest: Forest, main: TreeFile) -> Forest:
-    """Replace the main file of a forest by its rewritten form, whose elements have the same locations."""
+    """Replace a forest's main file by the rewritten file, in which all elements keep their locations."""
     files = tuple(main if each is forest.main else each for each in forest.files)
     meant = {each.position: forest.targets.get(id(each)) for each in forest.main.root.iterate()}
     targets = {

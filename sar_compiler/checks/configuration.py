@@ -47,8 +47,8 @@ class Configuration(NamedTuple):
     """The configuration of a project.
 
     Attributes:
-        nodes: The modules of leaves, named as for `--nodes`.
-        models: The palettes that are files, named as for `--model`.
+        nodes: The modules that define leaves, in the form that `--nodes` accepts.
+        models: The palette files, in the form that `--model` accepts.
         include_path: Further folders from which files may be included.
         btcpp: The version of BehaviorTree.CPP that the trees are for; None if it is not configured.
         trees: The project's tree files, as pairs of a base folder and a file, folder or glob pattern.
@@ -56,8 +56,8 @@ class Configuration(NamedTuple):
         path: The configuration file; None if there is none.
         source: The text of the configuration file.
         spans: The location of the name of each module and each palette in the configuration file.
-        palettes: The installed palettes, named as for `--model`.
-        enums: The numbers of the C++ program's enumerators, by name.
+        palettes: The installed palettes, in the form that `--model` accepts.
+        enums: The numeric values of the C++ program's enumerators, by enumerator name.
     """
 
     nodes: tuple[str, ...] = ()
@@ -73,7 +73,7 @@ class Configuration(NamedTuple):
     enums: Mapping[str, int] = {}
 
     def decide(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-        """Return findings with their configured severities, without findings that are switched off."""
+        """Give findings their configured severities, and leave out findings that are switched off."""
         decided = []
         for finding in findings:
             severity = self.severities.get(finding.code, finding.severity)
@@ -90,11 +90,11 @@ NOTHING_DECIDED = Configuration()
 def configuration_for(
     tree_file: Path, passed_over: Callable[[Path], None] = lambda _path: None
 ) -> Configuration:
-    """Return the configuration of a tree file; an empty configuration if there is no file.
+    """Return the configuration for a tree file; it is empty if no configuration file exists.
 
     Args:
         tree_file: The tree file.
-        passed_over: Called with the path of each nearer configuration that is ignored because of its owner.
+        passed_over: Called with the path of each configuration file that is ignored because another user owns it.
 
     Raises:
         TreeError: If the configuration has errors.
@@ -117,12 +117,12 @@ def configuration_for(
 
 
 def find_repository(folder: Path) -> Path | None:
-    """Return the root folder of the Git repository that contains a folder; None if it is in no repository."""
+    """Return the root folder of the Git repository that contains a folder; None if the folder is not in a repository."""
     return next((each for each in (folder, *folder.parents) if is_there(each / ".git")), None)
 
 
 def enclosing_folder(folder: Path) -> Path:
-    """Return the folder that limits paths in the files of a folder: its repository, or else the folder itself.
+    """Return the folder that paths in a folder's files must not leave: the repository, or else the folder.
 
     Paths in this package's own files may lead to any file of the package.
     """
@@ -133,10 +133,11 @@ def enclosing_folder(folder: Path) -> Path:
 
 
 def project_paths(folders: Iterable[Path]) -> list[Path]:
-    """Return the paths outside the given folders that belong to the projects of these folders, with links resolved.
+    """Return the resolved paths that belong to the projects of some folders but lie outside these folders.
 
-    They include all possible configuration files above the folders, whether or not they exist. If a configuration
-    above a folder is used, its palettes, include folders and tree files are included as well.
+    The result contains the paths of all possible configuration files above the folders, even of missing files. If the
+    configuration of a folder is above the folder, the result also contains the palettes, include folders and tree
+    files of this configuration.
 
     Args:
         folders: The folders, with links resolved.
@@ -153,14 +154,14 @@ def project_paths(folders: Iterable[Path]) -> list[Path]:
 
 
 def _folder_of(folder: Path, pattern: str) -> Path:
-    """Return the path before the first wildcard of a glob pattern, below which all matching files are."""
+    """Return the part of a glob pattern before its first wildcard: the folder that contains all matches."""
     import glob
 
     return folder.joinpath(*itertools.takewhile(lambda part: not glob.has_magic(part), Path(pattern).parts))
 
 
 def _has_trusted_owner(configuration: Path, tree_file: Path) -> bool:
-    """Return whether the user, root, or the tree file's owner owns a configuration."""
+    """Return whether a configuration is owned by the user, by root, or by the owner of the tree file."""
     if sys.platform == "win32":
         return True
     # A missing tree file is reported when it is read.
@@ -220,7 +221,7 @@ def _read_table(path: Path, table: tuple[str, ...]) -> Configuration | None:
 def _paths(
     path: Path, document: "Document", listed: "Iterable[Value]", name: str, option: str
 ) -> tuple[Path, ...]:
-    """Resolve the paths that a setting lists relative to the file's folder; report paths that leave the repository."""
+    """Resolve a setting's paths relative to the file's folder, and report paths that leave the repository."""
     found = (
         path_inside(document, path.parent, value, name, f", or use the option {option}" if option else "")
         for value in listed
@@ -231,14 +232,14 @@ def _paths(
 def path_inside(
     document: "Document", folder: Path, value: "Value", name: str, otherwise: str = ""
 ) -> Path | None:
-    """Resolve a path relative to its file's folder; report a path that leaves the repository, and return None.
+    """Resolve a path relative to its file's folder; if it leaves the repository, report it and return None.
 
     Args:
         document: The file that contains the path.
-        folder: The folder of this file, which limits the path if there is no repository.
+        folder: The folder of this file. The path must not leave this folder if it is in no repository.
         value: The path.
         name: The key whose value the path is.
-        otherwise: An alternative remedy for the hint.
+        otherwise: Another remedy, which is added to the hint.
     """
     # The folder from which the file was read; a link may have replaced it since.
     text, limit = str(value.data), enclosing_folder(document.folder or folder)

@@ -29,11 +29,13 @@ ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute")
 TREE_ATTRIBUTES = ("ID",)
 INCLUDE_ATTRIBUTES = ("path", "ros_pkg")
 FORMAT = "4"
-_TO_FORMAT = f'write BTCPP_format="{FORMAT}". If this is a file of version 3, convert it first'
+_TO_FORMAT = (
+    f'write BTCPP_format="{FORMAT}". If the file was written for BehaviorTree.CPP 3, convert it first'
+)
 
 
 def check_document(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield the findings about the file outside its trees."""
+    """Yield the findings about the parts of a file that are outside its trees."""
     forest, registry = context.forest, context.registry
     guesses = Guesses()
     for tree_file in forest.files:
@@ -107,12 +109,12 @@ def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[
             elif first.setdefault(tree_id, tree) is not tree:
                 yield _duplicate_id(tree, first[tree_id])
             elif is_btcpp_node_id(tree_id, registry):
-                message = f"'{tree_id}' is a node and cannot be the ID of a tree"
+                message = f"'{tree_id}' is the name of a node and cannot be the ID of a tree"
                 yield tree.finding("wrong-tree-id", message, value="ID", hint="rename the tree")
 
 
 def _ids_of_palettes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about trees that have the ID of a palette's node."""
+    """Yield findings about trees whose ID is also the name of a node in a palette."""
     named = [palette for palette in context.palettes if palette.is_named]
     models = read_models(named, FindingCollector()).nodes if named else {}
     for tree in context.forest.iterate() if models else ():
@@ -155,6 +157,6 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
         if near is not None or (is_note and typo_in_note(name, guesses) is not None):
             yield element.finding("unknown-attribute", message, name=name, suggestion=near)
         elif not is_note:
-            hint = "delete it, or begin its name with _. BehaviorTree.CPP ignores it too"
+            hint = "delete this attribute, or begin its name with _. BehaviorTree.CPP also ignores it"
             cause = Cause(f"<{element.tag}> has no such attribute", name)
             yield element.finding("ignored-attribute", message, name=name, hint=hint, common_cause=cause)

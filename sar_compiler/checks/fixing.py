@@ -1,7 +1,7 @@
-"""Fixes of findings, and the text with the fixes applied.
+"""Fixes of findings, and the application of these fixes to a text.
 
-A finding's suggestion is a guess that the user normally reviews. It is safe to apply without asking only if no other
-meaning of the text is plausible. `SAFE` decides which fixes are safe.
+A finding's suggestion is a guess that the user normally reviews. A suggestion is applied without asking only if the
+text cannot plausibly have another meaning. `SAFE` decides which suggestions are safe in this sense.
 """
 
 import bisect
@@ -17,7 +17,7 @@ from sar_compiler.tree.model import Element, TreeFile, last_element_before
 from sar_compiler.tree.yaml_writer import scalar
 
 _COMMON = frozenset({"ID", "name", "memory", "BTCPP_format", "main_tree_to_execute", ONESHOT, *CONDITIONS})
-"""Attributes whose meaning does not depend on the node."""
+"""Attributes that have the same meaning on every node."""
 _TRUTHS = ("true", "false")
 _AMBIGUOUS_OPERATORS = frozenset({"not", "=+", "=*", "=/", "=>"})
 """Operators of other languages for which the suggestion may be wrong: `not a == b` means `!(a == b)` in Python."""
@@ -40,12 +40,12 @@ def _differs_in_case(written: str, suggestion: str) -> bool:
 
 
 def _is_safe_name(written: str, suggestion: str) -> bool:
-    """Accept a common attribute with one typo, and any attribute in the wrong case."""
+    """Return whether the fix corrects only letter case, or one typo in a common attribute."""
     return _differs_in_case(written, suggestion) or (suggestion in _COMMON and is_typo(written, suggestion))
 
 
 def _is_safe_value(written: str, suggestion: str) -> bool:
-    """Accept extra blanks, the wrong case, a key without one brace, and `true` or `false` with one typo."""
+    """Return whether the fix corrects only blanks, letter case, a missing brace, or a typo in `true` or `false`."""
     return (
         written.strip() == suggestion
         or _differs_in_case(written.strip(), suggestion)
@@ -55,22 +55,22 @@ def _is_safe_value(written: str, suggestion: str) -> bool:
 
 
 def _is_safe_script(written: str, _suggestion: str) -> bool:
-    """Accept operators, quotation marks and numbers of other languages, except ambiguous operators."""
+    """Return whether the replaced text is anything but an ambiguous operator of another language."""
     return written not in _AMBIGUOUS_OPERATORS
 
 
 def _is_quoting(written: str, suggestion: str) -> bool:
-    """Accept the addition of the quotation marks that YAML requires around a key in braces."""
+    """Return whether the fix only adds the quotation marks that YAML requires around a key in braces."""
     return suggestion == f"'{written}'"
 
 
 def _is_deletion(_written: str, suggestion: str) -> bool:
-    """Accept the deletion of an output that has no key."""
+    """Return whether the fix deletes an output that has no key."""
     return not suggestion
 
 
 def _accept_any(_written: str, _suggestion: str) -> bool:
-    """Accept the escaping of a character, because an unescaped character can only mean itself."""
+    """Return True: it is always safe to escape a character, because unescaped it can only mean itself."""
     return True
 
 
@@ -83,7 +83,7 @@ SAFE: Mapping[str, Callable[[str, str], bool]] = {
     "loose-xml": _accept_any,
     "ignored-attribute": _is_deletion,
 }
-"""Functions that decide whether a text may be replaced by its suggestion, by the code of the finding.
+"""For each finding code, the function that decides whether the suggestion may replace the text without asking.
 
 Tags, tree IDs, keys and references are never fixed without asking, because a similar name may be another node.
 """
@@ -94,7 +94,7 @@ class Fix:
     """The replacement of one piece of text.
 
     Attributes:
-        finding: The finding that it fixes.
+        finding: The finding that the replacement fixes.
         start: The offset of the first character to replace.
         end: The offset after the last character to replace.
         text: The replacement.
@@ -117,7 +117,7 @@ class Fix:
 
 
 IsMeant = Callable[[Diagnostic], bool]
-"""Decides whether to apply a suggestion."""
+"""A function that decides whether to apply a finding's suggestion."""
 
 
 def _text(finding: Diagnostic) -> str:
@@ -218,7 +218,7 @@ def _value_of(element: Element, attribute: str) -> _AttributeSpan:
 
 
 def _fix(finding: Diagnostic, values: _AttributeValues) -> Fix | None:
-    """Return the fix that inserts a finding's suggestion, escaped as required; None if this is not possible."""
+    """Return the fix that inserts a finding's suggestion, escaped if necessary; None if there is none."""
     start, end = finding.source.offsets(finding.span)
     text = finding.suggestion or ""
     if not text and finding.code == "ignored-attribute":
@@ -238,7 +238,7 @@ def _fix(finding: Diagnostic, values: _AttributeValues) -> Fix | None:
 
 
 def _attribute_removal(finding: Diagnostic, start: int) -> Fix | None:
-    """Return the fix that deletes an attribute: in XML with the blanks before it, in YAML with its line or comma."""
+    """Return the fix that deletes an attribute and, in XML, the blanks before it or, in YAML, its line or comma."""
     text = finding.source.text
     if finding.source.form is Form.XML:
         found = _ATTRIBUTE.match(text, start)
@@ -271,7 +271,7 @@ def _tag_fix(finding: Diagnostic, start: int, end: int) -> Fix:
 
 
 def _escapes_in(source: Source, value: _AttributeSpan) -> Mapping[str, str] | None:
-    """Return the escape sequences of a value's special characters, by character; None for a plain YAML scalar."""
+    """Return the escape sequence for each special character of a value; None for a plain YAML scalar."""
     quote = source.text[value.start - 1]
     if source.spans.is_verbatim(value.start):
         return {}

@@ -9,28 +9,28 @@ from sar_compiler.opener import RECORDED_OUTPUT, is_there, read_file
 from sar_compiler.tree.display_text import shorten
 
 RENEW = "SAR_RENEW_GOLDEN"
-"""The environment variable with which tests rewrite the golden files instead of comparing them."""
+"""The environment variable that makes tests rewrite the golden files instead of comparing them."""
 
 
 _MOST_COMPARED, _MOST_SHOWN = 2000, 500
-"""The maximum number of lines to compare, and of difference lines to show."""
+"""The maximum number of lines to compare, and the maximum number of lines of the difference to show."""
 
 
 def compare_golden(path: Path, text: str, what: str) -> str | None:
     """Compare a text with a golden file; rewrite the file instead if `SAR_RENEW_GOLDEN` is set.
 
     Returns:
-        None if the text is equal to the file or was written to it; otherwise a message about the difference.
+        None if the text is equal to the file or was written to the file; otherwise a message about the difference.
 
     Raises:
         UnreadableFileError: If the file cannot be read.
-        SarError: If it cannot be written.
+        SarError: If the file cannot be written.
     """
     if os.environ.get(RENEW):
         _write(path, text)
         return None
     if not is_there(path):
-        return f"the golden file {path} does not exist. Run with {RENEW}=1, then review and commit it"
+        return f"the golden file {path} does not exist. Run with {RENEW}=1 to write the file, then review and commit it"
     expected = read_file(path, RECORDED_OUTPUT).data.decode("utf-8", "replace")
     if text == expected:
         return None
@@ -42,7 +42,12 @@ def compare_golden(path: Path, text: str, what: str) -> str | None:
             *lines[:_MOST_SHOWN],
             f"... there are more differences, possibly after line {_MOST_COMPARED:,}",
         ]
-    return "\n".join([*map(shorten, lines), f"If the change is intended, run with {RENEW}=1 and review it."])
+    return "\n".join(
+        [
+            *map(shorten, lines),
+            f"If the change is intended, run with {RENEW}=1 and review the rewritten file.",
+        ]
+    )
 
 
 def _write(path: Path, text: str) -> None:

@@ -61,7 +61,7 @@ class _ParsedClass(NamedTuple):
                     yield node.attr, node
 
     def replaced_methods(self) -> set[str]:
-        """Return the attributes to which a method assigns a function, which may replace a method on purpose."""
+        """Return the attributes to which a method assigns a function, perhaps to replace a method on purpose."""
         found = set()
         for method in self.methods():
             types = {each.arg: ast.unparse(each.annotation) for each in method.args.args if each.annotation}
@@ -84,7 +84,7 @@ def check_class(spec: NodeSpec) -> Iterator[Diagnostic]:
     """Yield the findings about a node's class.
 
     Args:
-        spec: The node. A node without a class, or declared by the import path of its class, has no findings.
+        spec: The node. There are no findings if the node has no class, or was declared by the import path of its class.
     """
     if spec.is_foreign or spec.is_by_path or spec.class_path.startswith(_LIBRARIES) or spec.cls is None:
         return
@@ -175,8 +175,10 @@ def _undeclared_uses(spec: NodeSpec, part: _ParsedClass) -> Iterator[Diagnostic]
     *_, attribute = getattr(part.cls, "required_attributes", {"": ""})  # the type, then the name
     name = getattr(part.cls, attribute, "")
     shown = repr(name) if name else '"…"'
-    message = f"<{spec.tag}>: {part.cls.__name__} needs the {kind} {shown}, but 'uses' of its registration does not list it"
-    hint = f"add uses=[Use.{kind}({shown})] to @register: a run then waits for it before its first tick"
+    message = f"<{spec.tag}>: {part.cls.__name__} needs the {kind} {shown}, but its registration does not list it in 'uses'"
+    hint = (
+        f"add uses=[Use.{kind}({shown})] to @register. A run then waits for this {kind} before the first tick"
+    )
     yield part.finding("undeclared-in-class", message, _registration(part), hint)
 
 
@@ -201,7 +203,7 @@ def _undeclared_outcomes(spec: NodeSpec, part: _ParsedClass) -> Iterator[Diagnos
                 and status.attr in ("SUCCESS", "FAILURE", "RUNNING")
                 and status.attr not in spec.statuses
             ):
-                message = f"<{spec.tag}>: update() returns {status.attr}, which 'outcomes' of its registration does not list"
+                message = f"<{spec.tag}>: update() returns {status.attr}, but the registration does not list this status in 'outcomes'"
                 hint = f"add Status.{status.attr} to outcomes, or return another status"
                 yield part.finding("undeclared-in-class", message, status, hint)
 
@@ -218,6 +220,6 @@ def _undeclared_keys(spec: NodeSpec, part: _ParsedClass) -> Iterator[Diagnostic]
         if is_written and isinstance(key, ast.Constant) and isinstance(key.value, str):
             name = key.value.lstrip("/")
             if name not in spec.writes and f"@{name}" not in spec.writes:
-                message = f"<{spec.tag}>: the class writes the key '{name}', which 'writes' of its registration does not list"
+                message = f"<{spec.tag}>: the class writes the key '{name}', but its registration does not list this key in 'writes'"
                 hint = f'add writes=["{name}"] to @register, or add an Output to the constructor'
                 yield part.finding("undeclared-in-class", message, node, hint)

@@ -1,4 +1,4 @@
-"""Rules that find errors in trees whose nodes are all valid individually, one module for each family of rules."""
+"""Rules that find errors in trees even if each node is valid. Each module contains one family of rules."""
 
 import bisect
 import functools
@@ -26,7 +26,7 @@ _OfSpec = TypeVar("_OfSpec")
 
 @dataclass(eq=False, repr=False)
 class CheckContext:
-    """A forest with the results of its analysis, each computed at most once.
+    """A forest and the results of its analysis. Each result is computed at most once.
 
     Attributes:
         forest: The file and its includes.
@@ -52,7 +52,7 @@ class CheckContext:
 
     @functools.cached_property
     def is_whole(self) -> bool:
-        """Whether all trees are known: each include was read, and no element may be a misspelt tree."""
+        """Whether all trees are known: each include was read, and no element looks like a misspelt tree."""
         roots = (tree_file.root for tree_file in self.forest.files)
         return (
             not self.forest.findings
@@ -62,16 +62,16 @@ class CheckContext:
 
     @functools.cached_property
     def trees(self) -> tuple[BoundTree, ...]:
-        """The trees within the limits of size and depth, subtrees first."""
+        """The trees that are within the limits of size and depth. Subtrees precede the trees that use them."""
         return tuple({tree: None for top in self.bound_forest.tops for tree in trees_in(top.tree)})
 
     def parents(self) -> Iterator[BoundNode]:
-        """Yield the nodes with children, except nodes with errors."""
+        """Yield the nodes that have children and no errors."""
         return (bound for tree in self.trees for bound in tree.parents if bound not in self.nodes_with_errors)
 
     @functools.cached_property
     def scripts(self) -> Sequence[tuple[BoundNode, str, Script]]:
-        """The scripts of all `trees`, with their nodes and attributes."""
+        """The scripts of all `trees`, each with the node and the attribute that contain it."""
         return [
             (bound, attribute, script)
             for tree in self.trees
@@ -80,9 +80,9 @@ class CheckContext:
         ]
 
     def nodes_with(self, find: Callable[[NodeSpec], _OfSpec]) -> Iterator[tuple[BoundNode, _OfSpec]]:
-        """Yield the nodes for whose spec `find` returns a result, with that result.
+        """Yield each node for whose spec `find` returns a result, together with this result.
 
-        Most files have no such node. Their trees are not traversed.
+        Most files have no such node. The trees of these files are not traversed.
         """
         found = {id(spec): each for spec in self.bound_forest.specs if (each := find(spec))}
         for bound in (bound for tree in self.trees for bound in tree.nodes if found):
@@ -92,7 +92,7 @@ class CheckContext:
     def is_main(self, tree: BoundTree) -> bool:
         """Return whether a tree may be executed: it is the main tree, or no tree uses it.
 
-        If the file names no main tree, the other files of its project are searched for uses.
+        If the file names no main tree, a use in another file of the project counts as well.
         """
         return id(tree.element) in self._executable
 
@@ -102,7 +102,7 @@ class CheckContext:
 
     @functools.cached_property
     def key_accesses(self) -> Mapping[BoundTree, KeyAccesses]:
-        """The key accesses of the nodes, by tree."""
+        """For each tree, the accesses of its nodes to blackboard keys."""
         return {tree: key_accesses_of(tree) for tree in self.trees}
 
     @functools.cached_property
@@ -112,7 +112,7 @@ class CheckContext:
 
     @functools.cached_property
     def is_foreign(self) -> bool:
-        """Whether a node is only described by a model, so that another program executes the trees."""
+        """Whether any node is known only from a model. If so, another program executes the trees."""
         return any(bound.spec.is_foreign for tree in self.trees for bound in tree.demanding)
 
     @functools.cached_property
@@ -127,13 +127,13 @@ class CheckContext:
 
     @functools.cached_property
     def is_complete(self) -> bool:
-        """Whether all files could be read and all elements bound."""
+        """Whether all files were read, and all elements bound to their nodes, without errors."""
         found = (*self.forest.findings, *self.bound_forest.findings)
         return all(finding.severity is not Severity.ERROR for finding in found)
 
     @functools.cached_property
     def nodes_with_errors(self) -> frozenset[BoundNode]:
-        """The nodes with an error in their tag, attributes or children, which the rules skip."""
+        """The nodes that the rules skip because their tag, attributes or children have an error."""
         return frozenset(self._find_nodes_with_errors()) if self._errors else frozenset()
 
     @functools.cached_property

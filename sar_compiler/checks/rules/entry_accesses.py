@@ -1,6 +1,6 @@
 """The accesses of nodes to blackboard keys and entries, and the order of these accesses, with all subtrees expanded.
 
-Only the positions of two nodes decide which of their accesses happens first in every run.
+Whether one access precedes another in every run is decided only from the positions of the two nodes.
 """
 
 import bisect
@@ -41,7 +41,7 @@ class KeyAccess(NamedTuple):
         time: Whether the access happens before or after the children are ticked.
         place: The start and end of the key in a script; None if the key is not in a script.
         is_certain: Whether the access happens whenever the node is ticked.
-        turn: The number of the access among all accesses of its script, in the order in which they happen.
+        turn: The index of the access, from 0, in the order in which the script executes its accesses.
     """
 
     bound: BoundNode
@@ -62,7 +62,7 @@ class KeyAccess(NamedTuple):
 
     @property
     def position_in_braces(self) -> tuple[int, int] | None:
-        """The start and end of the key in a value that contains keys in braces, such as `x: {key}`; otherwise None."""
+        """The start and end of the key in a value such as `x: {key}`; None if the value contains no key in braces."""
         parameter = self.bound.spec.parameters.get(self.attribute)
         if parameter is None or not parameter.value_type.takes_braces:
             return None
@@ -73,11 +73,11 @@ class KeyAccess(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class KeyAccesses:
-    """All accesses of a tree's nodes to keys, without the nodes of its subtrees.
+    """All accesses of a tree's own nodes to keys. Accesses of its subtrees' nodes are not included.
 
     Attributes:
         accesses: The accesses, in the order of the file.
-        is_open: Whether a node may access any key in ways that the file does not show.
+        is_open: Whether a node may access keys that the file does not name.
     """
 
     accesses: tuple[KeyAccess, ...]
@@ -85,7 +85,7 @@ class KeyAccesses:
 
     @functools.cached_property
     def keys(self) -> frozenset[str]:
-        """The accessed keys, by their names in the tree."""
+        """The names that the tree uses for the accessed keys."""
         return frozenset(access.key for access in self.accesses)
 
 
@@ -171,7 +171,7 @@ def _is_open(bound: BoundNode) -> bool:
 
 
 def _is_indirect(bound: BoundNode, name: str) -> bool:
-    """Return whether an attribute's key contains a script that the node runs, or the name of another key."""
+    """Return whether the value of an attribute's key is a script to run, or the name of another key."""
     parameter = bound.spec.parameters.get(name)
     if parameter is None:
         return False
@@ -240,8 +240,8 @@ class TreePosition:
         bound: The node.
         around: The position of the node's parent; None for the root.
         index: The node's index among its siblings, from 0.
-        number: The node's number among all nodes, parents before their children.
-        last: The number of the last node below it; its own number for a leaf.
+        number: The index of the node among all nodes, in an order in which parents precede their children.
+        last: The number of the last node below this node; for a leaf, the number of the leaf.
     """
 
     bound: BoundNode
@@ -251,11 +251,11 @@ class TreePosition:
     last: int
 
     def contains(self, other: "TreePosition") -> bool:
-        """Return whether another position is the same or below this position."""
+        """Return whether another position is equal to this position or below it."""
         return self.number <= other.number <= self.last
 
     def child(self, inner: "TreePosition") -> "TreePosition":
-        """Return the child position that contains a position below this position."""
+        """Return the child of this position that contains the inner position."""
         while inner.around is not None and inner.around is not self:
             inner = inner.around
         return inner
@@ -329,7 +329,7 @@ class OrderedAccesses:
         self.uses = [uses[index] for _, index in numbered]
 
     def has_access_in(self, first: int, last: int) -> bool:
-        """Return whether a node with a number from *first* to *last* has an access."""
+        """Return whether any node whose number is from *first* to *last* has an access."""
         index = bisect.bisect_left(self._numbers, first)
         return index < len(self._numbers) and self._numbers[index] <= last
 
@@ -358,7 +358,7 @@ class OrderedAccesses:
         return True
 
     def _are_after(self, first: EntryAccess, inner: TreePosition, around: TreePosition) -> bool:
-        """Return whether an access in one child of a node precedes those of the node and its other children."""
+        """Return whether an access in one child precedes all accesses of the parent and the other children."""
         return (
             not self.has_access_in(around.number + 1, inner.number - 1)
             and (not self.has_access_in(inner.last + 1, around.last) or _precedes(first, around))
@@ -375,7 +375,7 @@ class EntryAccesses:
         key: The entry's key in this scope.
         uses: The accesses of nodes to the entry.
         given: The `SubTree` nodes that pass a constant for the entry.
-        is_parameter: Whether the entry's value may come from outside the tree, as for a mission parameter.
+        is_parameter: Whether the entry's value may come from outside the tree, for example from a mission parameter.
     """
 
     scope: Scope
@@ -391,7 +391,7 @@ class EntryAccesses:
     # Computed once, after all uses have been added: an entry may have as many uses as its tree has nodes.
     @functools.cached_property
     def writers(self) -> list[EntryAccess]:
-        """The accesses that may create the entry. `=` in a script is one of them only if a port has the key."""
+        """The accesses that may create the entry. A `=` in a script can create it only if a port uses the same key."""
         has_port = any(use.access.place is None for use in self.uses)
         return self.of_kinds(AccessKind.WRITE, AccessKind.BOTH, *((AccessKind.CHANGE,) if has_port else ()))
 
@@ -429,8 +429,8 @@ class EntryTable:
         top: The tree.
         entries: The entries, in the order in which the tree names them.
         accesses: The key accesses of each tree.
-        is_open: Whether a node may access any key in ways that the file does not show.
-        is_foreign: Whether a model only describes a node, so that another program runs the tree and may write entries.
+        is_open: Whether a node may access keys that the file does not name.
+        is_foreign: Whether any node is known only from a model. If so, another program runs the tree and may write entries.
     """
 
     top: TreeInstance
@@ -474,7 +474,7 @@ class EntryTable:
 
     @functools.cached_property
     def unclosed_keys(self) -> Mapping[BoundTree, frozenset[str | None]]:
-        """The intended form, with both braces, of each tree's keys that lack a brace."""
+        """For each tree, its keys that lack a brace, completed with both braces."""
         return {
             tree: frozenset(
                 complete_key_braces(text)
@@ -486,7 +486,7 @@ class EntryTable:
 
 
 def entry_table_of(top: TreeInstance, accesses: Mapping[BoundTree, KeyAccesses] | None = None) -> EntryTable:
-    """Return the table of the entries of an expanded tree; pass the key accesses of the trees if they are known."""
+    """Return the entries of an expanded tree. The key accesses are computed if *accesses* is None."""
     if accesses is None:
         trees = dict.fromkeys(instance.tree for instance in top.iterate())
         accesses = {tree: key_accesses_of(tree) for tree in trees}
@@ -518,9 +518,9 @@ def _entry(entries: dict[tuple[Scope, str], EntryAccesses], scope: Scope, key: s
 
 
 def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str] | None:
-    """Return the outermost `SubTree` that passes the entry on to the tree of the access, and the attribute that does so.
+    """Return the outermost `SubTree` that passes an entry to the accessing tree, and the passing attribute.
 
-    None if the access is in the tree to which the entry belongs, or if no attribute passes the entry.
+    The result is None if the access is in the tree to which the entry belongs, or if no attribute passes the entry.
     """
     found = None
     instance, key = use.instance, use.access.key
@@ -540,13 +540,13 @@ def common_position(first: TreePosition, second: TreePosition) -> TreePosition:
 
 
 def branching_position(first: EntryAccess, second: EntryAccess) -> TreePosition | None:
-    """Return the position of the node with two accesses in different children; None if one contains the other."""
+    """Return the innermost position above two accesses; None if one access is at or below the other's node."""
     place, other = first.position, second.position
     return None if place.contains(other) or other.contains(place) else common_position(place, other)
 
 
 def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
-    """Return whether the first access has always happened before the second access happens for the first time."""
+    """Return whether the first access always happens before the first time that the second access happens."""
     if not first.access.is_certain:
         return False
     place, other = first.position, second.position
@@ -577,7 +577,7 @@ def _precedes(first: EntryAccess, around: TreePosition) -> bool:
 
 
 def _is_straight(use: EntryAccess, around: TreePosition | None) -> bool:
-    """Return whether all ancestors of a node below *around*, or all its ancestors, continue only after the access."""
+    """Return whether all ancestors, or all ancestors below *around*, continue only after the access."""
     return use.position is around or any(each is around for each in enclosing_sequences(use))
 
 

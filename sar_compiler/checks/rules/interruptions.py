@@ -53,7 +53,7 @@ def _check_sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Di
 
 
 def _pairs_with_later(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[tuple[BoundNode, BoundNode]]:
-    """Yield pairs of a child and the next child after it that takes time."""
+    """Yield pairs of a child and the next later child that takes time."""
     later: BoundNode | None = None
     pairs: list[tuple[BoundNode, BoundNode]] = []
     for child in reversed(bound.children):
@@ -80,7 +80,7 @@ def _check_selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Di
 
 
 def _first_node(bound: BoundNode) -> BoundNode:
-    """Return the first node of nested sequences, whose result decides whether the later nodes are ticked."""
+    """Return the first node of nested sequences. Its result decides whether the later nodes are ticked."""
     while (
         bound.children and bound.spec.semantics.is_sequence and not bound.conditions and bound.oneshot is None
     ):
@@ -110,10 +110,10 @@ def _check_lost_progress(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterat
         ]
         if len(steps) > 1:
             message = (
-                f"'{child.name}' restarts with {steps[0].name} whenever '{interrupting.name}' has interrupted it: "
-                "its memory lasts only while it runs"
+                f"'{child.name}' starts over with {steps[0].name} whenever '{interrupting.name}' has interrupted it, "
+                f"because '{child.name}' remembers its position only while it is running"
             )
-            hint = 'if a node must not be done twice, add oneshot="ON_SUCCESSFUL_COMPLETION" to it'
+            hint = 'if a node must not run twice, add oneshot="ON_SUCCESSFUL_COMPLETION" to this node'
             yield child.element.finding("lost-progress", message, hint=hint)
 
 
@@ -124,7 +124,7 @@ def _starts_over(bound: BoundNode) -> bool:
 
 
 def _check_finished_work(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield findings about finished work that a reactive selector restarts in every tick, for lack of a condition."""
+    """Yield findings about finished work that a reactive selector restarts because no condition prevents it."""
     waiting = [root]
     while waiting:
         bound = waiting.pop()
