@@ -1,7 +1,7 @@
 """Fast recognition of files that the XML schema certainly accepts.
 
-To build the schema and import lxml takes longer than all rules together, and nearly every file without other findings
-is accepted. This module therefore applies the definitions of `nodes.schemas.xml_schema` directly to the elements of a
+Building the schema and importing lxml takes longer than applying all rules, and the schema accepts nearly every file
+without other findings. This module therefore applies the definitions of `nodes.schemas.xml_schema` directly to the elements of a
 file. It does not decide about files with unusual content: namespaces, text between elements, models, or special
 characters. lxml validates these files.
 """
@@ -28,7 +28,7 @@ from sar_compiler.tree.model import (
 )
 
 _LONGEST = 1_000_000
-"""The maximum number of characters of a file, far below the limits of libxml2."""
+"""The maximum number of characters in a file that is checked here; it is far below the limits of libxml2."""
 _SPACE = " \t\r\n"
 _ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute", PROJECT_ATTRIBUTE)
 
@@ -81,7 +81,7 @@ class _NodeType(NamedTuple):
         least: The minimum number of children.
         most: The maximum number of children; None for no limit.
         is_open: Whether any other attribute is allowed.
-        types: The allowed strings of each named type of an attribute.
+        types: The allowed strings of each attribute type that has a name.
     """
 
     attributes: Mapping[str, _Values]
@@ -116,7 +116,7 @@ _node_types: "WeakKeyDictionary[Registry, dict[str, _NodeType | None]]" = WeakKe
 
 
 def is_surely_accepted(tree_file: TreeFile, registry: Registry, described: Iterable[NodeSpec] = ()) -> bool:
-    """Return True if the schema certainly accepts a file; False means that it is not known.
+    """Return True if the schema certainly accepts a file. False means that the schema may still accept it.
 
     Args:
         tree_file: The file.
@@ -197,7 +197,7 @@ def _is_section(element: Element) -> bool:
 
 
 def _are_attributes(element: Element, names: Sequence[str]) -> bool:
-    """Return whether an element outside of trees has only the named attributes, and attributes of editors."""
+    """Return whether an element outside of trees has only the named attributes and attributes of editors."""
     return all(
         name in names or (name.startswith("_") and name not in CONDITIONS) for name in element.attributes
     )

@@ -35,7 +35,7 @@ _SUFFICIENT = ("unknown-element", "wrong-format", "unknown-attribute", "ignored-
 
 
 _MOST_SCHEMAS = 32
-"""The maximum number of schemas to cache for a registry, for other files with the same tags."""
+"""The maximum number of schemas that are cached for each registry; files with the same tags share a schema."""
 _schemas: "WeakKeyDictionary[Registry, dict[tuple[frozenset[str], ...], etree.XMLSchema]]" = (
     WeakKeyDictionary()
 )
@@ -53,7 +53,7 @@ def _schema_of(registry: Registry, tags: frozenset[str], notes: frozenset[str]) 
 def _schema(
     registry: Registry, tags: frozenset[str], notes: frozenset[str], described: Iterable[NodeSpec]
 ) -> etree.XMLSchema:
-    """Generate the part of the schema that a file with the given tags needs; the whole schema takes too long."""
+    """Generate only the part of the schema that files with the given tags need. The whole takes too long."""
     return etree.XMLSchema(etree.fromstring(xml_schema(registry, described, tags, sorted(notes)).encode()))
 
 
@@ -64,7 +64,7 @@ def schema_errors(
 ) -> list[tuple[int, str]]:
     """Return lxml's errors about a file as pairs of line and message.
 
-    The line is that of the end of a start tag. libxml2 reports no columns, and after an unexpected element it does not
+    Each line number is the line in which a start tag ends. libxml2 reports no columns, and after an unexpected element it does not
     check the element's siblings.
 
     Args:

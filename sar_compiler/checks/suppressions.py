@@ -153,7 +153,7 @@ def _check_suppression(
         elif unneeded and code not in suppression.used:
             element = suppression.element
             about = "no element follows it" if element is None else f"<{element.tag}> has no such finding"
-            message = f"the comment does not suppress any '{code}': {about}"
+            message = f"the comment does not suppress any '{code}' finding: {about}"
             yield Diagnostic("unneeded-allow", message, source, span, hint="delete the code or the comment")
 
 

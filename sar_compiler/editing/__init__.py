@@ -1,4 +1,4 @@
-"""Operations on tree files as edits of their text, which leave every other byte unchanged.
+"""Operations on tree files. Each operation is a set of text edits that leave every other byte unchanged.
 
 `operations` contains the operations on elements. `names` finds the locations of a name, for renaming. Editors apply the
 edits to their text, so that the user can undo them.

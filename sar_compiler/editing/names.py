@@ -199,7 +199,7 @@ def _spots_of_access(access: KeyAccess) -> Iterator[NameLocation]:
 
 
 def _key_locations(node: BoundNode, key: str) -> Iterator[NameLocation]:
-    """Yield the locations of a key in the attributes of a node: in braces, or as the value of a port for key names."""
+    """Yield the locations of a key in a node's attributes: in braces, or as the value of a port for key names."""
     element = node.element
     for attribute, text in element.attributes.items():
         parameter = node.spec.parameters.get(attribute)

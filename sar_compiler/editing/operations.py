@@ -1,4 +1,4 @@
-"""Operations on the elements of a tree file, as edits of its text.
+"""Operations on the elements of a tree file. Each operation is a list of edits of the file's text.
 
 An element is identified by its index in the order of the file, from 0 for the root element. Before the edits of an
 operation are returned, the edited text is parsed, so that edits never make a file invalid.
@@ -83,7 +83,7 @@ class EditedFile:
         return next(index for index, each in enumerate(self.elements) if each is element)
 
     def siblings(self, number: int, last: int | None = None) -> Siblings:
-        """Return the siblings from one element to another, which is by default the same.
+        """Return the siblings from one element to the last one, which is by default the same element.
 
         Raises:
             EditError: If the first element is the root element, or the last element is not a later sibling.
@@ -113,7 +113,7 @@ class EditedFile:
 
 
 def move(file: EditedFile, element: int, parent: int, index: int) -> list[TextEdit]:
-    """Move an element to an index among the children of another element; the index is counted before the move.
+    """Move an element to an index among another element's children. The index refers to the unchanged file.
 
     Raises:
         EditError: If the moved element contains the other element.
@@ -220,7 +220,7 @@ def inline(file: EditedFile, element: int) -> list[TextEdit]:
         message = f"<{call.tag}> does not use a tree of this file"
         raise EditError(message)
     if tree is file.tree_around(call):
-        message = f"the tree '{name}' contains this <{call.tag}>, which therefore cannot be replaced"
+        message = f"this <{call.tag}> cannot be replaced, because the tree '{name}' contains it"
         raise EditError(message)
     lines = _with_ports(file.text.contents(tree), _ports(call, tree, file.tree_around(call)))
     return file.text.replace(call, call, lines, with_comments=False)
@@ -270,7 +270,7 @@ def edits_of(tree_file: TreeFile, operation: str, /, **arguments: Any) -> list[T
 
 
 def _without_brackets(tree_file: TreeFile, operation: str, arguments: Mapping[str, Any]) -> EditedFile:
-    """Return the file with the elements of an operation on separate lines; in YAML, they may be in brackets."""
+    """Return the file with an operation's elements on separate lines: in YAML, they may be in brackets."""
     given = [arguments.get(each) for each in ("element", "parent", "last")]
     numbers = [each for each in given if isinstance(each, int)] if operation != set_attribute.__name__ else []
     file = EditedFile(tree_file)
@@ -300,7 +300,7 @@ def _separate_elements(file: EditedFile, element: Element, operation: str) -> It
 
 def _require_index(parent: Element, index: int) -> None:
     if not 0 <= index <= len(parent.children):
-        message = f"{index} is not a position among the children of <{parent.tag}>, which has {len(parent.children)}"
+        message = f"{index} is not a position among the children of <{parent.tag}>, which has {len(parent.children)} children"
         raise EditError(message)
 
 
@@ -318,7 +318,7 @@ def _scripts(element: Element) -> Iterator[str]:
 
 
 def _ports(call: Element, tree: Element, around: Element) -> dict[str, str]:
-    """Return the replacements of keys in braces when a `SubTree` node is replaced by its tree's content.
+    """Return the replacement of each key in braces, for replacing a `SubTree` node by its tree's content.
 
     Raises:
         EditError: If the node has a condition, or a key would have another meaning in the calling tree.

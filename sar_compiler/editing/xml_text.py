@@ -196,7 +196,7 @@ class XmlText:
         return [TextEdit(end, end, f'{separator}{name}="{escape_value(value)}"')]
 
     def _indentation(self) -> str:
-        """Return the indentation of one level, which is that of the first indented child."""
+        """Return the indentation of one level, taken from the first indented child."""
         for each in self._elements[1:]:
             outer, inner = (self._line(one.offset) for one in (self._parents[each.offset], each))
             if outer[0] < inner[0] and inner[1].startswith(outer[1]):
@@ -204,7 +204,7 @@ class XmlText:
         return "  "
 
     def _line(self, offset: int) -> tuple[int, str]:
-        """Return the start of the line with an offset, and the line's indentation before the offset."""
+        """Return the start of the line that contains an offset, and the line's indentation before the offset."""
         start = self._source.offset(self._source.position_of(offset)[0], 1)
         lead = self._text[start:offset]
         return start, lead[: len(lead) - len(lead.lstrip(_BLANK))]

@@ -223,7 +223,7 @@ class YamlText:
         return [self._line_at(self._next_line(offset), " " * column, lines)]
 
     def delete_element(self, element: Element) -> list[TextEdit]:
-        """Return the edits that remove an element with its comments, and `children` if the list would be empty."""
+        """Return the edits that remove an element, its comments and, if no child is left, the key `children`."""
         parent = self._parents[element.offset]
         key = self._extents[parent.offset].children
         start = self._start(element)
@@ -253,7 +253,7 @@ class YamlText:
         return self._add(element, extent, behind or 0, [SnippetLine(entry)])
 
     def _remove_attribute(self, start: int, extent: _NodeExtent, end: int) -> list[TextEdit]:
-        """Return the edits that remove an attribute, with a comma if it is in brackets, otherwise with its lines."""
+        """Return the edits that remove an attribute with its lines or, inside brackets, with its comma."""
         if extent.content is None or self._text[extent.content] != "{":
             return [TextEdit(self._line(start), self._next_line(end), "")]
         behind = _BESIDE_ENTRY.match(self._text, end)
@@ -263,11 +263,11 @@ class YamlText:
         return [TextEdit(before - 1 if self._text[before - 1] == "," else start, end, "")]
 
     def _line(self, offset: int) -> int:
-        """Return the start of the line with an offset."""
+        """Return the start of the line that contains an offset."""
         return self._source.offset(self._source.position_of(offset)[0], 1)
 
     def _next_line(self, offset: int) -> int:
-        """Return the start of the line after the line with an offset."""
+        """Return the start of the line that follows the line with an offset."""
         rest = _REST_OF_LINE.match(self._text, offset)
         return rest.end() if rest is not None else len(self._text)
 

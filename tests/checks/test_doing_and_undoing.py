@@ -54,7 +54,7 @@ def found(body):
     return [finding.message for finding in check(forest(f"<Sequence>{body}</Sequence>"), REGISTRY)]
 
 
-UNDONE = "'Enter' needs the effect of 'Open', but 'Shut' (line 3), which is between them, undoes it"
+UNDONE = "'Enter' needs the effect of 'Open', but 'Shut' (line 3) undoes this effect in between"
 
 
 @pytest.mark.parametrize("between", ["", "<Look/>", "<Fallback><Look/><AlwaysSuccess/></Fallback>"])

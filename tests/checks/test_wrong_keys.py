@@ -97,7 +97,7 @@ MISTAKES = {
     "a key that is read before it is written": (
         '<Sequence>\n<Say text="{place}"/>\n<Find at="{place}"/>\n</Sequence>',
         ("read-before-write", 4, 12, None),
-        "'Find' (line 5), which writes it, is ticked later",
+        "'Find' (line 5) writes it, but is ticked later",
     ),
     "a key that is read before it is written, by a condition around both": (
         '<Sequence _skipIf="place &gt; 1">\n<Find at="{place}"/>\n<Success/>\n</Sequence>',
@@ -434,7 +434,7 @@ def test_beside_a_leaf_of_a_palette_a_key_without_value_is_one_level_milder(body
 def test_a_milder_finding_says_what_may_speak_against_it():
     body = f'<Sequence>{LATE}<Drive gear="{{speed}}"/></Sequence>'
     (finding,) = check(forest_of(document(body)), REGISTRY, [PALETTE])
-    assert finding.message.endswith("which writes it, is ticked later, unless C++ code writes it")
+    assert finding.message.endswith("writes it, but is ticked later, unless C++ code writes it")
 
 
 def test_the_output_of_a_leaf_of_a_palette_writes_a_key_and_its_input_does_not():

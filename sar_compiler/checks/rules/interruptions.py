@@ -199,7 +199,7 @@ def _check_cancelled(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[D
             f"{work[0].name} succeeds, and vice versa"
         )
         attribute = "policy" if "policy" in bound.element.attributes else "success_count"
-        hint = "require all to succeed, or move the watching branch out of this Parallel"
+        hint = "require all children to succeed, or move the watching branch out of this Parallel"
         yield bound.element.finding("cancelled-branch", message, value=attribute, hint=hint)
 
 
@@ -234,7 +234,7 @@ def _check_shared_actions(bound: BoundNode) -> Iterator[Diagnostic]:
                     f"{action.found.name} sends goals to '{action.name}' at the same time as {other.found.name}: a new goal "
                     "preempts the active one"
                 )
-                hint = f"run one after the other: replace '{bound.name}' by a <Sequence>"
+                hint = f"run the children one after the other: replace '{bound.name}' by a <Sequence>"
                 yield action.found.place.element.finding("shared-action", message, hint=hint)
                 return
         for action in actions:

@@ -32,7 +32,7 @@ from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity
 from sar_compiler.tree.guessing import Guesses, likeness
 
 _LIKE, _CLOSE = 0.7, 0.75
-"""The similarity from which one key may be a typo of another, and the similarity from which it certainly is."""
+"""Two minimum similarities of keys: one at which a key may be a typo of another key, and one at which it is a typo."""
 
 
 def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
@@ -149,10 +149,10 @@ def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None)
     if near is not None and key == entry.key:
         suggestion = near if access.place else f"{{{near}}}" if access.attribute in use.node.keys else near
     if access.kind is AccessKind.CHANGE:
-        message = f"{access.attribute}: '{key}' is never created, and = and similar operators need an existing variable"
+        message = f"{access.attribute}: '{key}' is never created, but '=' and similar operators need an existing variable"
         hint = f"to create it, write {key} := ..."
     elif key.startswith("{") and key.endswith("}"):
-        message = f"{access.attribute}: the inner braces are part of the name, and '{key}' is never written"
+        message = f"{access.attribute}: the inner braces are part of the key, so the key is '{key}', which is never written"
         suggestion = key
     else:
         message = f"{access.attribute}: '{key}' is read here, but never written"
@@ -162,7 +162,7 @@ def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None)
 
 def _unknown_enumeration(use: EntryAccess, meant: str) -> Diagnostic:
     access = use.access
-    message = f"{access.attribute}: '{access.key}' is not a declared enumerator, and is never written"
+    message = f"{access.attribute}: '{access.key}' is not a declared enumerator, and no node writes a key of this name"
     return use.node.element.finding("unwritten-key", message, access.span(), suggestion=meant)
 
 
@@ -178,7 +178,7 @@ def _unwritten_argument(
 
 def _writing_hint(use: EntryAccess, key: str) -> str:
     if _is_name_of_key(use):
-        return f'{use.access.attribute} takes the name without braces: write {use.access.attribute}="{key}"'
+        return f'{use.access.attribute} takes the name of a key without braces: write {use.access.attribute}="{key}"'
     if use.instance.around is not None:
         return f'pass it to the subtree, <SubTree ID="{use.instance.tree.name}" {key}="..."/>, or write it in a node'
     shown = f"@{key}" if use.access.place else f"{{@{key}}}"
@@ -196,7 +196,7 @@ def _is_typo(entry: EntryAccesses, near: str) -> bool:
 
 
 def _is_passed_unused_key(use: EntryAccess, board: EntryTable) -> bool:
-    """Return whether a `SubTree` passes a key to the tree of an access that the tree does not use."""
+    """Return whether the `SubTree` around an access passes a key that its tree does not use."""
     place = use.instance.place
     if place is None:
         return False
@@ -205,7 +205,7 @@ def _is_passed_unused_key(use: EntryAccess, board: EntryTable) -> bool:
 
 
 def _is_name_of_key(use: EntryAccess) -> bool:
-    """Return whether a port expects the name of a key, so that an entry in braces contains the name."""
+    """Return whether a port expects the name of a key. A key in braces must then contain that name."""
     role = use.node.spec.semantics.keys.get(use.access.attribute)
     return role is not None and role.indirect
 
@@ -219,7 +219,7 @@ def _nearest(key: str, others: Collection[str], guesses: Guesses) -> str | None:
 
 
 def _may_be_enumeration(use: EntryAccess, entry: EntryAccesses, enums: Collection[str]) -> bool:
-    """Return whether a name that scripts only read is a declared enumerator, or may be one because of its capital."""
+    """Return whether a name that scripts only read is a declared enumerator, or looks like one (capital letter)."""
     if (
         use.access.place is None
         or use.access.kind is not AccessKind.READ
@@ -236,7 +236,7 @@ def _too_early(entry: EntryAccesses) -> Iterator[Diagnostic]:
             message = (
                 f"{use.access.attribute}: '{use.access.key}' is read here before it is written: "
                 f"'{writer.node.name}' (line {writer.node.element.line}"
-                f"{file_of(writer.node.element, use.node.element)}), which writes it, is ticked later"
+                f"{file_of(writer.node.element, use.node.element)}) writes it, but is ticked later"
             )
             hint = "write it earlier, or read it later"
             yield use.node.element.finding("read-before-write", message, use.access.span(), hint=hint)
@@ -323,14 +323,14 @@ def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> I
 
 
 def find_unwritten_ends(entry: EntryAccesses, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield the first read of an entry that may happen after its writers ended without writing it.
+    """Yield the first read of an entry that can follow when all writers have ended without writing the entry.
 
-    Only leaves whose outcomes declare the keys that they write are checked (`Outcome.writes`). A read is reported if a
-    run is possible in which it is the first access after such an end. This is decided from the positions of the two
-    nodes. From the writer upwards, the rule computes what its ancestors can return after such an end, up to the node in
-    which writer and reader are in different children. The reader is reached if that node then continues to the reader's
-    branch. If anything on the path may depend on the same end (a condition, a script before a node, a branch that is
-    chosen), nothing is reported, because a wrong finding is worse than a missing finding.
+    The rule checks only leaves whose outcomes declare the keys that they write (`Outcome.writes`). It reports a read
+    if, in some possible run, the read is the first access after a writer has ended without writing. The positions of the
+    writer and the reader decide this. The rule computes the possible results of the writer's ancestors after such an
+    end, from the writer up to the node that has the writer and the reader in different children. If this node then
+    continues to the reader's branch, the reader is reached. The rule reports nothing if a condition, a script before a
+    node or a chosen branch on the path may depend on the same end, because a wrong finding is worse than a missing one.
     """
     if not entry.writers or any(_silent_outcomes(writer) is None for writer in entry.writers):
         return
@@ -379,7 +379,7 @@ def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes)
 
 
 def _outcomes_without_write(writer: EntryAccess, top: TreePosition, outcomes: PossibleOutcomes) -> int:
-    """Return the outcome set of the node at *top* after a leaf below it did not write a key; empty if not known."""
+    """Return the results of the node at *top* after a leaf below it did not write a key; 0 if not known."""
     ended = 0
     for outcome in _silent_outcomes(writer) or ():
         ended |= BITS[outcome.status]

@@ -39,8 +39,8 @@ def _check_endless(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Dia
         return
     child = bound.children[0]
     ends = bound.spec.semantics.end_results(bound) & ~K if len(bound.children) == 1 else 0
-    why = f"'{child.name}' never {_VERBS[ends]}" if ends in _VERBS else "nothing in it can end it"
-    hint = f"make it possible for '{child.name}' to end it, or remove <{bound.spec.tag}>"
+    why = f"'{child.name}' never {_VERBS[ends]}" if ends in _VERBS else "no child can end it"
+    hint = f"change '{child.name}' so that it can end '{bound.name}', or remove <{bound.spec.tag}>"
     yield bound.element.finding("never-ends", f"'{bound.name}' never ends: {why}", hint=hint)
 
 
@@ -56,7 +56,7 @@ def _check_gates(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagn
 
 
 def _gate_reason(gate: Gate, children: Sequence[BoundNode]) -> str:
-    """Return why a child is never ticked, if its ticks depend on other children's results."""
+    """Return why a child is never ticked: the other children never return the results that it needs."""
     verb = _VERBS[gate.outcomes & ~K]
     if len(gate.children) > 1:
         return f"no earlier child ever {verb}"
@@ -81,9 +81,9 @@ def _unreachable(bound: BoundNode, why: str) -> Diagnostic:
 
 
 DEFAULT_PERIOD = 0.5
-"""The time between two ticks in seconds, if the mission does not define it."""
+"""The default time between two ticks, in seconds, for missions that do not define this time."""
 _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first tick"}
-"""Descriptions of a child that never returns the status to which its decorator reacts, by this status."""
+"""For each status to which a decorator reacts, a description of a child that never returns this status."""
 
 
 def check_needless_nodes(context: CheckContext) -> Iterator[Diagnostic]:
@@ -142,10 +142,10 @@ def _check_interrupting(
     found = outcomes.find_leaf(child, outcomes.is_work)
     if found is not None:
         message = (
-            f"{found.name} is interrupted in every tick in which it runs: '{bound.name}' ends, and "
-            "restarts it in the next tick"
+            f"{found.name} is interrupted in every tick in which it runs: '{bound.name}' ends in this tick "
+            "and restarts it in the next tick"
         )
-        hint = "let it run, and limit its time with a <Timeout>"
+        hint = "let this node run for several ticks, and limit its time with a <Timeout>"
         yield bound.element.finding("interrupted-action", message, hint=hint)
 
 
@@ -174,7 +174,7 @@ def _check_timeout(bound: BoundNode) -> Iterator[Diagnostic]:
     seconds = _limit_sec(bound)
     if seconds == math.inf:
         message = f"'{bound.name}' has no effect: msec=\"0\" is no limit"
-        hint = "write a time limit, or delete it"
+        hint = f"write a time limit in msec, or delete <{bound.element.tag}>"
         yield bound.element.finding("without-effect", message, hint=hint)
     elif seconds is not None and seconds <= DEFAULT_PERIOD:
         message = (
@@ -248,7 +248,9 @@ def _check_inner_limits(bound: BoundNode, seconds: float | None) -> Iterator[Dia
                 f"'{inner.name}' has no effect: its limit of {limit:g} s never expires before the limit of {seconds:g} s of "
                 f"'{bound.name}'"
             )
-            yield inner.element.finding("without-effect", message, hint="write a shorter time, or delete it")
+            yield inner.element.finding(
+                "without-effect", message, hint=f"write a shorter time, or delete <{inner.element.tag}>"
+            )
         elif limit is None or limit == math.inf:
             waiting.extend(inner.children)
 

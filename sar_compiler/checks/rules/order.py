@@ -48,7 +48,7 @@ def check_order(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 class _LeafFacts:
-    """The declarations of a leaf's registration about facts, with placeholders replaced."""
+    """The facts that a leaf's registration declares, with all placeholders replaced."""
 
     def __init__(self, spec: NodeSpec, names: Mapping[str, str]) -> None:
         def fill_attributes(text: str) -> str:
@@ -112,7 +112,7 @@ def _leaves(top: TreeInstance) -> Iterator[_FactLeaf]:
 
 
 def _numbers(bound: BoundNode) -> dict[str, str]:
-    """Return the texts that replace the placeholders of a leaf's integer attributes, by attribute."""
+    """Return, for each integer attribute of a leaf, the texts that may replace its placeholder."""
     numbers = (parameter for parameter in bound.spec.constant_attributes if parameter.is_integer_parameter)
     return {
         # The value of a key is unknown, so it is replaced by a name that no script can evaluate.
@@ -167,7 +167,7 @@ class _Effects:
         self._untouched: dict[tuple[_FactLeaf, _FactLeaf, frozenset[str]], bool] = {}
 
     def enabling_leaves(self, declared: _LeafFacts) -> Sequence[OrderedAccesses]:
-        """Return the leaves that enable leaves with the given declarations, grouped by the former's declarations."""
+        """Return the leaves that enable leaves with the given declarations, one group for each declaration."""
         if declared not in self._enabling:
             others = {each: None for fact in sorted(declared.needs) for each in self._changing.get(fact, ())}
             self._enabling[declared] = [
@@ -179,7 +179,7 @@ class _Effects:
 
     @functools.cached_property
     def _leaves_before_readers(self) -> dict[tuple[str, TreePosition], list[_FactLeaf]]:
-        """The leaves that change a fact which some leaf reads, by this fact and each sequence around the leaf."""
+        """For each fact that a leaf reads, and each sequence, the leaves in the sequence that change the fact."""
         read = {fact for leaf in self._readers for fact in leaf.declared.reads}
         changing = {declared: declared.changes & read for declared in self._alike if declared.changes & read}
         leading: dict[tuple[str, TreePosition], list[_FactLeaf]] = {}
@@ -234,13 +234,13 @@ def _check_too_early(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
     needed = min(uses, key=lambda use: use.position.number).node
     message = (
         f"'{leaf.use.node.name}' can only fail here: it needs the effect of '{needed.name}' (line {needed.element.line}), "
-        "which follows it"
+        "which is ticked later"
     )
     return leaf.use.node.element.finding("wrong-order", message, hint=f"move it after '{needed.name}'")
 
 
 def _check_undone(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
-    """Return a finding about a leaf that needs an earlier leaf's effect which another leaf undoes before it."""
+    """Return a finding about a leaf that needs the effect of an earlier leaf, if a leaf in between undoes it."""
     before = effects.last_two_before(leaf) if leaf.declared.reads else []
     if len(before) < _DOING_AND_UNDOING:
         return None
@@ -250,8 +250,8 @@ def _check_undone(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
         return None
     name, other = leaf.use.node.name, undoing.use.node
     message = (
-        f"'{name}' needs the effect of '{doing.use.node.name}', but '{other.name}' (line {other.element.line}), which "
-        "is between them, undoes it"
+        f"'{name}' needs the effect of '{doing.use.node.name}', but '{other.name}' (line {other.element.line}) "
+        "undoes this effect in between"
     )
     return leaf.use.node.element.finding("wrong-order", message, hint=f"move it before '{other.name}'")
 

@@ -1,8 +1,8 @@
 """The possible results of each bound node, whether it can take time, and which leaves a restart repeats.
 
 The results are computed once for all rules, from the leaves to the root. They follow from the declarations of leaves
-and the semantics of controls and decorators (`nodes.semantics`). A node that only a model describes, or that declares
-nothing, may return any status, and no status is known to occur.
+and the semantics of controls and decorators (`nodes.semantics`). A node that only a model
+describes, or that declares nothing, may return any status; none of them is known to occur.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -18,10 +18,10 @@ _YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FA
 _SHIFT = 4
 _UNKNOWN = ALL
 _CONDITIONS = {"_failureIf": (True, F), "_successIf": (True, S), "_skipIf": (True, K), "_while": (False, K)}
-"""The conditions in the order of evaluation, with the truth value that decides the node's result, and this result."""
+"""Each condition attribute, the truth value that decides the node's result, and this result, in evaluation order."""
 
 OutcomeSets = int
-"""A node's possible results in the lower four bits, and the results known to occur in some run in the higher bits."""
+"""A bit set: the lower four bits are a node's possible results, the higher bits those that occur in some run."""
 
 
 class FoundLeaf(NamedTuple):
@@ -29,7 +29,7 @@ class FoundLeaf(NamedTuple):
 
     Attributes:
         leaf: The leaf.
-        place: The node of the searched tree that is the leaf, or the `SubTree` that contains it.
+        place: The leaf itself, or the `SubTree` node of the searched tree that contains the leaf.
     """
 
     leaf: BoundNode
@@ -37,19 +37,19 @@ class FoundLeaf(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The leaf's name in messages, with the name of its tree if that is not the searched tree."""
+        """The leaf's name in messages, with the name of its tree if the leaf is in another tree."""
         inside = (
             "" if self.leaf is self.place else f" in the tree '{self.place.element.attributes.get('ID')}'"
         )
         return f"'{self.leaf.name}'{inside}"
 
     def name_next_to(self, other: BoundNode) -> str:
-        """Return the leaf's name in a message that names another node as well."""
+        """Return the leaf's name for a message that also names another node."""
         return self.name if self.leaf.name != other.name else name_next_to(self.leaf, other)
 
 
 def name_next_to(bound: BoundNode, other: BoundNode) -> str:
-    """Return a node's name in a message that names another node, with its line if both have the same name."""
+    """Return a node's name for a message that also names another node; add the line if the names are equal."""
     if bound.name != other.name:
         return f"'{bound.name}'"
     return f"'{bound.name}' (line {bound.element.line}{file_of(bound.element, other.element)})"
@@ -63,7 +63,7 @@ class PossibleOutcomes:
         broken: The nodes with errors, which may return any status.
 
     Attributes:
-        blocked: The sequences and selectors in which a child never lets them continue with the next child.
+        blocked: The sequences and selectors that never continue after one of their children.
         running: The sequences and selectors with a child that is known to take time.
     """
 
@@ -92,8 +92,8 @@ class PossibleOutcomes:
     def find_restarted(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> FoundLeaf | None:
         """Return the first leaf below a node that meets a condition and always restarts when the node restarts.
 
-        Leaves that are ticked only after certain results are skipped: leaves after the first child of a selector, in
-        a branch, or under a condition. Nodes that are executed only once are skipped as well.
+        The search skips leaves that are ticked only after certain results: leaves after the first child of a selector,
+        in a branch, or under a condition. It also skips nodes that are executed only once.
         """
         if bound.oneshot is not None or bound.conditions or bound in self._broken:
             return None
@@ -160,7 +160,7 @@ class PossibleOutcomes:
             self._known[parent] = outcome_sets
 
     def _ordered_outcomes(self, bound: BoundNode, children: tuple[OutcomeSets, ...]) -> OutcomeSets:
-        """Return the outcome sets of a sequence or selector, which depend only on its children's outcome sets."""
+        """Compute the outcome sets of a sequence or selector from the outcome sets of its children."""
         # For a reactive control the result depends on which children are leaves.
         leaves = bound.is_reactive and tuple(child.spec.kind.is_leaf for child in bound.children)
         key = (id(bound.spec), children, leaves)
@@ -205,7 +205,7 @@ class PossibleOutcomes:
 
 
 def is_informative(spec: NodeSpec) -> bool:
-    """Return whether a node declares more than that it immediately succeeds or fails."""
+    """Return whether a node declares more than an immediate success or failure."""
     if not spec.kind.is_leaf:
         return spec.semantics.order is not Order.IN_ORDER
     outcomes = spec.statuses if not spec.is_only_described else frozenset()
@@ -213,7 +213,7 @@ def is_informative(spec: NodeSpec) -> bool:
 
 
 def has_world_effect(leaf: BoundNode) -> bool:
-    """Return whether a leaf is known to have an effect on the world, apart from the blackboard."""
+    """Return whether a leaf is known to have an effect on the world, not only on the blackboard."""
     spec = leaf.spec
     if spec.is_only_described:
         return False

@@ -32,7 +32,7 @@ _REMEDY = "Use arithmetic operators only with numbers, and '..' to join strings"
 _ALWAYS = f"this error is raised in every tick of the node. {_REMEDY}"
 _IN_BRANCH = f"this error is raised in every tick that takes the branch. {_REMEDY}"
 _NEVER_TICKED = frozenset({("_failureIf", True), ("_successIf", True), ("_skipIf", True), ("_while", False)})
-"""Conditions, with the truth value that prevents all ticks of the node."""
+"""The condition attributes, each with the truth value that prevents every tick of the node."""
 _CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
 
 
@@ -101,7 +101,7 @@ def _check_constant(bound: BoundNode, attribute: str, script: Script) -> Iterato
 
 
 def _no_ops(bound: BoundNode, attribute: str, script: Script, *, is_condition: bool) -> Iterator[Diagnostic]:
-    """Yield findings about statements whose value is not used, one for each series of such statements."""
+    """Yield one finding for each series of statements whose values are not used."""
     without_value = script.statements[:-1] if is_condition else script.statements
     for is_idle, group in itertools.groupby(without_value, _is_idle):
         statements = list(group)
@@ -118,9 +118,9 @@ def _is_idle(statement: Expression) -> bool:
 
 def _idle_hint(statements: list[Expression]) -> str:
     if all(isinstance(each, Literal) for each in statements):
-        return "; ends a statement. Write a list as a string, in '...'"
+        return "';' ends a statement. Write a list as a string in quotation marks: '...'"
     if isinstance(statements[0], ComparisonChain):
-        return "it only compares. Assign with = or :="
+        return "this statement only compares. To assign a value, use = or :="
     if isinstance(statements[0], Name) and statements[0].name in _NO_OPERATORS:
         return "write a choice as 'condition ? value : other value'"
     return "delete it, or assign it to a variable, as in x := ..."
@@ -163,8 +163,8 @@ class _Samples(NamedTuple):
     """Samples of the possible values of an expression.
 
     Attributes:
-        values: The value, if it is known. Otherwise, a value of each possible type that every operator for this type
-            accepts.
+        values: The value, if it is known. Otherwise, one value of each possible type, chosen so that
+            every operator for this type accepts it.
         is_known: Whether the value is known.
     """
 
@@ -178,7 +178,7 @@ _NUMBER, _ANY = _Samples((1.0,)), _Samples((1.0, "1"))
 def find_certain_errors(
     script: Script, *, is_condition: bool
 ) -> tuple[list[EvaluationError], list[EvaluationError]]:
-    """Return the errors that a script always raises, and the errors in branches of `? :` that may not be taken."""
+    """Return the errors that a script always raises, and the errors in branches of `? :` that it may skip."""
     folding = _Folding(script.text)
     values = [folding.values_of(statement) for statement in script.statements]
     if is_condition and values:
@@ -192,11 +192,11 @@ class _Folding:
     def __init__(self, text: str) -> None:
         self.errors: list[EvaluationError] = []
         self.in_branches: list[EvaluationError] = []
-        """The errors in branches of `? :` that may not be taken."""
+        """The errors in branches of `? :` that the script may skip."""
         self._text = text
 
     def values_of(self, node: Expression) -> _Samples:
-        """Return the possible values of an expression; any value if the expression always raises an error."""
+        """Return the possible values of an expression. If it always raises an error, any value is possible."""
         if isinstance(node, Literal):
             return _Samples((node.value,), is_known=True)
         if isinstance(node, Prefix):
@@ -226,7 +226,7 @@ class _Folding:
         error_of: Callable[[RefusedValueError, tuple[Any, ...]], EvaluationError],
         *operands: _Samples,
     ) -> _Samples:
-        """Return the possible results of an operator; record the error if all operands raise one."""
+        """Return the possible results of an operator; record an error if it rejects all possible operands."""
         results: list[ScriptValue] = []
         errors = []
         for values in itertools.product(*(each.values for each in operands)):

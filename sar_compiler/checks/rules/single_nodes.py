@@ -26,7 +26,10 @@ def check_classes(context: CheckContext) -> Iterator[Diagnostic]:
     for bound in (node for tree in context.bound_forest.trees for node in tree.nodes if abstract):
         spec = abstract.pop(bound.spec.tag, None)
         if spec is not None:
-            message, hint = f"<{spec.tag}> cannot be created: {_missing_in(spec)}", "define it in the class"
+            message, hint = (
+                f"<{spec.tag}> cannot be created: {_missing_in(spec)}",
+                "define the missing method in the class",
+            )
             yield bound.element.finding("constructor-failed", message, hint=hint)
 
 
@@ -106,8 +109,8 @@ def _units(spec: NodeSpec) -> dict[str, str]:
 # A separator next to a blank is punctuation.
 _SEPARATOR = r"(?<=\S)[/.](?=\S)"
 _SEPARATES = {
-    "/": "separates the names of a path: scenarios, properties and py_trees' blackboard read two names",
-    ".": "separates a key from its attributes on py_trees' blackboard, whose tools read two names",
+    "/": "separates the names of a path, so scenarios, properties and py_trees' blackboard read it as two names",
+    ".": "separates a key from its attributes on py_trees' blackboard, so py_trees' tools read it as two names",
 }
 
 

@@ -19,7 +19,7 @@ _KeysOf = Callable[[BoundTree], frozenset[str] | None]
 
 
 def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about unused trees, and about attributes of `SubTree` that do not match the tree's use of keys."""
+    """Yield findings about unused trees, and about `SubTree` attributes that do not match the tree's keys."""
     compared = functools.cache(_compared_strings)
     for tree in context.trees:
         yield from _keys_as_strings(tree, context, compared)
@@ -71,14 +71,14 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
             message = (
                 f"the tree '{tree.name}' is never ticked: neither '{mains[0].name}' nor another tree uses it"
             )
-            hint = f'use it, <SubTree ID="{tree.name}"/>, or delete it'
+            hint = f'use the tree in <SubTree ID="{tree.name}"/>, or delete it'
             yield element.finding("unused-tree", message, value="ID", hint=hint)
 
 
 def _keys_as_strings(
     tree: BoundTree, context: CheckContext, compared: Callable[[BoundTree], frozenset[tuple[str, object]]]
 ) -> Iterator[Diagnostic]:
-    """Yield findings about strings for a subtree that are keys of the outer tree. Version 3 passed keys without braces."""
+    """Yield findings about string arguments that equal a key of the outer tree: version 3 passed keys unbraced."""
     given = [(use, name, text) for use in tree.uses for name, text in use.remapping.constants.items()]
     if not given:
         return
@@ -114,7 +114,7 @@ def _compared_strings(tree: BoundTree) -> frozenset[tuple[str, object]]:
 
 
 def _keys_of_trees(accesses: Mapping[BoundTree, KeyAccesses]) -> _KeysOf:
-    """Return a function that returns the keys that a tree uses, or None if a node of the tree may access any key."""
+    """Return a function that maps a tree to the keys that it uses, or to None if it may access any key."""
 
     @functools.cache
     def keys_of(tree: BoundTree) -> frozenset[str] | None:
@@ -170,7 +170,7 @@ def _unused_arguments(use: BoundNode, context: CheckContext, keys_of: _KeysOf) -
 
 
 def _undeclared_arguments(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about keys that the model of a tree does not declare, if only the model is known."""
+    """Yield findings about arguments that a tree's model does not declare, if only this model is known."""
     model = context.bound_forest.models.subtrees.get(use.spec.tag)
     if model is None or not model.ports:  # a model without ports may only declare that the tree exists
         return

@@ -1,4 +1,4 @@
-"""Differences between versions of BehaviorTree.CPP that affect trees, and that binding does not report."""
+"""Rules about differences between BehaviorTree.CPP versions that affect trees and are not yet reported."""
 
 import itertools
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic
 
 
 def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about constructs that newer versions refuse, or older versions lack or evaluate differently."""
+    """Yield findings about constructs that newer versions refuse, or that older ones lack or read differently."""
     collector = FindingCollector(context.btcpp)
     for tree in (tree for tree_file in context.forest.files for tree in tree_file.trees):
         fault = tree_id_fault(tree.attributes.get("ID", ""))
@@ -53,7 +53,7 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about literals that this project reads as a port's type, but BehaviorTree.CPP does not."""
+    """Yield findings about literals that sar_compiler, but not BehaviorTree.CPP, can read as a port's type."""
     for bound, types in context.nodes_with(_readable_types):
         for name, cpp in types.items():
             text = bound.element.attributes.get(name)
@@ -75,13 +75,13 @@ def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
                 message,
                 value=name,
                 suggestion=plain if is_meant else None,
-                hint=f"write a key of the type {kind}",
+                hint=f"write a key whose value has the type {kind}",
                 severity=btcpp_severity(context.btcpp),
             )
 
 
 def _readable_types(spec: NodeSpec) -> dict[str, str]:
-    """Return the C++ type of each port that a node reads; the queue type's name for the queue of a loop."""
+    """Return the C++ type of each port that a node reads; for the queue of a loop, the queue type's name."""
     found = {}
     for port in spec.ports:
         kind = port.value_type
@@ -117,7 +117,9 @@ def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: 
         if isinstance(literal, Literal) and script.text[literal.start] == '"':
             inside = script.text[literal.start + 1 : literal.end - 1]
             message = f"{attribute}: a string is in double quotation marks"
-            hint = "write '...'. The string itself cannot contain a single quotation mark"
+            hint = (
+                "write the string in single quotation marks: '...'. It cannot contain a single quotation mark"
+            )
             span = bound.element.value_part_span(attribute, literal.start, literal.end)
             advice = Advice(suggestion=None if "'" in inside else f"'{inside}'", hint=hint)
             collector.report_rejected_since(QUOTES, bound.element, message, span, **advice)
@@ -161,7 +163,7 @@ class OlderReading(NamedTuple):
         start: The offset of the part's first character in the script's text.
         end: The offset after the part's last character.
         what: The behaviour of the older version, which completes the sentence "BehaviorTree.CPP 4.8 ...".
-        hint: A remedy that all versions read alike.
+        hint: A remedy that has the same meaning in all versions.
     """
 
     start: int
@@ -171,7 +173,7 @@ class OlderReading(NamedTuple):
 
 
 def older_readings(script: Script, version: Version) -> Iterator[OlderReading]:
-    """Yield the parts of a 4.9 script that an older version rejects or evaluates differently."""
+    """Yield the parts of a script for version 4.9 that an older version rejects or evaluates differently."""
     if version < ORDER:
         yield from _right_associative(script)
     if version < STATEMENTS:
@@ -198,7 +200,7 @@ def _missing_semicolons(script: Script) -> Iterator[OlderReading]:
 
 
 class _FlatPart:
-    """The operators read so far at one level of parentheses of an expression."""
+    """The operators read so far at one nesting level of an expression's parentheses."""
 
     def __init__(self) -> None:
         self._first = ""

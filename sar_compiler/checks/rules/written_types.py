@@ -1,4 +1,4 @@
-"""Rules about values of an entry that a port with its key cannot read, or that BehaviorTree.CPP cannot write."""
+"""Rules about values that a port cannot read from its entry, or that BehaviorTree.CPP cannot write to it."""
 
 import itertools
 from collections.abc import Collection, Iterator
@@ -65,7 +65,7 @@ _WRITING = (AccessKind.WRITE, AccessKind.CHANGE, AccessKind.BOTH)
 
 
 class _TypedPort(NamedTuple):
-    """A port that has the key of the checked entry as its value.
+    """A port that reads or writes the checked entry.
 
     Attributes:
         bound: The node of the port.
@@ -89,12 +89,12 @@ class _TypedPort(NamedTuple):
 
     @property
     def is_of_user(self) -> bool:
-        """Whether the port has a type of the C++ program, which must define how to convert strings to it."""
+        """Whether the port's type is from the C++ program, which must then define its conversion from strings."""
         return needs_converter(self.cpp) and self.bound.spec.provenance is Provenance.DESCRIBED
 
     @property
     def type_text(self) -> str:
-        """The port's type as messages name it."""
+        """The name of the port's type in messages."""
         return "items" if is_loop_queue(self.cpp) else self.cpp or ANY
 
 
@@ -124,8 +124,8 @@ class _KeyWrite(NamedTuple):
         element: The element that contains the location.
         attribute: The attribute that names the key.
         key: The key, by its name in the element's tree.
-        place: The attribute that contains the written value, and the value's start and end in it; None instead of start
-            and end for the whole attribute.
+        place: The attribute that contains the written value, and the value's start and end in this attribute (None if the
+            value is the whole attribute).
         values: The possible values; None if they are not known.
         port: The port that writes; None for a script, a constant, a copy or an item.
         is_copy: Whether a node copies the value with its type.
@@ -177,7 +177,7 @@ class KeyTypeRules:
         self._values: dict[tuple[Scope, str], _PossibleValues] = {}
 
     def check_entry(self, entry: EntryAccesses) -> Iterator[Diagnostic]:
-        """Yield an entry's values that one of its ports cannot read, or that BehaviorTree.CPP rejects in a tick."""
+        """Yield findings about values that a port of the entry cannot read, or that BehaviorTree.CPP rejects."""
         first = self._types.get((entry.scope, entry.key))
         if first is None:
             return
@@ -347,13 +347,13 @@ class KeyTypeRules:
         yield from itertools.islice(itertools.chain(refused, notes), 1)
 
     def _is_read_as(self, value: _WrittenValue, cpp: str) -> bool:
-        """Return whether a known value is not a string, or is a string that can be converted to a number type."""
+        """Return whether a known value can be read as a number type. All values except strings can."""
         return not isinstance(value.value, str) or can_be_converted(value.value, cpp, self._version)
 
     def _refused_by(
         self, port: _TypedPort, write: _KeyWrite, values: tuple[_WrittenValue, ...], first: EntryType
     ) -> Diagnostic | None:
-        """Return the finding about values that BehaviorTree.CPP rejects because of a port; None if it accepts them."""
+        """Return the finding about values that BehaviorTree.CPP rejects at a port; None if it accepts the values."""
         types = [value.cpp for value in values]
         shown, is_new, is_given = " or ".join(dict.fromkeys(types)), False, first.parameter is None
         # The types of constants, items and ports are compared when the tree is bound.
@@ -427,7 +427,7 @@ class KeyTypeRules:
     def _check_late_scripts(
         self, write: _KeyWrite, ports: list[_TypedPort], first: EntryType
     ) -> Iterator[Diagnostic]:
-        """Yield findings about scripts in entries that a node writes. BehaviorTree.CPP needs them before any tick."""
+        """Yield findings about scripts that a node writes, but that BehaviorTree.CPP needs before any tick."""
         for port in ports:
             spec, name, element = port.bound.spec, port.parameter.name, port.bound.element
             if not spec.semantics.counterpart.built_in:
@@ -438,7 +438,7 @@ class KeyTypeRules:
                 line = f"line {write.element.line}{file_of(write.element, element)}"
                 message = (
                     f"{name}: BehaviorTree.CPP refuses the tree, because it needs the script in '{port.bound.keys[name]}' "
-                    f"before <{write.element.tag}> writes it ({line}), although the tree runs here"
+                    f"before <{write.element.tag}> writes it ({line}). sar_compiler can run the tree"
                 )
                 hint = f'write the script in {name}="…", or pass it to a subtree: <SubTree ID="…" {port.bound.keys[name]}="…"/>'
                 yield element.finding(
@@ -465,7 +465,7 @@ class KeyTypeRules:
             for each in name_uses(script):
                 is_known = each.name in made_there or is_root_key(each.name)
                 if not is_known and not self._is_written(use.instance.scope, each.name):
-                    hint = f"write a quoted string, '{each.name}', or a key that is written earlier"
+                    hint = f"write the quoted string '{each.name}', or a key that is written earlier"
                     if each.name[0].isupper():
                         hint = f"{hint}, or declare an enumeration in [language.enums] of sar.toml"
                     message = f"{what} reads '{each.name}', which is never written"
@@ -482,17 +482,17 @@ class KeyTypeRules:
         self, message: str, element: Element, span: Span, port: _TypedPort | None, *, is_new: bool = False
     ) -> Diagnostic:
         """Return the finding about a value that makes BehaviorTree.CPP raise an error in a tick."""
-        message = f"{message}, for which BehaviorTree.CPP raises an error"
+        message = f"{message}, so BehaviorTree.CPP raises an error"
         code = "cpp-type-mismatch"
         if is_new:
             code, message = "btcpp-version", f"{message} since {NUMBERS.release}"
         elif port is not None and not port.bound.spec.is_foreign and not is_loop_queue(port.cpp):
-            message = f"{message}, although it is converted here"
+            message = f"{message}, although sar_compiler converts the value"
         return element.finding(code, message, span, hint="use two keys", severity=self._severity)
 
 
 def _has_written(earlier: EntryAccess, later: EntryAccess) -> bool:
-    """Return whether a write has certainly happened before a later write, because both nodes are in one sequence."""
+    """Return whether a write always happens before a later write, because both nodes are in one sequence."""
     around = earlier.position.around
     if around is None or around is not later.position.around:
         return False
@@ -500,7 +500,7 @@ def _has_written(earlier: EntryAccess, later: EntryAccess) -> bool:
 
 
 def _script_in(text: str, port: _TypedPort) -> Script | None:
-    """Return the script in a string; None if the string is not a script, which another rule reports."""
+    """Return the script in a string; None if the string is not a script. Another rule reports such strings."""
     try:
         script = port.parameter.value_type.convert(text)
     except ConversionError:
@@ -511,7 +511,7 @@ def _script_in(text: str, port: _TypedPort) -> Script | None:
 def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[int, EntryAccess], bool]:
     """Return one access to an entry for each kind of port, and whether anything other than a typed port writes it.
 
-    If an entry has many uses, each port of a kind of node is compared only once. A port that counts children is
+    An entry may have many uses, so each port of each kind of node is compared only once. A port that counts children is
     compared once for each number of children.
     """
     kinds: dict[int, EntryAccess] = {}
