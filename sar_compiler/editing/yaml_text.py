@@ -213,7 +213,7 @@ class YamlText:
         return self._add(parent, extent, max(extent.values.values(), default=extent.end), children)
 
     def _add(self, element: Element, extent: _NodeExtent, offset: int, lines: Snippet) -> list[TextEdit]:
-        """Return the edits that add lines to the content of an element, after the line with an offset."""
+        """Return the edits that add lines to the content of an element, after the line that contains an offset."""
         if extent.content is None:
             column = self._source.position_of(self._source.spans.tag(element)[0])[1] + 1
             colon = [] if extent.has_content else [TextEdit(extent.tag_end, extent.tag_end, ":")]
@@ -319,7 +319,7 @@ class YamlText:
 
 
 def _entry_in_flow(extent: _NodeExtent, last: int | None, entry: str, *, has_children: bool) -> TextEdit:
-    """Return the edit that adds an attribute in brackets, at the end of the last attribute's value if there is one."""
+    """Return the edit that adds an attribute in brackets, after the last attribute if there is one."""
     if extent.content is None:
         return TextEdit(extent.end, extent.end, f"{'' if extent.has_content else ':'} {{{entry}}}")
     if last is not None:

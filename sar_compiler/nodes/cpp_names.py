@@ -32,7 +32,7 @@ _INTEGER_WORDS = rf"{_WORD}(?: {_WORD})*"
 
 @functools.lru_cache(maxsize=1024)
 def normalize(name: str) -> str:
-    """Return the normal form of a C++ type name; an empty string for a port of any type.
+    """Return the normal form of a C++ type name; an empty string for the type of ports that accept any value.
 
     Aliases and compiler-specific spellings have the same normal form. For example, `uint32_t` becomes `unsigned int`, and
     `std::__cxx11::basic_string<char, ...>` becomes `std::string`.

@@ -1,8 +1,9 @@
 """Discovery of installed Python modules, excluding those in a tree file's folder.
 
-A checkout and the current folder are data, because validating trees of other people must not run their code. However,
-`sys.path` may contain these folders, through an empty part of `PYTHONPATH` or `python -m`. They may contain packages, and
-files that look like the metadata of installed distributions. This module therefore always excludes them.
+A checkout and the current folder contain only data for this module, because a check of other people's trees must not
+run their code. However,
+`sys.path` may contain these folders, through an empty part of `PYTHONPATH` or `python -m`. These folders may contain packages, and
+files that look like the metadata of installed distributions. This module therefore always excludes these folders.
 
 The folders of the interpreter (a virtual environment may be in the checkout), the folder of this package, and the
 sourced ROS workspaces are included. The metadata of a distribution that was installed with `pip install -e` names the
@@ -94,7 +95,7 @@ def allow_current_folder() -> None:
 
 
 def has_entry_point(module: str, group: str, checkout: Path | None = None) -> bool:
-    """Return, without an import, whether a module's installed package has an entry point of a group.
+    """Return whether a module's installed package has an entry point of a group, without importing it.
 
     Other modules are not meant to be imported at the request of a file. Importing them could run any code.
 
@@ -127,7 +128,7 @@ def _is_parent_package(package: str, modules: Iterable[str]) -> bool:
 def _is_checkout_a_package(top: Path, rest: list[str], checkout: Path) -> bool:
     """Return whether a module is in a checkout that is below a folder of `sys.path`.
 
-    If that folder contains several checkouts, for example, Python treats each checkout as a package.
+    This is so, for example, if that folder contains several checkouts: Python treats each checkout as a package.
     """
     folder = top.parent.resolve()
     return (folder / top.name).joinpath(*rest).is_relative_to(checkout) and not folder.is_relative_to(
@@ -157,7 +158,7 @@ def _entry_points(group: str, path: Iterable[str]) -> dict[tuple[str, str], Entr
 
 
 def _metadata(path: Iterable[str], file: str) -> Iterator[tuple[str, str]]:
-    """Yield the name and content for each distribution that has a metadata file."""
+    """Yield the name and the content of a metadata file for each distribution that has this file."""
     for folder in path:
         with suppress(OSError):
             state = os.stat(folder or os.curdir)  # noqa: PTH116

@@ -273,7 +273,7 @@ def _parallel_writes(entry: EntryAccesses) -> Iterator[Diagnostic]:
         if not entry.ordered_readers.has_access_in(around.number, around.last):
             message = (
                 f"{second.access.attribute}: '{second.access.key}' is written here and by '{first.node.name}' "
-                f"(line {first.node.element.line}), in parallel in '{around.bound.name}': the remaining value depends on "
+                f"(line {first.node.element.line}), in parallel in '{around.bound.name}': which value remains depends on "
                 "timing"
             )
             hint = "use two keys"

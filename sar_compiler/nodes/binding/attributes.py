@@ -30,7 +30,7 @@ from sar_compiler.tree.model import SUBTREE_TAG, Element
 
 ONESHOT = "oneshot"
 """The attribute that wraps any node in a OneShot with the given policy."""
-ONESHOT_HELP = "Runs the node until it completes once, then returns the same result again. An interrupted node starts over."
+ONESHOT_HELP = "Runs the node until it has completed once. From then on, returns the same result without running the node. An interrupted node starts over."
 
 CONDITIONS = {
     "_failureIf": "If this condition is true when the node is about to start, the node fails instead.",
@@ -48,7 +48,7 @@ AUTOREMAP = "_autoremap"
 """The attribute of a `SubTree` that remaps every key to the outer key of the same name."""
 
 NOTES = ("_description", "_uid", "_fullpath", "_collapsed", "_favorite", "_hardcoded", "_subtreeOnly")
-"""Attributes in which BehaviorTree.CPP and editors store notes, for schemas; all that begin with `_` can be notes."""
+"""The notes of BehaviorTree.CPP and editors that schemas list. Any attribute that begins with `_` can be a note."""
 _TEXT_NOTES = frozenset(
     {*NOTES, "_comment", "_note", "_notes", "_todo", "_doc", "_label", "_title", "_color", "_style"}
 )
@@ -68,10 +68,10 @@ _DECORATORS = {
     "forcesuccess": "<ForceSuccess>",
     "forcefailure": "<ForceFailure>",
 }
-"""The decorators that were probably intended by notes with certain names."""
+"""For each name of a note, the decorator that the author of such a note probably intended."""
 _LIKE_DECORATOR = r"(?i)_((?:timeout|delay|repeat|retry|retries|attempts|invert|negate|run_?once|force_?(?:success|failure)))"
 _NEGATED = frozenset({"_if", "_onlyIf", "_only_if", "_runIf", "_run_if", "_doIf", "_do_if", "_when"})
-"""Notes with conditions under which a node runs, whereas `_skipIf` contains a condition under which it does not run."""
+"""Notes for conditions under which a node runs. The condition in `_skipIf` is the opposite: the node does not run."""
 
 
 OneShotPolicyName: TypeAlias = Literal["ON_COMPLETION", "ON_SUCCESSFUL_COMPLETION"]
@@ -123,7 +123,7 @@ class AttributeBinder:
                 self._require(bound, parameter, other_variants)
 
     def common(self, bound: BoundNode, name: str) -> bool:
-        """Bind an attribute that every node may have; return whether it is such an attribute."""
+        """Bind an attribute if every node may have it; return False for any other attribute."""
         if name == ONESHOT:
             bound.oneshot = self.convert(bound.element, name, ONESHOT_TYPE)
         elif name in CONDITIONS:
@@ -156,7 +156,7 @@ class AttributeBinder:
         self._collector.add("unknown-attribute", message, element, name=name, **advice)
 
     def _has_condition(self, text: str) -> bool:
-        """Return whether an ignored attribute's text is a key of the tree, or a script with an operator of conditions."""
+        """Return whether an ignored attribute's text is a key of the tree, or a script that compares or assigns."""
         script = _read_condition(text)
         # Several words that happen to parse as several statements are prose, not a script.
         if script is None or len(script.statements) != 1:
@@ -188,7 +188,7 @@ class AttributeBinder:
         return bool(name in element.attributes and self.convert(element, name, _BOOL_TYPE))
 
     def _is_unclosed(self, element: Element, name: str) -> bool:
-        """Report a key with only one brace, in an attribute that cannot be a string; return whether it is such a key."""
+        """Report a key that lacks one of its braces; return False if the text is not such a key."""
         suggestion = complete_key_braces(element.attributes[name])
         if suggestion is not None:
             message = f"{name}: a key needs two braces, but '{element.attributes[name]}' has one"
@@ -263,7 +263,9 @@ class AttributeBinder:
         """Report a constant for a port that the node also writes, unless the port's direction is only guessed."""
         if bound.spec.provenance is not Provenance.FROM_USE:
             message = f"{name}: the node also writes this port, but '{text}' is not a key, so writing raises an error"
-            cause = Cause("nodes also write these ports, which have a string in place of a key", name)
+            cause = Cause(
+                "nodes also write these ports, but the ports contain a string instead of a key", name
+            )
             hint = f'write {name}="{{key}}", and set the key earlier'
             advice = Advice(hint=hint, severity=Severity.WARNING, common_cause=cause)
             self._collector.add("wrong-value", message, bound.element, value=name, **advice)
@@ -337,7 +339,7 @@ class AttributeBinder:
 
 
 def _in_unit_of_name(error: ConversionError, name: str, text: str, value_type: ValueType) -> ConversionError:
-    """Return the error for a number with another unit than the attribute, with a suggested conversion."""
+    """Return the error for a number whose unit differs from the attribute's unit; suggest a converted number."""
     unit = unit_of_key(name)
     meant = convert_with_unit(text, unit) if unit else None
     try:

@@ -46,7 +46,7 @@ _UNKNOWN_HINT = (
     "list the known nodes with sar-compile nodes, or add a module with --nodes or a palette with --model"
 )
 _LIKE_UNUSED = 0.9
-"""The minimum similarity of an unknown tag and a tag that the file does not use, if the latter is suggested."""
+"""The minimum similarity of an unknown tag to a suggested tag that the file does not use."""
 
 _Vocabulary = tuple[Registry, NodeModels, dict[str, list[NodeSpec]], dict[str, str | None]]
 """The registry and the models of a file, the specs of its tags, and the tags intended by unknown tags."""
@@ -98,7 +98,7 @@ def bind_all(
     palettes: Iterable[TreeFile] = (),
     btcpp: Version | None = None,
 ) -> BoundForest:
-    """Bind every tree of a forest, executed or not.
+    """Bind every tree of a forest, including trees that are never executed.
 
     Args:
         forest: The files.
@@ -210,7 +210,7 @@ class Binder:
         return self._words[home]
 
     def _enter(self, tree: BoundTree) -> None:
-        """Switch to a tree, and to the models of its file."""
+        """Make a tree the current tree, and its file's models the current models."""
         home = self._forest.homes.get(id(tree.element))
         if home is not self._home:
             self._registry, self._models, self._meanings, self._meant = self._vocabulary_of(home)
@@ -243,7 +243,7 @@ class Binder:
             self._collector.add("missing-child", f"<{TREE_TAG}> is empty, but needs a node", element)
             return
         for extra in children[1:]:
-            message = f"<{TREE_TAG}> can have one child, so this node is not allowed"
+            message = f"<{TREE_TAG}> can have only one child, so this node is not allowed"
             hint = "put all nodes of the tree in one Sequence or Selector"
             self._collector.add("too-many-children", message, extra, hint=hint)
         tree.nesting = self._level
@@ -285,7 +285,7 @@ class Binder:
     def _bind_own_tag(
         self, element: Element, tag: str, spec: NodeSpec, variants: Sequence[NodeSpec]
     ) -> BoundNode:
-        """Bind an element to the spec of its own tag, without its children."""
+        """Bind an element, but not its children, to the spec of its own tag."""
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
         if tag != element.tag:
             self._check_kind(bound)
@@ -322,7 +322,7 @@ class Binder:
             self._level -= 1
 
     def _index_node(self, bound: BoundNode) -> None:
-        """Add a node to the lists of nodes with rare features, so that these are found without searching all nodes."""
+        """Add a node to the lists of nodes with rare features. They spare the rules a search of all nodes."""
         tree, spec = self._current, bound.spec
         if bound.keys:
             tree.keyed.append(bound)
@@ -383,7 +383,7 @@ class Binder:
         """Report another library's node that has the name of a py_trees node."""
         needed = " and ".join(f"'{each.name}'" for each in spec.required_attributes)
         message = f"<{spec.tag}> of py_trees needs {needed}, so this node is probably from another library"
-        hint = "describe it in a palette (--model), which takes precedence"
+        hint = "describe this node in a palette (--model). The palette takes precedence over py_trees"
         self._collector.add("unknown-node", message, element, hint=hint)
         for child in element.children:
             self._node(child)
@@ -420,9 +420,7 @@ class Binder:
                 for name, default in (("internal", "INNER"), ("external", "OUTER"))
             )
             message = f"<{_REMAP}> belongs to BehaviorTree.CPP 3: since version 4, keys are attributes of <{SUBTREE_TAG}>"
-            hint = (
-                f'delete it, and write {where} use as <{SUBTREE_TAG} ID="{tree_id}" {inner}="{{{outer}}}"/>'
-            )
+            hint = f'delete it, and write {where} use of the tree as <{SUBTREE_TAG} ID="{tree_id}" {inner}="{{{outer}}}"/>'
             self._collector.add("unknown-node", message, child, hint=hint)
         return [child for child in element.children if child.tag != _REMAP]
 
@@ -433,7 +431,7 @@ class Binder:
             named = [name for name, value in element.attributes.items() if value in self._forest.known_ids]
             written = [name for name in named if name != "name" and not name.startswith("_")][:1]
         if written and written != ["ID"]:
-            message = f"<{element.tag}> has no attribute '{written[0]}', and {what} must be its ID"
+            message = f"<{element.tag}> has no attribute '{written[0]}'. Write {what} in the attribute ID"
             self._collector.add("unknown-attribute", message, element, name=written[0], suggestion="ID")
             return
         span = element.value_span("ID") if written else element.tag_span()
@@ -545,7 +543,7 @@ class Binder:
         return bound
 
     def _bind_described(self, bound: BoundNode, model: NodeModel) -> None:
-        """Bind a `SubTree` whose tree is only described by a model, as a leaf with the ports of the model."""
+        """Bind a `SubTree` whose tree only a model describes. It becomes a leaf with the ports of the model."""
         bound.spec = spec = model.spec()
         bound.keys = {name: key for name, key in bound.remapping.keys.items() if name in spec.parameters}
         self._current.skips = True  # the root of the unknown tree may be skipped

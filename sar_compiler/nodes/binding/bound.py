@@ -136,7 +136,7 @@ class BoundTree:
         scripted: The nodes that can have scripts, as conditions or as values.
         referring: The nodes that refer to other nodes.
         demanding: The nodes that depend on more than their attribute values: on keys, subtrees, other nodes, facts or
-            objects of the mission. Nodes that are only described are included.
+            objects of the mission. Nodes that only a model describes are included.
         skips: Whether one of the nodes can be skipped independently of its children.
         nesting: The nesting depth of the elements.
         wrappers: The number of conditions and OneShots that wrap nodes of the tree.

@@ -23,7 +23,7 @@ class TreeInstance:
         place: The `SubTree` node in the enclosing instance that refers to this instance; None for the main tree.
         inner: The instances in this instance, by `SubTree` node.
         references: The nodes to which the open references of the tree are resolved, with their instances.
-        texts: The keys with constants that look like numbers, but that a port reads as strings.
+        texts: The keys whose constants look like numbers, although a port reads these constants as strings.
     """
 
     tree: BoundTree
@@ -35,12 +35,12 @@ class TreeInstance:
     texts: set[str] = field(default_factory=set)
 
     def constants(self) -> Iterator[tuple[str, int | float | str]]:
-        """Yield the keys for which the `SubTree` node provides constants, with these constants."""
+        """Yield each key for which the `SubTree` node provides a constant, with the constant."""
         for key, text in self.place.remapping.constants.items() if self.place is not None else ():
             yield key, text if key in self.texts else literal_value(text)
 
     def target_of(self, bound: BoundNode, name: str) -> "tuple[TreeInstance, BoundNode] | None":
-        """Return the node to which a reference is resolved, with its instance; None if the reference is not written."""
+        """Return the node to which a reference resolves, and the node's instance; None without a reference."""
         target = bound.references.get(name)
         return (self, target) if target is not None else self.references.get((bound, name))
 
@@ -58,7 +58,7 @@ class TreeInstance:
             yield from instance.iterate()
 
     def in_place(self) -> "Iterator[tuple[TreeInstance, BoundNode]]":
-        """Yield the demanding nodes with their instances; a subtree's nodes follow its `SubTree` node."""
+        """Yield each `demanding` node and its instance; the nodes of a subtree follow the `SubTree` node."""
         for bound in self.tree.demanding:
             yield self, bound
             if bound in self.inner:
@@ -99,7 +99,10 @@ class _SubtreeExpander:
                 continue
             name = bound.element.attributes.get("name") or f"{bound.subtree.name}::{self._count}"
             if name in names:
-                message, hint = f"two subtrees in this tree are named '{name}'", "give each a unique name"
+                message, hint = (
+                    f"two subtrees in this tree are named '{name}'",
+                    "give each subtree a unique name",
+                )
                 self._collector.report_rejected_since(NAMES, bound.element, message, value="name", hint=hint)
                 name = f"{name}::{self._count}"  # so that each subtree has separate keys
             names.add(name)
@@ -139,7 +142,7 @@ class _SubtreeExpander:
     def _report_circle(
         self, instance: TreeInstance, bound: BoundNode, found: BoundNode, outer: TreeInstance
     ) -> None:
-        """Report a reference to a node that can only be created after the instance with the reference."""
+        """Report a reference to a node that can only be created after the instance that contains the reference."""
         places = {each.place for each in instance.chain() if each.around is outer}
         passed, waiting = set(), [found]
         while waiting:

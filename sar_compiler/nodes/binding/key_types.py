@@ -54,7 +54,7 @@ EntryTypes = Mapping[tuple[Scope, str], EntryType]
 
 
 def report_key_types(top: TreeInstance, collector: FindingCollector) -> EntryTypes:
-    """Report ports that cannot share a key, in a tree with its subtrees expanded; return the types of the entries.
+    """Report the ports of an expanded tree that cannot share a key; return the types of the tree's entries.
 
     The first port in the order of the expanded tree, or a constant that is passed to a subtree, determines the type of an
     entry. A port for any value or for a string leaves the type open.
@@ -95,7 +95,7 @@ def unknown_conversion(
     element: Element, attribute: str, span: Span, cpp: str, meant: str | None = None
 ) -> Diagnostic:
     """Return the finding about a string for a type that may have no conversion from strings in C++."""
-    message = f"{attribute}: BehaviorTree.CPP reads a string as {cpp} only if that is an enumeration, or C++ code defines convertFromString<{cpp}>"
+    message = f"{attribute}: BehaviorTree.CPP reads a string as {cpp} only if {cpp} is an enumeration, or C++ code defines convertFromString<{cpp}>"
     cause = Cause(
         "strings are read as these types, which must be enumerations or have a convertFromString", cpp
     )
@@ -111,7 +111,7 @@ def cpp_type(parameter: Parameter, version: Version) -> str:
 
 
 def fits(value_type: ValueType, value: object) -> bool:
-    """Return whether a port can read a string, or a number if the port accepts numbers.
+    """Return whether a port can read a value: any string, or a number if the port is numeric.
 
     For other ports, the C++ types determine whether a number can be converted.
     """
@@ -129,7 +129,7 @@ def fits(value_type: ValueType, value: object) -> bool:
 
 
 def _may_share(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> bool:
-    """Return whether a port may share the key of an earlier port, and report a conflict."""
+    """Return whether a port may share the key of an earlier port; if it may not, report the conflict."""
     assert later.parameter is not None  # noqa: S101 - a constant is always first
     if first.parameter is not None and not can_share_key(first.parameter, later.parameter):
         _report_type_conflict(first, later, key, collector)
@@ -161,7 +161,7 @@ def _report_type_conflict(first: EntryType, later: EntryType, key: str, collecto
 def _report_btcpp_type_conflict(
     first: EntryType, later: EntryType, key: str, collector: FindingCollector
 ) -> None:
-    """Report a port type that BehaviorTree.CPP rejects, but not sar_compiler."""
+    """Report a port type that sar_compiler accepts, but BehaviorTree.CPP rejects."""
     runs_here = not (first.bound.spec.is_foreign or later.bound.spec.is_foreign)
     message = (
         f"{later.name}: '{key}' is {later.cpp} here, but {first.label(later.bound.element)}, which BehaviorTree.CPP rejects"
@@ -178,7 +178,7 @@ def _report_btcpp_type_conflict(
 
 
 def btcpp_severity(btcpp: Version | None) -> Severity:
-    """Return the severity of errors that only BehaviorTree.CPP reports: error if the trees target one of its versions."""
+    """Return the severity of errors that only BehaviorTree.CPP reports: error if a version is configured."""
     return Severity.ERROR if btcpp is not None else Severity.WARNING
 
 
@@ -190,7 +190,7 @@ def _report_constant(first: EntryType, later: EntryType, key: str, collector: Fi
     if is_read and not fits(later.parameter.value_type, literal_value(written)):
         return
     message = (
-        f"{later.name}: '{key}' is {later.cpp} here, but the subtree is given {written}, which is {first.cpp}"
+        f"{later.name}: '{key}' is {later.cpp} here, but the subtree receives {written}, which is {first.cpp}"
     )
     is_plain = is_number(later.cpp) and re.fullmatch(_PLAIN_NUMBER, written)
     value = written if is_plain else f"'{written}'"

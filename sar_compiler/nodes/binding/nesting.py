@@ -23,7 +23,7 @@ This is the depth of a file with 200 nested elements. py_trees needs a stack fra
 """
 
 _LONGEST_CIRCLE = 8
-"""The maximum number of trees in a cycle that are shown; in a longer cycle, those in the middle are left out."""
+"""The maximum number of trees that a message shows of a cycle. The middle of a longer cycle is left out."""
 
 
 def cut_cycles(trees: Iterable[BoundTree], collector: FindingCollector) -> None:
@@ -40,7 +40,7 @@ def check_size_limits(main: BoundTree, collector: FindingCollector, others: int 
     Args:
         main: The tree.
         collector: The collector of findings.
-        others: The number of nodes in other trees of the file, which also count.
+        others: The number of nodes in other trees of the file. They are added to the size.
 
     Returns:
         The number of nodes in the tree; None if there is a finding.

@@ -40,7 +40,7 @@ class ReferenceCandidates:
         """Find the node to which a reference refers.
 
         Returns:
-            The node; None if no node has the required name and class; False if several nodes have them, after a finding.
+            The node; None if no node has the required name and class; False, after a finding, if several nodes have this name and class.
         """
         named = bound.element.attributes.get(parameter.name)
         found = self.candidates(parameter) if named is None else self.names(parameter).get(named, ())
@@ -58,7 +58,7 @@ class ReferenceCandidates:
             self.collector.add("ambiguous-reference", message, element, hint=hint)
         else:
             message = f"{parameter.name}: {count} {what} nodes are named '{named}' ({places})"
-            hint = "give each a unique name"
+            hint = "give each node a unique name"
             self.collector.add("ambiguous-reference", message, element, value=parameter.name, hint=hint)
         return False
 

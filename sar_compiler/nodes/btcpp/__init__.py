@@ -15,7 +15,7 @@ class Version(NamedTuple):
 
 
 VERSIONS = {str(version): version for version in (Version(4, 8), Version(4, 9), Version(4, 10))}
-"""The known versions; 4.8 means 4.8.0 to 4.8.3, because 4.8.4 checks names like 4.9."""
+"""The known versions; 4.8 means 4.8.0 to 4.8.3, because 4.8.4 checks names in the same way as 4.9."""
 OLDEST, NEWEST = min(VERSIONS.values()), max(VERSIONS.values())
 
 

@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 @dataclass(eq=False, repr=False)
 class NodeDraft:
-    """An element while it is rewritten.
+    """An element that is being rewritten.
 
     Attributes:
         element: The original element.
@@ -33,7 +33,7 @@ class NodeDraft:
     def literal(
         self, name: str, wanted: type[T], notes: FindingCollector, value_type: ValueType | None = None
     ) -> T | None:
-        """Return the value of an attribute; None, with a note, if the node must stay unchanged."""
+        """Return an attribute's value; if it cannot be converted, add a note, keep the node and return None."""
         text = self.attributes[name]
         try:
             if blackboard_key(text, name) is None:

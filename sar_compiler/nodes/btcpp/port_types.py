@@ -2,7 +2,7 @@
 
 BehaviorTree.CPP compares types twice. When it creates a tree, the first node that names a key gives the entry its type
 (`src/xml_parsing.cpp`, `createNodeFromXML`), and a port of another type is rejected. When it ticks the tree, a value is
-converted to the type of the port that reads it (`utils/safe_any.hpp`), which works between numbers only.
+converted to the type of the port that reads it (`utils/safe_any.hpp`), which is possible only between types of numbers.
 """
 
 import re
@@ -73,7 +73,7 @@ def is_loop_queue(name: str) -> bool:
 
 
 def can_be_read(written: str, port: str, version: Version) -> bool:
-    """Return whether a port may read values of another type, although single values may be invalid.
+    """Return whether a port may read values of another type. Single values may still be invalid.
 
     Args:
         written: The normalised type of the value.
@@ -144,7 +144,7 @@ def _is_pointer(cpp: str) -> bool:
 
 
 def can_replace(written: str, held: str) -> bool:
-    """Return whether a port can overwrite a value of another type, in an entry without a port's type.
+    """Return whether a port can overwrite another type's value in an entry that has no type from a port.
 
     Args:
         written: The normalised type of the port that writes.

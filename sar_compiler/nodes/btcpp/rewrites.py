@@ -40,7 +40,7 @@ def reactive(draft: NodeDraft, notes: FindingCollector) -> None:
 
 
 def rewrite_running(draft: NodeDraft, _notes: FindingCollector) -> None:
-    """Write `Running` as a decorator that never ends around a node that succeeds."""
+    """Write `Running` as a succeeding node inside a decorator that never ends."""
     element = draft.element
     draft.tag = "KeepRunningUntilFailure"
     draft.children = [Element("AlwaysSuccess", {}, (), element.source, *element.position)]

@@ -38,7 +38,7 @@ from sar_compiler.tree.model import (
 )
 
 _QUEUES = {("LoopInt", "queue"): "std::vector<int>"}
-"""The types of ports that BehaviorTree.CPP declares with another type than this project."""
+"""The port types for which BehaviorTree.CPP and this project declare different types."""
 
 
 def to_btcpp(
@@ -159,7 +159,7 @@ class _BtcppConverter:
         return is_built_in([subtree()] if tag == SUBTREE_TAG else self._registry.variants(tag))
 
     def _rewrites(self, tag: str) -> Iterator[Rewrite]:
-        """Yield the rewrites for BehaviorTree.CPP in all specs of a tag."""
+        """Yield the rewrites for BehaviorTree.CPP that the specs of a tag declare."""
         for spec in self._registry.variants(tag):
             if spec.semantics.counterpart.rewrite is not None:
                 yield spec.semantics.counterpart.rewrite
@@ -261,7 +261,7 @@ class _BtcppConverter:
         message = (
             f"{parameter.name}: in BehaviorTree.CPP, <{tag}> receives the name of a {what}, not the node"
         )
-        hint = "in C++, exchange the data on the blackboard"
+        hint = "in C++, pass the data through the blackboard"
         self.notes.add("reference", message, element, name=parameter.name, hint=hint)
 
     def _report_integer_ranges(self, draft: NodeDraft) -> None:

@@ -24,13 +24,15 @@ _SEQUENCE = "Ticks its children in order until one does not succeed. Succeeds wh
 _SELECTOR = "Ticks its children in order until one does not fail. Fails when all have failed."
 _REACTIVE = "Starts at the first child in every tick."
 _PAUSES = "Returns RUNNING after each child, so that other branches are ticked in between."
-_MEMORY = "If true, the next tick resumes at the running child. If false, it starts at the first child."
+_MEMORY = (
+    "If true, the next tick resumes at the running child. If false, the next tick starts at the first child."
+)
 
 _own = partial(language_spec, Kind.CONTROL, skipping=FROM_CHILD)
 
 
 def _first_child_gates(_bound: NodeView) -> Mapping[int, Gate]:
-    """Return the gates of the branches, which depend on the first child's result."""
+    """Return the gates of the branches. Each gate requires a result of the first child."""
     return {1: Gate((0,), S), 2: Gate((0,), F)}
 
 
@@ -44,7 +46,7 @@ def _try_catch_gates(bound: NodeView) -> Mapping[int, Gate]:
 def _sequential_control(
     tag: str, counterpart: Counterpart, *former_tags: str, is_sequence: bool, memory: bool | None
 ) -> NodeSpec:
-    """Return the spec of a sequence or selector; *memory* is the value that the tag implies, or None for an attribute."""
+    """Return the spec of a sequence or selector; *memory* is the value that the tag implies, if it does."""
     if is_sequence:
         doc, stock_class, own_class = _SEQUENCE, "Sequence", "Sequence"
         means, rule = Semantics.sequence(), report_interruptions
