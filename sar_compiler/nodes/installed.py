@@ -1,9 +1,9 @@
 """Discovery of installed Python modules, excluding those in a tree file's folder.
 
 A checkout and the current folder contain only data for this module, because a check of other people's trees must not
-run their code. However,
-`sys.path` may contain these folders, through an empty part of `PYTHONPATH` or `python -m`. These folders may contain packages, and
-files that look like the metadata of installed distributions. This module therefore always excludes these folders.
+run their code. However, `sys.path` may contain these folders, through an empty part of `PYTHONPATH` or `python -m`, and
+the folders may contain packages, and files that look like the metadata of installed distributions. This module
+therefore always excludes these folders.
 
 The folders of the interpreter (a virtual environment may be in the checkout), the folder of this package, and the
 sourced ROS workspaces are included. The metadata of a distribution that was installed with `pip install -e` names the

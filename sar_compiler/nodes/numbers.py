@@ -37,7 +37,7 @@ _DIGITS = 5
 # More digits than a finite decimal has after a conversion between units; radians are infinite decimals.
 _MOST_DIGITS = 20
 LONGEST = 100
-"""The maximum number of characters of a number."""
+"""The maximum number of characters in a number."""
 _AMBIGUOUS = r"\s*([+\-]?[1-9][0-9]{0,2}),([0-9]{3})\s*([^\W\d_]*)\s*"
 _THOUSANDS = r"[+\-]?[1-9][0-9]{0,2}(?:,[0-9]{3}){2,}(?:\.[0-9]+)?"
 _UNDERSCORES = r"[+\-]?[0-9]+(?:_[0-9]+)+(?:\.[0-9]+)?"
@@ -47,7 +47,7 @@ _SPACED = r"([+\-]?[0-9.,][0-9.,_eE+\-]*?)\s*([^\W\d_]+(?:/[^\W\d_]+)?|[°%])"
 
 
 class PlausibleRange(NamedTuple):
-    """The plausible numbers for an attribute or a unit, which may accept other numbers as well.
+    """The plausible numbers for an attribute or a unit. Other numbers may be valid as well.
 
     Attributes:
         least: The smallest plausible number.
@@ -148,7 +148,7 @@ class ImplausibleNumber(NamedTuple):
 
     Attributes:
         message: The error, as the end of a sentence.
-        hint: The probable intention with the replacement; empty if the number suggests no replacement.
+        hint: The number that was probably intended, in a sentence; empty if no other number is likely.
         is_impossible: Whether the number is invalid; otherwise it is only implausible.
     """
 

@@ -1,12 +1,12 @@
 """Computation of a node's possible results from the results of its children, for `Semantics.possible`.
 
 An outcome set is an integer with a bit for each result. A function of this module takes a node, the outcome sets of
-its children, and the flag *sure*. If *sure* is False, the function returns every result that a tick may have. If it is
-True, it returns only the results that certainly occur in some run, provided that each child has each result of its set
-in some run, independently of its siblings. The set of a child without a certain result is then empty.
+its children, and the flag *sure*. If *sure* is False, the function returns every result that a tick may have. If *sure*
+is True, it returns only the results that certainly occur in some run. This assumes that each child has each result of
+its set in some run, independently of its siblings. The set of a child without a certain result is then empty.
 
-A result that depends on a key, or on a script with variables, may be any result. All are regarded as certain, because the
-author expects all of them. A constant has a single result.
+If a result depends on a key, or on a script with variables, the tick may have any result. All these results are regarded
+as certain, because the author expects all of them. A constant has a single result.
 """
 
 import math
@@ -93,10 +93,10 @@ def _sequential_outcomes(
 
 
 def _before_restarts(bound: "NodeView", children: Sequence[int]) -> Sequence[int]:
-    """Return the sets of children; empty sets for the children that an earlier sibling may interrupt in each tick.
+    """Return the children's sets; the set is empty if an earlier sibling may interrupt the child in each tick.
 
     A leaf can end in any tick. A branch of several nodes may have to run for some ticks first. In these ticks, a reactive
-    node resets the children after the branch, so those may never end.
+    node resets the children after the branch, so these children may never end.
     """
     running = [
         not child.is_leaf and bool(known & R) for child, known in zip(bound.children, children, strict=True)

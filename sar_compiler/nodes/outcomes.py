@@ -11,7 +11,7 @@ from sar_compiler.runtime.tokens import ScriptError
 SELF = "self"
 """The placeholder for the leaf's own name."""
 NOBODY = "nobody"
-"""The replacement for the name of a referenced node if the optional reference is not written."""
+"""The text that replaces the name of a referenced node if the tree file omits the optional reference."""
 _PLACEHOLDER = r"\{(\w+)\}"
 _FACT = r"([A-Za-z_]|\{\w+\})([A-Za-z0-9_]|\{\w+\})*"
 _NO_WORD = r"[^A-Za-z0-9_]"

@@ -26,7 +26,7 @@ class PaletteError(SarError):
 
 
 class KnownSpec(NodeSpec):
-    """The spec of another program's node whose behaviour is known in addition to its model."""
+    """The spec of another program's node. Its behaviour is known, not only its model."""
 
     provenance = Provenance.NAMED
     """The declared outcomes and semantics are known, not assumed."""
@@ -71,7 +71,7 @@ def palette_names() -> list[str]:
 
 @functools.cache
 def _attributes() -> Mapping[str, Mapping[str, frozenset[str]]]:
-    """Return the attributes of each tag, by palette name and tag, for all palettes of this package."""
+    """Return the attributes of each tag in this package's palettes, by palette name and tag."""
     found = {}
     for each in entry_points(ENTRY_POINTS):
         if each.module.startswith(_OWN_PACKAGE):

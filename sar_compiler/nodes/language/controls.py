@@ -158,7 +158,7 @@ SPECS = [
         input_port(
             "failure_count",
             int,
-            "Number of failed children that make the node fail. A negative number counts from the end.",
+            "Number of failed children at which the node fails. A negative number counts from the end.",
             1,
         ),
         semantics=Semantics.parallel(
@@ -178,12 +178,12 @@ SPECS = [
         attribute(
             "policy",
             PolicyName,
-            "The children that must succeed. Children that are still running then are halted.",
+            "The children that must succeed. When they have succeeded, the children that are still running are halted.",
         ),
         attribute(
             "synchronise",
             bool,
-            "Whether a child that has succeeded waits for the other children (the default); otherwise, it is started again. "
+            "If true (the default), a child that has succeeded waits for the other children. If false, it is started again. "
             "Not allowed with `SuccessOnOne`.",
             None,
         ),
@@ -208,7 +208,7 @@ SPECS = [
         input_port(
             "max_failures",
             int,
-            "Number of failed children that make the node fail. A negative number counts from the end. With "
+            "Number of failed children at which the node fails. A negative number counts from the end. With "
             "0 the node always fails.",
             1,
         ),

@@ -54,7 +54,7 @@ def _timeout_limit(bound: NodeView) -> float | None:
 
 
 def _with_rewrite(semantics: Semantics, rewrite: rewrites.Rewrite, *, built_in: bool = True) -> Semantics:
-    """Return semantics with the rewrite of the node for BehaviorTree.CPP."""
+    """Return semantics to which the node's rewrite for BehaviorTree.CPP is added."""
     return semantics._replace(counterpart=Counterpart(built_in, rewrite))
 
 
@@ -179,7 +179,7 @@ BEHAVIORTREE_CPP = [
         input_port(
             "then_skip",
             bool,
-            "Whether the node is skipped afterwards; otherwise, it returns the same status again.",
+            "If true, the node is skipped after its child has completed. If false, it returns the same status again.",
             default=True,
         ),
         semantics=Semantics(outcome_sets.run_once, once=True),
@@ -307,7 +307,7 @@ PY_TREES = [
         semantics=Semantics(
             partial(outcome_sets.guard, "condition"),
             counterpart=Counterpart(
-                hint="use a ReactiveSequence of a ScriptCondition and its child, which does the same"
+                hint="use a ReactiveSequence that contains a ScriptCondition and the child, which has the same effect"
             ),
         ),
     ),
@@ -354,6 +354,6 @@ SUBTREE = _own(
     former_tags=("SubTreePlus",),
     former_attributes={"__shared_blackboard": "_autoremap", "__autoremap": "_autoremap"},
 )
-"""The spec of the node to which a `SubTree` is compiled; binding handles the attributes."""
+"""The spec of the node to which a `SubTree` is compiled. Its attributes are handled when the tree is bound."""
 
 SPECS = [*BEHAVIORTREE_CPP, *PY_TREES, SUBTREE]

@@ -173,7 +173,7 @@ PY_TREES = [
     ),
     _stock(
         "StatusQueue",
-        "Returns the statuses of a list one after the other. It continues at the same position when it is started again.",
+        "Returns the statuses of a list one after the other. When the node is started again, it continues at the same position.",
         attribute("queue", STATUS_NAMES, "The statuses: `RUNNING;RUNNING;SUCCESS`."),
         attribute(
             "eventually",
@@ -260,7 +260,7 @@ PY_TREES = [
         attribute(
             "overwrite",
             bool,
-            "Whether to replace an existing value; otherwise, the node fails if the key has a value.",
+            "If true, the node replaces an existing value. If false, it fails if the key already has a value.",
             default=True,
         ),
         statuses=_SUCCESS | _FAILURE,

@@ -42,7 +42,7 @@ def _variable(text: str) -> str:
         hint = "write the name of a key, without a leading slash and without spaces"
         raise ConversionError(f"'{text}' is not a key", hint=hint)
     if name.startswith("."):
-        raise ConversionError(f"'{text}' is not a key, but begins with a dot", hint="write key.attribute")
+        raise ConversionError(f"'{text}' begins with a dot, so it is not a key", hint="write key.attribute")
     return text
 
 
@@ -87,7 +87,7 @@ def _probabilities(text: str) -> list[float]:
 
 
 def queue_of(name: str, kind: type) -> ValueType:
-    """Return the value type of a loop's queue: a literal, or any value of an entry.
+    """Return the value type of a loop's queue, which is a literal or an entry with a value of any type.
 
     Args:
         name: The loop's tag.

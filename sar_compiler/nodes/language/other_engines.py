@@ -30,7 +30,7 @@ _UNTIL_FAILURE = "write <KeepRunningUntilFailure> around the child"
 _MEMORY_FALLBACK = "write <Fallback>, which continues with the child that was running"
 _REACTIVE = "write <ReactiveFallback>"
 _SLEEP = 'write <Sleep msec="..."/>, in milliseconds'
-_NO_CHANCE = "there is no random order: write <Fallback>, or let a leaf choose"
+_NO_CHANCE = "no control has a random order: write <Fallback>, or let a leaf choose the child"
 
 REPLACEMENTS = {
     **_replacements(

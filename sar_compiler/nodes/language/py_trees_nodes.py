@@ -4,7 +4,7 @@ The nodes keep their names, their arguments, and their treatment of unusual valu
 described in each spec. Only values that would raise an error in the middle of a run are rejected.
 There are two differences: the nodes use the keys of the tree, and none of their children may be skippable.
 
-A node that the installed py_trees lacks also has a spec, because the machine must not affect whether a file is correct.
+A node that the installed py_trees lacks also has a spec, because the result of a check must not depend on the machine.
 """
 
 import contextlib
@@ -79,7 +79,7 @@ class ScopedClient(Client):
         return value
 
     def set(self, name: str, value: Any, overwrite: bool = True) -> bool:
-        """Write an entry, or an attribute of the object in it, which counts as one write of the entry."""
+        """Write an entry, or an attribute of the object in the entry; both count as one write of the entry."""
         with self._on_blackboard(name):
             written = bool(super().set(name, value, overwrite))
             if written:
@@ -96,7 +96,7 @@ class ScopedClient(Client):
 
     @contextlib.contextmanager
     def _on_blackboard(self, name: str) -> Iterator[None]:
-        """Copy an entry temporarily from a numbered board to py_trees' blackboard."""
+        """Copy an entry temporarily to py_trees' blackboard if the entry's own board counts its writes."""
         entry = self._entry(name)
         if not entry.board.is_numbered or entry.name in Blackboard.storage:
             yield
@@ -146,7 +146,7 @@ class StockNodeKeys:
         return f"/{folder}"
 
     def connect_to(self, behaviour: B) -> B:
-        """Connect a stock node that was created with these names to the tree's keys."""
+        """Connect a stock node to the tree's keys. The node must have been created with these names."""
         for attribute, client in list(vars(behaviour).items()):
             if isinstance(client, Client):
                 scoped = ScopedClient(client, self._entries)

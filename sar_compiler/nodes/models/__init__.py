@@ -187,7 +187,9 @@ def _read_enum(element: Element, enums: dict[str, int | None], collector: Findin
     known = enums.get(name)
     if None not in (known, number) and known != number:
         message = f"'{name}' is already defined as {known}, but is {number} here"
-        collector.add("wrong-model", message, element, value="value", hint="delete one of the two")
+        collector.add(
+            "wrong-model", message, element, value="value", hint="delete one of the two definitions"
+        )
     enums[name] = number if known is None else known
 
 
@@ -242,7 +244,7 @@ def _enums(files: Iterable[TreeFile]) -> Iterator[Element]:
 def supplements(
     palettes: Iterable[TreeFile], tags: Collection[str], names: Collection[str] = ()
 ) -> Iterator[TreeFile]:
-    """Yield the palettes that describe nodes in *tags* or named constants in *names*, without their other content.
+    """Yield the parts of palettes that describe nodes in *tags* or named constants in *names*.
 
     If several palettes describe a node, the first is used. Models of subtrees are left out, because they belong to the
     trees of one file, and another file may have a tree with the same name.
@@ -270,8 +272,14 @@ def _report_second_model(first: NodeModel, second: NodeModel, collector: Finding
     here, there = (second.element, first.element) if same_file else (first.element, second.element)
     how = "described differently" if first.content != second.content else "already described"
     message = f"'{second.tag}' is {how} on line {there.line}{file_of(there, here)}"
-    cause = Cause("these are described differently elsewhere", second.tag) if not same_file else None
-    collector.add("wrong-model", message, here, value="ID", hint="delete one of the two", common_cause=cause)
+    cause = (
+        Cause("these nodes or subtrees are described differently in another file", second.tag)
+        if not same_file
+        else None
+    )
+    collector.add(
+        "wrong-model", message, here, value="ID", hint="delete one of the two models", common_cause=cause
+    )
 
 
 def registry_without(registry: Registry, models: NodeModels) -> Registry:
@@ -362,7 +370,7 @@ def _report_typo(
 
 
 def _used_port(port: Port) -> Parameter:
-    """Return the parameter for a port that was derived from its use, with any type and direction."""
+    """Return the parameter for a port that is known only from its use. It accepts any type and direction."""
     return any_port(port.name, port.element.text)
 
 

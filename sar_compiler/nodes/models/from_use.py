@@ -46,7 +46,7 @@ class _PortUse(NamedTuple):
     Attributes:
         text: The written text.
         is_key: Whether the text is a key.
-        makes_key: Whether no earlier node in the tree has the key, but a later node has it.
+        makes_key: Whether the node probably writes the key: a later node in the tree has the key, but no earlier node has it.
         cpp: The C++ type of a known port that has the same key in the tree; empty if there is no such port.
     """
 
@@ -75,7 +75,7 @@ class _NodeUse:
 
         Args:
             node: The element.
-            made: The keys of the element that no earlier node has, but a later node has.
+            made: The keys of the element that a later node has, but no earlier node has.
             types: The C++ types of the keys of known ports in the tree.
         """
         self.kinds.update([node.tag] if node.tag in KIND_TAGS else [])

@@ -143,7 +143,9 @@ def _fields(first: int, each: int, label: str, text: str) -> object:
 def _reject_text(label: str, text: str) -> object:
     if text.startswith(JSON):
         return ANYTHING.convert(text)
-    raise ConversionError(f"'{text}' is not {label}, which cannot be written as text", hint="write a {key}")
+    raise ConversionError(
+        f"'{text}' is not {label}: a value of this type cannot be written as text", hint="write a {key}"
+    )
 
 
 def _message(name: str, label: str, cpp: str, convert: Callable[[str, str], object]) -> ValueType:
