@@ -145,11 +145,11 @@ def _child_count(tag: str, kind: Kind, count: object) -> tuple[int, int | None]:
 
 
 _FUNCTIONS = ("possible", "gates", "rounds", "limit_sec", "wait_sec")
-"""The fields of `Semantics` that contain functions, which checks call."""
+"""The fields of `Semantics` that contain functions. Checks call these functions."""
 
 
 class _UserFunction:
-    """A wrapper of a user's function in a `Semantics`, which names the node class in errors and checks the result."""
+    """A wrapper of a user's function in a `Semantics`. It checks the result, and errors name the node class."""
 
     def __init__(self, whose: str, name: str, function: Callable[..., Any]) -> None:
         self._whose = whose
@@ -165,7 +165,7 @@ class _UserFunction:
             raise RegistrationError(message) from error
         if self._name == "possible" and not (isinstance(found, int) and 0 <= found <= ALL):
             raise RegistrationError(
-                f"{self._whose} returned {_quote(found)}; return an outcome set, for example the set of a child"
+                f"{self._whose} returned {_quote(found)}. Return an outcome set, for example the set of a child"
             )
         return found
 

@@ -229,7 +229,9 @@ class _Reader:
                 raise ConversionError("a field must have a name", hint=_EXAMPLE, place=at)
             field = unmask(name.value)
             if field in found:
-                raise ConversionError(f"'{field}' is given twice", hint="delete one of the two", place=at)
+                raise ConversionError(
+                    f"'{field}' is given twice", hint="delete one of the two fields", place=at
+                )
             found[field] = self.node_value(inner), at
         return MessageFields(found, place)
 

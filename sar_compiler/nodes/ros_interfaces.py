@@ -323,7 +323,7 @@ class MessageFiller:
         return message
 
     def _known_value(self, value: FieldValue) -> FieldValue | None:
-        """Return a value, or the value of the key to which it refers; None for a key if keys are not read."""
+        """Return a value; for a reference to a key, return the value of the key, or None if keys are not read."""
         if not isinstance(value, KeyReference):
             return value
         return None if self._read_key is None else value_of(self._read_key(value.name), value.place)
@@ -361,7 +361,11 @@ class MessageFiller:
             cls: Any = type(owner)
             suggestion = nearest(value.text, {**constants_of(cls), **_package_constants(cls)})
         if isinstance(value, Scalar) and value.value is None:
-            hint = "write '' for an empty string" if kind.base in _TEXTS else "remove it to use its default"
+            hint = (
+                "write '' for an empty string"
+                if kind.base in _TEXTS
+                else "remove the field to use its default"
+            )
         raise _type_error(where, value, kind.value_label, suggestion=suggestion, hint=hint)
 
     def _message(self, kind: FieldType, value: FieldValue, where: str) -> Any:
@@ -514,7 +518,7 @@ def read_field(
     path: FieldPath,
     read: Callable[[Any, str, str], Any] = lambda owner, name, _: getattr(owner, name),
 ) -> object:
-    """Return the value of a message's field: numbers, strings and lists of these as plain values, a message unchanged.
+    """Return the value of a message's field. Numbers, strings and lists of these become plain Python values.
 
     Args:
         message: The message.
@@ -545,7 +549,7 @@ def _element_of(value: Any, name: str, number: int | None, path: FieldPath) -> A
 
 _CODE = "error_code"
 _WORDS = ("error_msg", "error_string", "error_message", "message", "reason", "status_message")
-"""The names of fields with an error text in results and responses."""
+"""The names of the fields in which results and responses state an error as text."""
 
 
 def reported_error(message: Any) -> str:

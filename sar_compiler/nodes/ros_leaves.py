@@ -30,7 +30,7 @@ from sar_compiler.tree.model import Element
 VERSIONS = ("jazzy",)
 _HERE = "sar_compiler.ros.leaves.attribute_leaves"
 _WRITES = KeyRole(AccessKind.WRITE)
-_SENDS = "The fields of the {0} as YAML: `{1}`. `{{key}}` inserts the value of a key. Or a key that contains the whole {0}."
+_SENDS = "The fields of the {0} as YAML: `{1}`. `{{key}}` inserts the value of a key. The attribute may also be a key that contains the whole {0}."
 _VALUE = output_port("value", object, "The key to which the value is written.", None)
 _SERVER = attribute("server_timeout_sec", Seconds, "Time to wait for the server, in seconds.", 10.0)
 _SCOPE = handed_over("scope", SCOPE.target_path, SCOPE.doc, required=False)
@@ -114,7 +114,7 @@ def _advice(error: InterfaceError) -> Advice:
 _SPECS = (
     leaf_spec(
         f"{_HERE}:RosService",
-        "Calls a service. Returns SUCCESS after the response, unless the response reports a failure.",
+        "Calls a service. Returns SUCCESS if the service responds without reporting a failure.",
         input_port("service", str, "The service's name."),
         attribute("type_", str, "The service's type, such as `std_srvs/srv/SetBool`."),
         input_port("request", FIELDS, _SENDS.format("request", "data: true"), None),
@@ -187,7 +187,7 @@ _SPECS = (
         attribute(
             "waits",
             bool,
-            "Whether to return RUNNING while there is no message; otherwise the leaf returns FAILURE.",
+            "If true, the leaf returns RUNNING while there is no message. If false, it returns FAILURE.",
             default=False,
         ),
         _SCOPE,
@@ -231,7 +231,7 @@ _SPECS = (
     ),
     leaf_spec(
         f"{_HERE}:RosTransform",
-        "Looks up the pose of a frame in another frame. Returns SUCCESS if `/tf` has the transforms, RUNNING while it does not, and FAILURE after `timeout_sec`.",
+        "Looks up the pose of a frame in another frame. Returns SUCCESS if `/tf` has the transforms, RUNNING while transforms are missing, and FAILURE after `timeout_sec`.",
         input_port("target_frame", str, "The reference frame, such as `map`."),
         input_port("source_frame", str, "The frame to locate, such as `base_link`."),
         attribute(

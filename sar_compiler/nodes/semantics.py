@@ -51,10 +51,10 @@ class AccessKind(Enum):
 
     READ = "read"
     PEEK = "peek"
-    """Read if the key has a value; the key may be unwritten."""
+    """Read if the key has a value. The key need not have been written."""
     WRITE = "write"
     CHANGE = "change"
-    """Written by an operator such as `=` in a script; the key must have been written before, or have a port."""
+    """Written by an operator such as `=` in a script; the key must have been written before, or a port must use it."""
     BOTH = "both"
     """Used by a port with both directions; the node may read first or write first."""
     FIXED = "fixed"
@@ -64,7 +64,7 @@ class AccessKind(Enum):
 
 
 class KeyRole(NamedTuple):
-    """A node's access to a port's key, if it differs from the port's direction.
+    """A node's access to a port's key, if this access differs from the port's direction.
 
     Attributes:
         kind: The kind of access.
@@ -122,8 +122,9 @@ class Semantics(NamedTuple):
         wait_sec: A function that returns the time, in seconds, until a leaf ends or a decorator starts its child, if known.
         resumes: Whether the node continues at its former child after a restart, or waits for other nodes.
         with_memory: The tag of the node's non-reactive counterpart, which ticks only the child that was running.
-        keys: The access to the keys of ports, by port, where it differs from the port's direction.
-        copies: The port whose key's value the node copies, with its type, to its other key; empty if it copies nothing.
+        keys: For each port, the access to the port's key, if this access differs from the port's direction.
+        copies: The port that contains the source key if the node copies a value with its type from one key to another; empty if
+            the node copies nothing.
         counts: The ports whose values are numbers of children; negative numbers are counted from the end.
         counterpart: The node's counterpart in BehaviorTree.CPP.
     """

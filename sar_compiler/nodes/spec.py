@@ -59,7 +59,7 @@ _KERNEL = "sar_compiler.runtime.kernel."
 MARK = "__node_spec__"
 """The attribute of a registered class that contains its spec."""
 Rule: TypeAlias = "Callable[[NodeView, FindingCollector], None]"
-"""A function that reports errors in a node's attributes, each of which is valid by itself."""
+"""A function that reports conflicts between attributes of a node that are valid individually."""
 
 
 class Kind(str, Enum):
@@ -165,12 +165,12 @@ class Use:
 
     @classmethod
     def action(cls, name: str) -> "Use":
-        """Require a server of an action."""
+        """Require a server for an action."""
         return cls("action", name)
 
     @classmethod
     def service(cls, name: str) -> "Use":
-        """Require a server of a service."""
+        """Require a server for a service."""
         return cls("service", name)
 
     @classmethod
@@ -185,7 +185,7 @@ class Use:
 
     @classmethod
     def nav2(cls) -> "Use":
-        """Require a Nav2 that has an initial pose and reports itself active."""
+        """Require that Nav2 has an initial pose and reports that it is active."""
         return cls("nav2")
 
 
@@ -304,7 +304,8 @@ class Signature(NamedTuple):
     Attributes:
         described: The parameters by name, in order, or a function that returns them; None to inspect the constructor.
         doc: The node's description; empty to use the docstring of the class.
-        fixed: Values that the tag implies (`ReactiveSequence`: `memory` is false), also of arguments without an attribute.
+        fixed: Values that the tag implies (`ReactiveSequence`: `memory` is false), including values of constructor arguments that
+            are not attributes.
         factory: The import path of a function that creates the node from the spec and arguments; empty to call the class.
         from_use: Whether the signature was derived from the use of the tag in trees.
     """
@@ -439,7 +440,7 @@ class NodeSpec:
 
     @property
     def factory_path(self) -> str:
-        """The import path of the factory, or of the class without a factory; empty if the node has neither."""
+        """The import path of the factory or, without a factory, of the class; empty if the node has neither."""
         return self.signature.factory or self.class_path
 
     def is_class_of(self, parameter: Parameter) -> bool:
@@ -453,7 +454,7 @@ class NodeSpec:
 
     @property
     def misreads_skips(self) -> bool:
-        """Whether the node treats a skipped child as an interruption, and this project has no replacement for it."""
+        """Whether the node treats a skipped child as an interruption, and this project has no replacement for the node."""
         if self.kind.is_leaf or self.is_only_described:
             return False
         if self.is_by_path:
@@ -534,7 +535,7 @@ class NodeSpec:
 
     @functools.cached_property
     def plain_defaults(self) -> dict[str, object]:
-        """The values of constant attributes that are not written: the value that the tag implies, or the default."""
+        """For each constant attribute, its value if a file omits it: the value that the tag implies, or the default."""
         return {p.name: self.implied_values.get(p.name, p.default) for p in self.constant_attributes}
 
     @functools.cached_property
@@ -572,7 +573,7 @@ class NodeSpec:
         """Whether a tick can be skipped independently of the children.
 
         Every leaf of BehaviorTree.CPP can return SKIPPED, but hardly any does: a precondition skips a node before its tick.
-        A leaf that is only described is therefore assumed not to skip, unless `skipping` says otherwise.
+        A leaf that only a model describes is therefore assumed not to skip, unless `skipping` says otherwise.
         """
         leaf = self.kind.is_leaf and not self.is_only_described and "SKIPPED" in self.statuses
         return self.skipping.possible is SkipPossibility.ALWAYS or leaf
@@ -585,7 +586,7 @@ class NodeSpec:
 
     @functools.cached_property
     def constructor_names(self) -> dict[str, str]:
-        """The names in the constructor of the parameters whose attributes have another name."""
+        """The constructor's names of parameters whose attributes have a different name."""
         return {p.name: p.keyword for p in self.parameters.values() if p.keyword}
 
     @property

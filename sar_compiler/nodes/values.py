@@ -93,7 +93,7 @@ class ValueType(NamedTuple):
         name: The name of the type in a schema.
         label: The name of the type in a sentence, with an article: `an integer`.
         convert: A function that converts a text to a value, or raises `ConversionError`.
-        pattern: A regular expression, valid in XSD and JSON Schema, for the valid texts; empty if it cannot restrict them.
+        pattern: A regular expression, valid in XSD and JSON Schema, for the valid texts; empty if no expression can restrict the texts.
         choices: All valid texts, if they can be listed.
         python: The Python type of the values; None for any type.
         cpp: The name of the type in a `TreeNodesModel`; empty for values of any type.
@@ -132,7 +132,7 @@ class ValueType(NamedTuple):
 
     @property
     def unchanged_type(self) -> type | None:
-        """The type whose values `fit` returns unchanged; None if it checks each value."""
+        """The type whose values `fit` returns unchanged; None if `fit` checks each value."""
         return self.python if self.least is None and self.most is None else None
 
     def fit(self, value: object) -> object:
@@ -193,7 +193,7 @@ def as_text(value: bool | float) -> str:
 
 
 def _is_odd_bool(value: object, wanted: type) -> bool:
-    """Return whether a value is a bool, which Python accepts as a number, and the wanted type is another one."""
+    """Return whether a value is a bool although another type is wanted (Python accepts bools as numbers)."""
     return isinstance(value, bool) and wanted is not bool
 
 
@@ -505,7 +505,7 @@ def _member(kind: type[enum.Enum], text: str) -> enum.Enum:
 
 @functools.lru_cache(maxsize=64)
 def _texts_of(kind: type[enum.Enum]) -> tuple[dict[str, enum.Enum], dict[str, enum.Enum]]:
-    """Return the members of an enumeration by name, and by all accepted texts."""
+    """Return an enumeration's members in two tables: by name, and by each accepted text."""
     members: dict[str, enum.Enum] = {member.name: member for member in kind}
     return members, {**_members_by_number(members), **members}
 
@@ -613,7 +613,7 @@ UNSIGNED = ValueType(
 REAL_NUMBER = ValueType(
     "real", "a number", _any_real, pattern=f"{REAL}|{_NO_DIGITS}", python=float, cpp="double"
 )
-"""The type of ports for real numbers, which may be `inf` or `nan` as in BehaviorTree.CPP; in other attributes, they may not."""
+"""The type of ports for real numbers. As in BehaviorTree.CPP, ports accept `inf` and `nan`; other attributes do not."""
 SECONDS = ValueType(
     "seconds",
     "a duration (seconds, or a number with ms, s or min)",

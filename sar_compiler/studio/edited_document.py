@@ -27,7 +27,7 @@ def create_document(path: Path) -> None:
     if form is None:
         raise WriteError(f"'{path}' does not end with .xml, .yaml or .yml. Choose another name")
     if path.exists():
-        raise WriteError(f"{path} exists already. Edit it without --new")
+        raise WriteError(f"{path} already exists. To edit it, omit --new")
     write_text(path, _EMPTY[form])
 
 
@@ -70,7 +70,7 @@ class EditedDocument:
             overwrite: Whether to write the file even if another program has changed it since.
 
         Returns:
-            The new version; `has_changed` if another program has changed the file, which is then not written.
+            The new version. If another program has changed the file, `has_changed` is returned and nothing is written.
 
         Raises:
             UnreadableFileError: If the file cannot be read.

@@ -99,7 +99,7 @@ class Studio:
         }
 
     def answer_question(self, request: str, values: Mapping[str, Any]) -> object:
-        """Return the response to a request of the page; `error` in it is the reason of a failure.
+        """Return the response to a request of the page. If the request fails, `error` in the response is the reason.
 
         Args:
             request: The name of the request.
@@ -164,7 +164,7 @@ class Studio:
         return {"name": f"{sketch.name}.svg", "text": svg(sketch)}
 
     def compare(self, version: str) -> object:
-        """Return whether the file, and whether other files of its project have changed on the disk."""
+        """Return whether the file has changed on the disk, and whether other files of its project have changed."""
         stamps = {path: _stamp(path) for path in self._stamps}
         others_have_changed = stamps != self._stamps
         if others_have_changed:
@@ -238,7 +238,7 @@ class Studio:
         ticks: int = 6,
         leaves: Mapping[str, Iterable[str]] | None = None,
     ) -> object:
-        """Return the first ticks of a run in which leaves have the given outcomes in order, by the names of the leaves."""
+        """Return the first ticks of a run in which each named leaf has the given outcomes, one after the other."""
         chosen = {name: list(each) for name, each in (leaves or {}).items()}
         script = {"leaves": chosen, **({"tree": tree} if tree else {})}
         loaded = self._load(text)
@@ -370,7 +370,7 @@ def _keys(loaded: ProjectTree, numbers: Mapping[tuple[int, int], int]) -> Mappin
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    """Return the modification time and the size of a file, which change with it; zeros if the file does not exist."""
+    """Return a file's modification time and size, which reveal a change; zeros if the file does not exist."""
     with suppress(OSError):
         status = path.stat()
         return status.st_mtime_ns, status.st_size
@@ -391,7 +391,7 @@ def _parameter(parameter: Parameter) -> object:
 
 
 def _paths(loaded: ProjectTree, tree: str | None) -> dict[str, list[int]]:
-    """Return the numbers of the drawn nodes from the root to each node, by its path of names without wrappers."""
+    """Return, for each path of node names without wrappers, the numbers of the drawn nodes on this path."""
     compiled = loaded.preview(tree)
     bound = {each.id: compiled.origins[each.id].bound for each in pre_order(compiled.root)}
     drawn: dict[object, list[int]] = {None: []}

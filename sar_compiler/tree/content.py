@@ -11,7 +11,7 @@ MAX_DEPTH = 200
 """The maximum nesting depth of elements. py_trees halts a tree by recursion, with two stack frames per level."""
 
 MAX_ELEMENTS = 300_000
-"""The maximum number of elements in a file. The parser rejects a file with more."""
+"""The maximum number of elements in a file. The parser rejects a file with more elements."""
 
 MAX_ATTRIBUTES = 1000
 """The maximum number of attributes of an element. Each unknown attribute becomes a finding with a suggested name."""

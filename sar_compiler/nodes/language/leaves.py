@@ -162,8 +162,8 @@ PY_TREES = [
     ),
     _stock(
         "Periodic",
-        "Runs for n ticks, succeeds for n ticks, fails for n ticks, and starts over. It continues at the same position "
-        "when it is started again.",
+        "Runs for n ticks, succeeds for n ticks, fails for n ticks, and starts over. When the node is started again, it "
+        "continues at the same position.",
         attribute(
             "n",
             int,

@@ -118,7 +118,7 @@ def _nodes(least: int, most: int | None) -> Schema:
 
 
 def _explicit_form(least: int, most: int | None) -> Schema:
-    """Return the schema of a tag whose ID names a node or a tree, which determines the attributes."""
+    """Return the schema of a tag whose ID names a node or a tree; this ID determines the other attributes."""
     needed = ["ID", CHILDREN_KEY] if least else [] if most is None else ["ID"]
     properties = {"ID": _NAME, CHILDREN_KEY: _nodes(least, most)}
     return {"type": "object", "properties": properties, **({"required": needed} if needed else {})}
