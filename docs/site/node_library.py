@@ -193,8 +193,11 @@ def _statuses(shown: Shown) -> Iterator[str]:
     """Yield the statuses of a node: by the status of its child or its first two children, or the declared outcomes of a leaf."""
     spec = shown.spec
     if spec.kind.is_leaf:
-        outcomes = [f"{each.status} `{each.label}`" if each.label else each.status for each in spec.outcomes]
-        yield f"Returns {', '.join(outcomes)}."
+        outcomes = [
+            f"{each.status} (label `{each.label}`)" if each.label else each.status for each in spec.outcomes
+        ]
+        listed = ", ".join(outcomes[:-1])
+        yield f"Returns {' or '.join(filter(None, (listed, *outcomes[-1:])))}."
     elif spec.kind is Kind.DECORATOR:
         rows = [f"| {each.upper()} | {_returned(shown, [each])} |" for each in STATUSES]
         yield "\n".join([f"| Child returns | {spec.tag} returns |", "|---|---|", *rows])

@@ -117,7 +117,7 @@ def configuration_for(
 
 
 def find_repository(folder: Path) -> Path | None:
-    """Return the root folder of the Git repository that contains a folder; None if the folder is not in a repository."""
+    """Return the root of the Git repository that contains a folder; None if there is no repository."""
     return next((each for each in (folder, *folder.parents) if is_there(each / ".git")), None)
 
 

@@ -1,9 +1,9 @@
 """Fast recognition of files that the XML schema certainly accepts.
 
 Building the schema and importing lxml takes longer than applying all rules, and the schema accepts nearly every file
-without other findings. This module therefore applies the definitions of `nodes.schemas.xml_schema` directly to the elements of a
-file. It does not decide about files with unusual content: namespaces, text between elements, models, or special
-characters. lxml validates these files.
+without other findings. This module therefore applies the definitions of `nodes.schemas.xml_schema` directly to the
+elements of a file. It does not decide about files with unusual content: namespaces, text between elements, models, or
+special characters. lxml validates these files.
 """
 
 import re

@@ -64,8 +64,8 @@ def schema_errors(
 ) -> list[tuple[int, str]]:
     """Return lxml's errors about a file as pairs of line and message.
 
-    Each line number is the line in which a start tag ends. libxml2 reports no columns, and after an unexpected element it does not
-    check the element's siblings.
+    Each line number is the line in which a start tag ends. libxml2 reports no columns, and after an unexpected element
+    it does not check the element's siblings.
 
     Args:
         tree_file: The file.

@@ -5,8 +5,8 @@ its children, and the flag *sure*. If *sure* is False, the function returns ever
 is True, it returns only the results that certainly occur in some run. This assumes that each child has each result of
 its set in some run, independently of its siblings. The set of a child without a certain result is then empty.
 
-If a result depends on a key, or on a script with variables, the tick may have any result. All these results are regarded
-as certain, because the author expects all of them. A constant has a single result.
+If a result depends on a key, or on a script with variables, the tick may have any result. All these results are
+regarded as certain, because the author expects all of them. A constant has a single result.
 """
 
 import math

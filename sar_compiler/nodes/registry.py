@@ -63,7 +63,7 @@ class Registry:
         self._installed.setdefault(tag, entry_point)
 
     def tags_like(self, tags: Iterable[str]) -> list[str]:
-        """Return the tags to suggest for a file that uses *tags*. An installed module counts only if the file uses it."""
+        """Return the tags to suggest for a file that uses *tags*. Unused installed modules are left out."""
         used = {self._installed.get(tag) for tag in tags}
         return [tag for tag in self._specs if tag not in self._installed or self._installed[tag] in used]
 

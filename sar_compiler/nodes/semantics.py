@@ -123,8 +123,8 @@ class Semantics(NamedTuple):
         resumes: Whether the node continues at its former child after a restart, or waits for other nodes.
         with_memory: The tag of the node's non-reactive counterpart, which ticks only the child that was running.
         keys: For each port, the access to the port's key, if this access differs from the port's direction.
-        copies: The port that contains the source key if the node copies a value with its type from one key to another; empty if
-            the node copies nothing.
+        copies: The port that contains the source key if the node copies a value with its type from one key to another;
+            empty if the node copies nothing.
         counts: The ports whose values are numbers of children; negative numbers are counted from the end.
         counterpart: The node's counterpart in BehaviorTree.CPP.
     """

@@ -304,8 +304,8 @@ class Signature(NamedTuple):
     Attributes:
         described: The parameters by name, in order, or a function that returns them; None to inspect the constructor.
         doc: The node's description; empty to use the docstring of the class.
-        fixed: Values that the tag implies (`ReactiveSequence`: `memory` is false), including values of constructor arguments that
-            are not attributes.
+        fixed: Values that the tag implies (`ReactiveSequence`: `memory` is false), including values of
+            constructor arguments that are not attributes.
         factory: The import path of a function that creates the node from the spec and arguments; empty to call the class.
         from_use: Whether the signature was derived from the use of the tag in trees.
     """
@@ -454,7 +454,7 @@ class NodeSpec:
 
     @property
     def misreads_skips(self) -> bool:
-        """Whether the node treats a skipped child as an interruption, and this project has no replacement for the node."""
+        """Whether the node treats a skipped child as an interruption, and has no replacement in this project."""
         if self.kind.is_leaf or self.is_only_described:
             return False
         if self.is_by_path:

@@ -70,7 +70,7 @@ def canonical_bytes(tree_file: TreeFile) -> bytes:
 
 
 def _encoding_name(encoding: str) -> str:
-    """Return an encoding's name in an XML declaration; the byte order mark distinguishes the two variants of UTF-16."""
+    """Return an encoding's name for an XML declaration. Both variants of UTF-16 have the same name."""
     names = {"utf-8": "UTF-8", "utf-16-le": "UTF-16", "utf-16-be": "UTF-16"}
     return names.get(codecs.lookup(encoding).name, encoding)
 

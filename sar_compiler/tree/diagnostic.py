@@ -91,7 +91,7 @@ class Spans:
 
 
 _FEW, _SHORT = 16, 1000
-"""The maximum number of attributes of an element, and of characters in them, for which offsets are not cached."""
+"""Offsets of attributes are cached only for elements that exceed one of these numbers of attributes and characters."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ WIDTH = 128
 """The default width of a finding as text, in columns."""
 
 _MARGIN, _LEAST = 8, 40
-"""The columns before an excerpt, and the minimum number of characters shown of a long line."""
+"""The number of columns before an excerpt, and the minimum number of characters to show of a long line."""
 
 
 AS_DECLARED: Any = None

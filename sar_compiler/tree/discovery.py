@@ -68,7 +68,7 @@ def _form_of(path: Path, content: bytes | str) -> Form:
 
 
 SKIPPED = ("build", "install", "log")
-"""The output folders of colcon, which are not searched; neither are hidden folders."""
+"""The output folders of colcon. Neither these folders nor hidden folders are searched."""
 
 _BEGINNING = TREE._replace(limit=65_536)
 """The file kind that reads only the first bytes of a file, which suffice to recognise a tree file."""

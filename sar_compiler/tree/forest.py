@@ -25,7 +25,7 @@ MAX_FILES = 1000
 """The maximum number of files that are read for one tree file."""
 
 MAX_NEIGHBOURS = 20_000
-"""After this number of file names has been compared with those of missing includes, no name is suggested."""
+"""The maximum number of file names that are compared with the names of missing includes to suggest a name."""
 
 MAX_INCLUDE_DEPTH = 50
 """The maximum nesting depth of includes."""
@@ -41,7 +41,7 @@ class Forest:
     Attributes:
         main: The tree file itself.
         files: All files, each once; included files precede the files that include them.
-        findings: The errors of files that could not be included, or not be searched for a missing tree.
+        findings: The errors about files that could not be included, or that could not be searched for a missing tree.
         homes: The forest from which each tree of the set comes, by the `id()` of the tree's element.
         targets: The trees of the set to which references are resolved, by the `id()` of the referencing element.
         clashes: A finding for each reference that matches several trees of the set.
@@ -95,7 +95,7 @@ class Forest:
         return list(dict.fromkeys(self.trees) | dict.fromkeys(self.tree_set.by_id if self.tree_set else ()))
 
     def is_used_elsewhere(self, tree_id: str) -> bool:
-        """Return whether another file of the set references this ID and has no tree with this ID itself."""
+        """Return whether another file of the set references a tree with this ID, but does not define one."""
         return self.tree_set is not None and self.tree_set.is_used(tree_id, self.path)
 
     def main_tree(self, tree_id: str | None = None) -> Element | None:
@@ -200,7 +200,7 @@ class TreeSet:
 
     @functools.cached_property
     def by_id(self) -> Mapping[str, Mapping[tuple[str, int], tuple[Path, Forest]]]:
-        """The path and forest with each tree, by the tree's ID and location; files that only include it come second."""
+        """By the ID and location of a tree, a file with the tree and its forest; the defining file takes precedence."""
         by_id: dict[str, dict[tuple[str, int], tuple[Path, Forest]]] = {}
         for path, forest in self.forests.items():
             for tree_id, tree in forest.trees.items():
@@ -222,7 +222,7 @@ class TreeSet:
         return users
 
     def is_used(self, tree_id: str, by_other_than: Path) -> bool:
-        """Return whether a file other than *by_other_than* references this ID and has no tree with this ID itself."""
+        """Return whether a file except *by_other_than* references a tree with this ID, but does not define one."""
         return any(path != by_other_than for path in self._users.get(tree_id, ()))
 
     def files_with_tree(self, tree_id: str) -> Iterable[tuple[Path, Forest]]:
@@ -277,7 +277,7 @@ class _SetSearch:
         )
 
     def _find(self, reference: Element, attribute: str, home: Forest) -> None:
-        """Resolve a reference in a tree of the forest *home*, with a tree of that forest or of the set."""
+        """Resolve a reference in a tree of the forest *home* to a tree of this forest or of the set."""
         tree_id = reference.attributes[attribute]
         having = (
             [(self.forest.path, home)] if tree_id in home.trees else self._files_with_tree(tree_id, reference)

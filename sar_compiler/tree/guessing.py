@@ -22,10 +22,10 @@ _UNITS = {
 UNIT_OF = {word: unit for unit, words in _UNITS.items() for word in words}
 """The units by their usual spellings, in lower case."""
 LIKE = 0.7
-"""The minimum similarity of two words if one may be a typo of the other."""
+"""The minimum similarity at which one word may be a typo of another."""
 _SHORT, _LIKE_SHORT = 3, 0.6
 _LIKE_WHOLE = 0.88
-"""The minimum similarity of two names if they have different numbers of words."""
+"""The minimum similarity at which a name may be a typo of a name with a different number of words."""
 _MOST_NEAR = 10
 _WORDS = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\dA-Za-z_]+|\d+"
 _BETWEEN = r"_|(?<=[^\W\d])[\s-]+(?=[^\W\d])"
@@ -137,7 +137,7 @@ def _is_like(word: str, other: str, least: float) -> bool:
 
 
 def did_you_mean(near: str | None) -> str:
-    """Return the end of a message, which suggests a word; empty for None."""
+    """Return the end of a message that suggests a word; an empty string for None."""
     return f"; did you mean '{near}'?" if near else ""
 
 

@@ -9,7 +9,7 @@ from sar_compiler.tree.severity import Severity
 ERRORS = {
     "ambiguous-reference": "a reference that matches several nodes",
     "child-of-leaf": "nodes inside a leaf",
-    "circular-reference": "a reference that leads back to its own node",
+    "circular-reference": "a reference that leads back to the node that contains it",
     "conflicting-attributes": "attributes that contradict each other or the tag",
     "conflicting-keys": "keys of a property that exclude each other",
     "constructor-failed": "a leaf whose constructor rejects its attributes' values",
@@ -32,7 +32,7 @@ ERRORS = {
     "malformed-xml": "a file that is not well-formed XML",
     "malformed-yaml": "a file that is not well-formed YAML",
     "missing-attribute": "an element without a required attribute",
-    "missing-child": "a decorator or a tree without its child",
+    "missing-child": "a decorator or a tree without a child",
     "missing-context": "a leaf that needs a context object that the run does not provide",
     "missing-key": "a YAML mapping without a required key",
     "missing-main-tree": "a main tree that is not in the file",
@@ -44,7 +44,7 @@ ERRORS = {
     "not-in-yaml": "XML content that YAML cannot express",
     "not-installed": "a node with a model but no registered class, in a tree to run",
     "only-described": "a control or decorator with a model but no registered class, in a tree to simulate or verify",
-    "other-tree": "a tree that differs from the tree in the journal to resume",
+    "other-tree": "a tree that differs from the tree in the journal of the run to resume",
     "out-of-reach": "a required number of successes or failures that can never be reached",
     "processing-instruction": "an XML processing instruction",
     "recursive-tree": "a tree that contains itself",
@@ -78,7 +78,7 @@ ERRORS = {
     "wrong-name": "an invalid name",
     "wrong-reference": "a reference to a node of the wrong kind",
     "wrong-root": "an outermost element other than root",
-    "wrong-shape": "a YAML list, mapping or string where the file needs a different one of these",
+    "wrong-shape": "a YAML value of the wrong form: a list, mapping or string instead of another of these forms",
     "wrong-tree-id": "an invalid tree ID",
     "wrong-value": "a value that does not fit the attribute's type",
     "yaml-anchor": "a YAML anchor or alias",
@@ -86,14 +86,14 @@ ERRORS = {
     "yaml-merge": "a YAML merge key",
     "yaml-tag": "a YAML tag",
 }
-"""Errors: a tree with one of these cannot be run, and no comment or setting can suppress or lower them."""
+"""Errors. A tree with an error cannot be run, and no comment or setting can suppress an error or lower its severity."""
 
 WARNINGS = {
     "assignment-as-condition": "a condition that assigns a variable",
     "btcpp-version": "content that only some versions of BehaviorTree.CPP accept",
     "cancelled-branch": "a branch of a parallel that interrupts the others before they finish",
     "constant-condition": "a condition with the same result for all values of its variables",
-    "cpp-type-mismatch": "a key with C++ types or values that BehaviorTree.CPP rejects, in a tree that may run here",
+    "cpp-type-mismatch": "a key with C++ types or values that BehaviorTree.CPP rejects, even if sar_compiler can run the tree",
     "cut-text": "a YAML string that a `#` cuts off",
     "endless-restart": "a child that repeatedly interrupts another one",
     "explicit-node": "a node in explicit form at a position where BehaviorTree.CPP rejects it",
@@ -103,7 +103,7 @@ WARNINGS = {
     "key-as-text": "a key passed to a subtree without its braces",
     "loose-xml": "a character that XML does not allow, but BehaviorTree.CPP accepts",
     "maybe-unwritten-key": "a key that may be read after a leaf that did not write it",
-    "missing-format": 'a file without `BTCPP_format="4"`, possibly of version 3',
+    "missing-format": 'a file without `BTCPP_format="4"`, perhaps written for BehaviorTree.CPP 3',
     "model-mismatch": "a TreeNodesModel that contradicts the installed node, or the tree",
     "never-ends": "a node that repeats its child without end",
     "no-counterpart": "an element or attribute without a counterpart in BehaviorTree.CPP",
@@ -127,7 +127,7 @@ WARNINGS = {
     "wrong-allow": "a comment that cannot suppress a finding of this kind",
     "wrong-format": "a BTCPP_format other than 4",
     "wrong-kind": "a node in explicit form under the wrong kind",
-    "wrong-model": "an error in the description of a node, which BehaviorTree.CPP does not read",
+    "wrong-model": "an error in the model of a node (BehaviorTree.CPP does not read models of nodes)",
     "wrong-order": "a leaf before the leaf whose result it needs, or after a leaf that discards this result",
 }
 """Warnings: probable errors."""

@@ -303,7 +303,7 @@ class _SpansOfYaml(Spans):
 
 
 NO_SPANS, NO_SPANS_OF_YAML = Spans(), _SpansOfYaml()
-"""The locators for XML and YAML files without elements, or whose elements have no known locations."""
+"""The locators for XML and YAML files that have no elements, or whose elements have no known locations."""
 
 _SOURCE = Source("<made>", "", NO_SPANS)
 
@@ -316,5 +316,5 @@ def synthetic_element(
 
 
 def synthetic_file(root: Element) -> TreeFile:
-    """Create a tree file without a text from its root element."""
+    """Create a tree file from its root element. The file has no text."""
     return TreeFile(_SOURCE, root)

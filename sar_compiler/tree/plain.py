@@ -21,7 +21,7 @@ def _escape(match: re.Match[str]) -> str:
 
 
 def to_json_value(value: object) -> object:
-    """Convert a value for JSON: an enum member to its name; numbers and strings are unchanged, other objects become strings."""
+    """Convert a value for JSON: enum members become names, numbers and strings stay, the rest becomes strings."""
     if isinstance(value, Enum):
         return value.name
     return value if isinstance(value, (bool, int, float, str, type(None))) else str(value)

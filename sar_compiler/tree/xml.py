@@ -44,7 +44,8 @@ def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
 
     Raises:
         TreeError: If the content is too large or too deep, or has a DOCTYPE.
-        UnfinishedFileError: If it is not well-formed XML; the error contains the elements before the location of the error.
+        UnfinishedFileError: If the content is not well-formed XML; the error contains the elements before the location
+            of the error.
     """
     declared = None
     if isinstance(data, bytes) and data.startswith(b"<?xml"):

@@ -37,8 +37,8 @@ _PRIVATE = (range(0xE000, 0xF900), range(0xF0000, 0xFFFFE))
 _REPLACEABLE = "&<-"
 _MOST = 1000
 """The maximum number of findings in a file."""
-_IGNORED_BY_BTCPP = "BehaviorTree.CPP ignores it, other XML parsers do not"
-_ACCEPTED_BY_BTCPP = "BehaviorTree.CPP accepts it, other XML parsers do not"
+_IGNORED_BY_BTCPP = "BehaviorTree.CPP ignores it, but other XML parsers reject the file"
+_ACCEPTED_BY_BTCPP = "BehaviorTree.CPP accepts it, but other XML parsers reject the file"
 UNDEFINED_ENTITY_HINT = "write the character itself, or &amp; for a literal &"
 
 
@@ -256,5 +256,5 @@ def _loose(source: Source, start: int, end: int) -> Diagnostic:
     else:
         what, suggestion = "&" if raw != "<" else "<", _replacement(raw)
         escaped = f"{what} must be written as {_replacement(what)} in XML"
-        message = f"{escaped}: BehaviorTree.CPP accepts {what}, other XML parsers do not"
+        message = f"{escaped}: BehaviorTree.CPP accepts {what}, but other XML parsers reject the file"
     return Diagnostic("loose-xml", message, source, source.span(start, end), suggestion, hint)

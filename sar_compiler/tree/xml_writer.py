@@ -86,7 +86,7 @@ def _start_tag(element: Element, indent: str, end: str, trailing: str) -> Iterat
 
 
 def _as_broken(element: Element, name: str, value: str) -> str | None:
-    """Return an attribute's value with its line breaks in the XML file; None if it has no line breaks."""
+    """Return an attribute's value with the line breaks of the XML file; None if there are no line breaks."""
     source = element.source
     if source.form is not Form.XML or " " not in value:
         return None

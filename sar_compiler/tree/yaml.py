@@ -52,7 +52,7 @@ def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
 
 
 class _Parts:
-    """The parts of an element while it is read."""
+    """The parts of an element that is being read."""
 
     __slots__ = ("attributes", "children", "comments", "places", "seen", "text", "unquoted")
 
@@ -129,9 +129,9 @@ class _YamlReader:
             if isinstance(first, yaml.SequenceStartEvent):
                 what = f"a tree file begins with '{ROOT_TAG}:'" if not self._depth else "a node is expected"
                 hint = (
-                    f"write the node's tag; put a list of nodes under its '{CHILDREN_KEY}:'"
+                    f"write the node's tag, and put a list of nodes under its '{CHILDREN_KEY}:'"
                     if self._depth
-                    else f"delete the '- ' before '{ROOT_TAG}:'; put a list under its '{CHILDREN_KEY}:'"
+                    else f"delete the '- ' before '{ROOT_TAG}:', and put a list of nodes under its '{CHILDREN_KEY}:'"
                 )
                 self._report(
                     "wrong-shape", f"{what}, but this is a list", _mark_position(first)[0], end, hint=hint
@@ -373,7 +373,7 @@ class _YamlReader:
         events.pop()
 
     def _key(self) -> Any:
-        """Read the next key; None, after a finding, if it is not a string."""
+        """Read the next key; if the key is not a string, report this and return None."""
         key = self._events.next
         if isinstance(key, yaml.ScalarEvent):
             return self._events.pop()
@@ -408,7 +408,7 @@ class _YamlReader:
         return False
 
     def _is_no_string(self, key: Any, value: Any) -> bool:
-        """Report an attribute's value that is empty or contains a wrongly indented node; return whether it is wrong."""
+        """Report a value that is empty, or that contains a node because of its indentation; return True if so."""
         if _is_nothing(value):
             message = f"'{key.value}' has no value"
             hint = f"write {key.value}: '' for an empty string, or delete the line"
@@ -417,7 +417,7 @@ class _YamlReader:
         return self._is_too_deep(value)
 
     def _is_too_deep(self, scalar: Any) -> bool:
-        """Report a node whose indentation makes it part of the string above; return whether there is such a node."""
+        """Report a node that is indented so far that it continues the string above; return True if there is one."""
         start, end = _mark_position(scalar)
         node = _CONTINUED.search(self._source.text, start, end) if not scalar.style else None
         if node is None:

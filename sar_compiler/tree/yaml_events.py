@@ -68,7 +68,8 @@ class YamlEvents:
 
     Args:
         source: The text.
-        closing: Whether to close all open collections at a syntax error, and end there, instead of raising.
+        closing: If true, the events end at a syntax error, after all open collections have been closed. If false, the
+            error is raised.
     """
 
     def __init__(self, source: Source, *, closing: bool = False) -> None:
@@ -193,7 +194,8 @@ class YamlEvents:
         """Skip a list or a mapping with its comments and tags, which are part of its text.
 
         Returns:
-            The offset of its end, and the comment on the line of its closing bracket; None if there is no such comment.
+            The end offset of the list or mapping, and the comment on the line of the closing bracket (None without such
+            a comment).
         """
         is_block, found = not self.next.flow_style, len(self.findings)
         start = self.next.start_mark.index

@@ -13,7 +13,7 @@ FIELD_ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
 }
 """The attributes that take message fields, by the node's tag.
 
-A tree file is read without node models, so this repeats the ports of `nodes.ros_leaves`; a test compares them.
+A tree file is read without node models, so this table repeats the ports of `nodes.ros_leaves`. A test compares them.
 """
 EXPLICIT_TAGS = ("Action", "Condition", "Control", "Decorator")
 """The tags of nodes in explicit form, which are named by their ID."""
@@ -45,7 +45,8 @@ def dedent(text: str, column: int) -> str:
 
     Args:
         text: The part.
-        column: The column of its first character, from 1. Up to *column* - 1 spaces are removed from each later line.
+        column: The column of the part's first character, from 1. Up to *column* - 1 spaces are removed from each later
+            line.
     """
     first, *rest = LINE_END.split(text)
     blanks = re.compile(f" {{0,{column - 1}}}")

@@ -63,7 +63,7 @@ class FileCheck:
         is_cut: Whether the user has stopped the check.
         is_read: Whether the file could be read.
         is_whole: Whether the check is complete.
-        sources: The queries of the file system to read the file and the files that it includes.
+        sources: The file system queries that were needed to read the file and the files that it includes.
     """
 
     palettes: list[Diagnostic] = field(default_factory=list)
@@ -94,7 +94,7 @@ _MOST_FILES, _MOST_BYTES = 40, 128 << 20
 _MOST_QUESTIONS = 100_000
 _uses = itertools.count()
 _RECENT_NS = 30 * 10**9
-"""The age of a module, in nanoseconds, below which its previous state may have been imported."""
+"""The age of a module's file, in nanoseconds, below which an earlier version of the file may have been imported."""
 
 
 def environment_key(options: Sequence[object]) -> str:

@@ -1,4 +1,4 @@
-"""The check of several files as one set, and their fixes."""
+"""The check of several files as one set, and the fixes of their errors."""
 
 import os
 import sys
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from sar_compiler.validation.forked_workers import ForkedWorkers
 
 _ROUNDS = 20
-"""The maximum number of passes over a file, because a fix may reveal another error."""
+"""The maximum number of passes over a file. Several passes are needed because a fix may reveal another error."""
 
 
 class CheckOptions(NamedTuple):
@@ -283,7 +283,7 @@ def _write(tree: "ProjectTree", chosen: "Sequence[Fix]") -> None:
     path, source = tree.path, tree.source
     if encode_text(source, source.text) != read_file(path, TREE).data:
         raise WriteError(
-            f"{path} was not fixed, because it has changed since it was read, or its encoding cannot be written"
+            f"{path} was not fixed: the file has changed since it was read, or its encoding cannot be written"
         )
     write_bytes(path, encode_text(source, apply_fixes(source.text, chosen)))
 

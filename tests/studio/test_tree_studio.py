@@ -230,7 +230,7 @@ def test_a_new_file_has_an_empty_tree_that_can_be_filled(tmp_path, name):
     looked: Any = studio.answer_question("look", {"text": text})
     assert [each["code"] for each in looked["findings"]] == ["missing-child"]
     assert [looked["elements"][number]["tag"] for number in looked["nodes"]] == ["BehaviorTree"]
-    with pytest.raises(WriteError, match="exists already"):
+    with pytest.raises(WriteError, match="already exists"):
         create_document(path)
     with pytest.raises(WriteError, match="does not end with"):
         create_document(tmp_path / "new.txt")

@@ -157,7 +157,7 @@ def test_what_only_yaml_has_is_a_finding_with_its_place(code):
         ("root:\n  children:\n  - A: B\n", (3, 8), "write a child node below 'children:', as '- B'"),
         ("root:\n  children:\n  - A: [B]\n", (3, 8), "put a list of nodes under 'children:'"),
         ("root:\n  children:\n    A:\n", (2, 3), "begin each node with '- '"),
-        ("root:\n  children:\n  - - A\n", (3, 5), "write the node's tag; put a list of nodes under its"),
+        ("root:\n  children:\n  - - A\n", (3, 5), "write the node's tag, and put a list of nodes under its"),
         ("root:\n  a: 1\nb: 2\n", (3, 1), "a tree file has one top-level key, but 'b' is beside 'root'"),
         ("root:\n  a: [1]\n", (2, 3), "must be a string, but is a list"),
         ("root:\n  a: {goal}\n", (2, 6), "did you mean \"'{goal}'\"?"),

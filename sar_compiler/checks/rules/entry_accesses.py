@@ -430,7 +430,8 @@ class EntryTable:
         entries: The entries, in the order in which the tree names them.
         accesses: The key accesses of each tree.
         is_open: Whether a node may access keys that the file does not name.
-        is_foreign: Whether any node is known only from a model. If so, another program runs the tree and may write entries.
+        is_foreign: Whether any node is known only from a model. If so, another program runs the tree and may write
+            entries.
     """
 
     top: TreeInstance

@@ -326,9 +326,9 @@ def find_unwritten_ends(entry: EntryAccesses, outcomes: PossibleOutcomes) -> Ite
     """Yield the first read of an entry that can follow when all writers have ended without writing the entry.
 
     The rule checks only leaves whose outcomes declare the keys that they write (`Outcome.writes`). It reports a read
-    if, in some possible run, the read is the first access after a writer has ended without writing. The positions of the
-    writer and the reader decide this. The rule computes the possible results of the writer's ancestors after such an
-    end, from the writer up to the node that has the writer and the reader in different children. If this node then
+    if, in some possible run, the read is the first access after a writer has ended without writing. The positions of
+    the writer and the reader decide this. The rule computes the possible results of the writer's ancestors after such
+    an end, from the writer up to the node that has the writer and the reader in different children. If this node then
     continues to the reader's branch, the reader is reached. The rule reports nothing if a condition, a script before a
     node or a chosen branch on the path may depend on the same end, because a wrong finding is worse than a missing one.
     """

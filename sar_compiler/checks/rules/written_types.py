@@ -124,8 +124,8 @@ class _KeyWrite(NamedTuple):
         element: The element that contains the location.
         attribute: The attribute that names the key.
         key: The key, by its name in the element's tree.
-        place: The attribute that contains the written value, and the value's start and end in this attribute (None if the
-            value is the whole attribute).
+        place: The attribute that contains the written value, and the value's start and end in this attribute (None if
+            the value is the whole attribute).
         values: The possible values; None if they are not known.
         port: The port that writes; None for a script, a constant, a copy or an item.
         is_copy: Whether a node copies the value with its type.

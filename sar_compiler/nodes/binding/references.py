@@ -40,7 +40,8 @@ class ReferenceCandidates:
         """Find the node to which a reference refers.
 
         Returns:
-            The node; None if no node has the required name and class; False, after a finding, if several nodes have this name and class.
+            The node; None if no node has the required name and class; False, after a finding, if several nodes have
+            this name and class.
         """
         named = bound.element.attributes.get(parameter.name)
         found = self.candidates(parameter) if named is None else self.names(parameter).get(named, ())

@@ -46,7 +46,8 @@ class _PortUse(NamedTuple):
     Attributes:
         text: The written text.
         is_key: Whether the text is a key.
-        makes_key: Whether the node probably writes the key: a later node in the tree has the key, but no earlier node has it.
+        makes_key: Whether the node probably writes the key: a later node in the tree has the key, but no earlier node
+            has it.
         cpp: The C++ type of a known port that has the same key in the tree; empty if there is no such port.
     """
 
