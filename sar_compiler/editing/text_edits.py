@@ -36,7 +36,7 @@ def apply_edits(text: str, edits: Iterable[TextEdit]) -> str:
 
 
 def edit_between(old: str, new: str) -> list[TextEdit]:
-    """Return the smallest edit that changes one text into another, or no edit if the texts are equal."""
+    """Return the smallest edit that changes one text into another, or no edit if both are equal."""
     if old == new:
         return []
     most = min(len(old), len(new))

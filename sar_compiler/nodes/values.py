@@ -93,8 +93,7 @@ class ValueType(NamedTuple):
         name: The name of the type in a schema.
         label: The name of the type in a sentence, with an article: `an integer`.
         convert: A function that converts a text to a value, or raises `ConversionError`.
-        pattern: A regular expression, valid in XSD and JSON Schema, for the valid texts; empty if no
-            expression can restrict the texts.
+        pattern: A regular expression for the valid texts, also valid in XSD and JSON Schema; empty if there is none.
         choices: All valid texts, if they can be listed.
         python: The Python type of the values; None for any type.
         cpp: The name of the type in a `TreeNodesModel`; empty for values of any type.

@@ -91,7 +91,7 @@ class Spans:
 
 
 _FEW, _SHORT = 16, 1000
-"""Offsets of attributes are cached only for elements that exceed one of these numbers of attributes and characters."""
+"""The numbers of attributes and characters up to which an element's offsets are not cached."""
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ ERRORS = {
     "yaml-merge": "a YAML merge key",
     "yaml-tag": "a YAML tag",
 }
-"""Errors. A tree with an error cannot be run, and no comment or setting can suppress an error or lower its severity."""
+"""The errors. A tree with an error cannot be run, and no comment or setting can suppress or lower an error."""
 
 WARNINGS = {
     "assignment-as-condition": "a condition that assigns a variable",

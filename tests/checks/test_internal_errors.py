@@ -51,7 +51,7 @@ def test_the_finding_names_the_rule_the_error_and_its_place():
     finding, *_ = check(forest(TWO_SLIPS), default_registry())
     error = "the rule check_badly raised an error at this element: IndexError: list index out of range"
     assert finding.message == f"{error} (test_internal_errors.py, in _fail_on)"
-    assert "please report this" in finding.advice
+    assert "report this error" in finding.advice
 
 
 def test_what_fails_for_several_rules_alike_is_told_once(monkeypatch):

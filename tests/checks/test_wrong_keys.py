@@ -82,7 +82,7 @@ MISTAKES = {
     "a variable that is changed before anything makes it": (
         '<Script code="count = 1"/>',
         ("unwritten-key", 3, 15, None),
-        "= and similar operators need an existing variable",
+        "'=' and similar operators need an existing variable",
     ),
     "a variable in a condition": (
         '<Success _skipIf="done"/>',

@@ -76,7 +76,7 @@ MISTAKES = {
             '<Selector memory="false">\n<Sequence><Ready/><Wait/></Sequence>\n'
             '<Sequence name="Steps">\n<Look/><Drive/></Sequence>\n</Selector>'
         ),
-        ("lost-progress", 5, 1, "'Steps' restarts with 'Look'"),
+        ("lost-progress", 5, 1, "'Steps' starts over with 'Look'"),
     ),
     # never ticked, never ended
     "a child behind one that cannot fail": (

@@ -32,7 +32,7 @@ from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity
 from sar_compiler.tree.guessing import Guesses, likeness
 
 _LIKE, _CLOSE = 0.7, 0.75
-"""Two minimum similarities of keys: one at which a key may be a typo of another key, and one at which it is a typo."""
+"""The minimum similarities at which a key may be a typo of another key, and at which it is treated as a typo."""
 
 
 def check_keys(context: CheckContext) -> Iterator[Diagnostic]:

@@ -11,7 +11,7 @@ NAVIGATOR = NAV2_NODES[-1]
 """The lifecycle node whose actions drive the robot."""
 
 DRIVING_NODES = (*NAV2_NODES, "planner_server", "controller_server", "behavior_server")
-"""The nodes needed for driving. While one of them is inactive or silent, the result of a goal does not show whether the goal is reachable."""
+"""The nodes needed for driving. If one is inactive or silent, a goal that fails may still be reachable."""
 
 MANAGER = "lifecycle_manager_navigation"
 """The lifecycle manager that brings Nav2 up."""
