@@ -25,6 +25,6 @@ PUBLIC_MODULES = (
     "supervisor",
     "until",
 )
-"""The modules that other packages may import."""
+"""The modules of this package that other packages may import."""
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy(__name__)

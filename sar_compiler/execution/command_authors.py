@@ -39,7 +39,7 @@ def _ignore(_: str) -> None:
 
 
 class _Announcement(NamedTuple):
-    """An announced command: its author, the objects that the author saw, and the steady clock's time in seconds."""
+    """An announced command: the author, the objects that the author saw, and the time on the steady clock in seconds."""
 
     author: CommandAuthor
     seen: SeenObjects
@@ -78,7 +78,7 @@ class CommandAuthors:
         seen: SeenObjects = _NOTHING_SEEN,
         refuse: Callable[[str], object] = _ignore,  # noqa: ARG002 - an announcement in this process cannot fail
     ) -> None:
-        """Store the author of a command's next service call and the objects that the author saw; then run *then*, which makes the call."""
+        """Store the author of a command and the objects that the author saw; then call *then*, which calls the command's service."""
         self._store(verb, author, seen)
         then()
 
@@ -89,10 +89,10 @@ class CommandAuthors:
             self._last_seen[verb] = signature
 
     def _signature(self, verb: str) -> "_Announcement":
-        """Return the announcement of the current call of a command's service.
+        """Return the announcement that belongs to the current call of a command's service.
 
-        A call without an announcement may have consumed another call's announcement. So the objects announced last apply to every call without
-        an announcement.
+        A call that was not announced may have used up the announcement of another call. So every call without an announcement is checked
+        against the objects that were announced last.
         """
         signed, oldest = self._signed[verb], time.monotonic() - _ANNOUNCEMENT_VALID_SEC
         last = self._last_seen.get(verb)
@@ -129,7 +129,10 @@ class CommandAuthors:
         with self._journal.ordered_by(author) as recorded_kinds:
             changed = self._journal.describe_change(verb.name, seen)
             if changed:
-                response.success, response.message = False, f"{changed}. Check it, and repeat the command"
+                response.success, response.message = (
+                    False,
+                    f"{changed}. Check the change, and repeat the command",
+                )
                 result = response
             else:
                 result = callback(request, response)
@@ -147,7 +150,7 @@ def escape_to_single_line(text: str) -> str:
 
 
 class RemoteCommandAuthor:
-    """Announces the author of a command to a mission in another process.
+    """Announces the authors of commands to a mission that runs in another process.
 
     Args:
         node: The node that sends the announcements.
@@ -168,11 +171,11 @@ class RemoteCommandAuthor:
         seen: SeenObjects = _NOTHING_SEEN,
         refuse: Callable[[str], object] = _ignore,
     ) -> None:
-        """Announce the author of a command; after the response, run *then*, which calls the command's service.
+        """Announce the author of a command; when the mission has responded, call *then*, which sends the command.
 
-        A node without parameter services gets no announcement. The response can be lost if two nodes have just discovered each other. Without a
-        confirmed announcement, a command is still sent if the author saw no objects. Otherwise it might be executed on an object that has changed,
-        so *refuse* is called with the reason.
+        No announcement is sent to a node that has no parameter services. The response can be lost if two nodes have just discovered each
+        other. If the announcement is not confirmed, the command is still sent when the author saw no objects. Otherwise the mission might
+        execute the command on an object that has changed, so *refuse* is called with the reason.
         """
         from rclpy.parameter import Parameter
 
@@ -183,7 +186,8 @@ class RemoteCommandAuthor:
                 then()
             else:
                 refuse(
-                    "the command was not sent, because the mission has not confirmed its object. Repeat the command"
+                    "the command was not sent, because the mission has not confirmed the object that the command refers to. Repeat the "
+                    "command"
                 )
 
         if not self._client.service_is_ready():

@@ -29,7 +29,7 @@ class Sign(Protocol):
         refuse: Callable[[str], object] = ...,
         /,
     ) -> object:
-        """Announce a command, its author and the objects that the author saw; call *then* to send it, or *refuse* with the reason."""
+        """Announce a command with author and seen objects; call *then* to send the command, or *refuse* with the reason."""
         ...
 
 
@@ -44,7 +44,7 @@ def _send_at_once(
 
 
 class CommandClient:
-    """Sends a mission's commands: any thread may request it, and the node's executor calls the services.
+    """Sends a mission's commands: any thread may request a command, and the node's executor calls the service.
 
     Args:
         node: The node that calls the services.
@@ -90,7 +90,8 @@ class CommandClient:
             seen: The objects that the author saw; the mission refuses the command if one of them has changed.
 
         Returns:
-            A future of whether the command was accepted, and the response's message. It can be cancelled until the command is sent.
+            A future for a pair: whether the command was accepted, and the message of the response. The future can be cancelled until the
+            command is sent.
 
         Raises:
             CommandError: If the command is unknown, a value is invalid, or no leaf of the tree executes the command.

@@ -37,7 +37,7 @@ class EndCondition:
         until: The condition that ends the run.
         mission: The run's mission.
         time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
-        say: Called with a message each time the root has ended and the tree starts again.
+        say: Called with a message each time the tree's root has returned SUCCESS or FAILURE and the tree starts again.
     """
 
     until: Until

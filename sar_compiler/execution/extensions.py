@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def guardian_of(run: RunSetup) -> RunExtension | None:
-    """Create the guardian of a run's goals if the option is set or a run on a robot writes a journal; otherwise return None."""
+    """Create the guardian that cancels a run's goals if the run crashes; return None if the run needs no guardian."""
     if not run.options.guardian and not (run.journal.is_kept and run.options.sim is None):
         return None
     from sar_compiler.ros.arguments import security_arguments
@@ -78,7 +78,7 @@ class RunExtensions:
             extension.on_awaited(items)
 
     def on_begin(self) -> None:
-        """Notify each extension that the ticks begin; the journal is opened first.
+        """Open the journal, and then notify each extension that the ticks begin.
 
         Raises:
             JournalError: If the journal cannot be written.
@@ -91,7 +91,7 @@ class RunExtensions:
         """Notify each extension that the leaves are set up.
 
         Raises:
-            UnfitLeavesError: If the run is impossible with these leaves.
+            UnfitLeavesError: If an extension cannot work with the leaves of the tree.
         """
         for extension in self._extensions:
             extension.on_setup()

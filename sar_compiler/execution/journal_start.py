@@ -1,4 +1,4 @@
-"""The start of a run: if it is refused, the reason is recorded in a file beside the journal."""
+"""The start of a run. If the start is refused, the reason is recorded in a file beside the journal."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 class JournalStart:
-    """Context manager of the start of a run. If the start is refused, the reason is stored for `sar-journal why`.
+    """Context manager for the start of a run. If the start is refused, the reason is stored for `sar-journal why`.
 
     Args:
         options: The options of the run.
 
     Attributes:
-        has_begun: Whether the run has begun, so that an error is no refusal of the start.
+        has_begun: Whether the run has begun. A later error is not recorded as a refused start.
     """
 
     has_begun = False
@@ -31,7 +31,7 @@ class JournalStart:
         self._place: Path | None = options.journal
 
     def find_path(self, mission: "Mission | None", node: "Node") -> None:
-        """Determine the path of the run's journal; not for simulated runs, because each of them has a new journal."""
+        """Determine the path of the run's journal. A simulated run is skipped, because it always has a new journal."""
         if self._place is None and self.options.sim is None and has_journal_by_default(self.options, mission):
             self._place = default_path(self.options, node.get_fully_qualified_name())
 
@@ -53,7 +53,7 @@ def has_journal_by_default(options: RunOptions, mission: "Mission | None") -> bo
 
 
 def default_path(options: RunOptions, name: str) -> Path:
-    """Return the default journal path of a run whose node has this full name."""
+    """Return the default path of the journal for a run whose ROS node has this full name."""
     from sar_compiler.journal.journal_opening import default_place, delete_old_simulated, simulated_place
 
     if options.sim is None:

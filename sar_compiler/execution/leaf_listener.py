@@ -18,16 +18,16 @@ class LeafListener(Protocol):
     """The receiver of leaf events; each leaf is identified by its number."""
 
     def on_before_event(self, number: int) -> None:
-        """Handle that a leaf is about to start, to be updated or to be halted."""
+        """Called just before a leaf is started, updated or halted."""
 
     def on_start(self, number: int) -> None:
-        """Handle the start of a leaf."""
+        """Called when a leaf has started."""
 
     def on_status(self, number: int, status: str) -> None:
-        """Handle the status that a leaf has returned."""
+        """Called with the status that a leaf has returned."""
 
     def on_halt(self, number: int) -> None:
-        """Handle that a running leaf is halted."""
+        """Called when a running leaf has been halted."""
 
 
 def listen_to_leaf(leaf: Behaviour, number: int, listener: LeafListener) -> None:

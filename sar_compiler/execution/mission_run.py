@@ -1,7 +1,7 @@
 """One run of `sar-run`, from the tree file to the exit status.
 
-Discovery takes longer than all other steps before the first tick. So the node is created as soon as its name is
-known, and the modules that only a run needs are imported afterwards.
+Discovery of other ROS nodes takes longer than all other steps before the first tick. So the mission's node is created as soon as its name
+is known, and modules that are not needed earlier are imported afterwards.
 """
 
 import os
@@ -52,7 +52,7 @@ def run_mission(
         makes: Functions that create the extensions of the run.
         signals: The requests to stop.
         ros: Shuts down ROS at the end, after the run has written all of its output.
-        staying: Collects functions to call after ROS is shut down.
+        staying: A list to which functions are added that must be called after ROS is shut down.
         output: The run's output.
         report: Called with the outcome before the extensions close.
 
@@ -102,7 +102,7 @@ def _approval(options: RunOptions, loaded: ProjectTree) -> "ApprovalCheck":
 
 
 def _world(options: RunOptions) -> "World | None":
-    """Return the world to simulate; None for a run on a robot. A wrong name is thus reported before slow steps."""
+    """Return the world to simulate, or None for a run on a robot. Call this early, to report a wrong name before slow steps."""
     if options.sim is None:
         return None
     from sar_compiler.sim.world import find_world

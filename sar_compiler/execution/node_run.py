@@ -51,7 +51,7 @@ def run_on_node(
         makes: Functions that create the extensions of the run.
         ros: Shuts down ROS at the end.
         stack: Closes the extensions before ROS is shut down.
-        staying: Collects functions to call after ROS is shut down.
+        staying: A list to which functions are added that must be called after ROS is shut down.
         output: The run's output.
 
     Raises:
@@ -123,12 +123,15 @@ def _require_navigation(tree: CompiledTree, world: "World") -> None:
         NotReadyError: If the tree needs Nav2 and the simulated world has no map.
     """
     if world.map_path is None and not {Use.nav2(), Use.action(NAVIGATION)}.isdisjoint(tree.uses()):
-        line = f"Nav2: the world '{world.name}' has no map for navigation. Draw one with sar-sim map, and name it in the world's file"
+        line = (
+            f"Nav2: the world '{world.name}' has no map for navigation. Draw a map with sar-sim map, "
+            "and name the map in the world's file"
+        )
         raise NotReadyError([line], None)
 
 
 def _route_check(setup: RunSetup, tree: CompiledTree, world: "World | None") -> RouteCheck | None:
-    """Create the check of the mission's route; None without `--check`, or if the tree does not navigate."""
+    """Create the check of the mission's route; return None without `--check`, or if the tree does not navigate."""
     if not setup.options.check or not setup.mission.route() or Use.nav2() not in tree.uses():
         return None
     return RouteCheck(setup.node, setup.mission, setup.parameters, world)

@@ -11,22 +11,22 @@ from sar_compiler.terminal import RunOutput
 
 
 class _NoOutput(RunOutput):
-    """Prints nothing, because the caller receives the result."""
+    """An output that prints nothing, because the caller receives the result of the run."""
 
     def print_momentary(self, text: str) -> None:
         """Ignore the text."""
 
     def draw(self, text: str) -> None:
-        """Ignore the control sequences."""
+        """Ignore the terminal control sequences."""
 
     def print_important(self, text: str) -> None:
         """Ignore the text."""
 
 
 def run_mission(options: RunOptions, extensions: Sequence[MakeExtension] = ()) -> RunOutcome:
-    """Run a mission in this process and return its outcome; the run prints nothing except for ROS's log.
+    """Run a mission in this process and return the outcome; only the log of ROS is printed.
 
-    Ctrl-C stops the run gracefully, and the outcome reports it. Call this function in the main thread.
+    Ctrl-C stops the run gracefully, and the outcome says that the run was stopped. Call this function in the main thread.
 
     Args:
         options: The options of the run, such as `sim` for a simulated robot.

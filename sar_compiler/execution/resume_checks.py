@@ -1,8 +1,9 @@
-"""Checks before a mission resumes from a journal: the tree and the mission must be those of the journal.
+"""Check, before a mission resumes, that its tree and its identity match the journal.
 
 The state of the tree is lost when its process crashes; only the events in the journal remain. A resumed tree therefore starts over, and its
-leaves skip the work that the events record as done. This is only correct if the events still have the same meaning: a place whose position has
-changed since would be skipped although the robot never visited the new position. So every difference is an error before the first tick.
+leaves skip the work that the events record as done. This is only correct if the events still have the same meaning. For example, if the
+position of a place has changed since then, the place would be skipped although the robot has never been at the new position. So every
+difference is reported as an error before the first tick.
 """
 
 from collections.abc import Mapping
@@ -21,15 +22,15 @@ _ADVICE = "or start over with --new, which keeps that journal under another name
 
 
 def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
-    """Check that a resuming mission has the identity of the mission in the journal.
+    """Check that a mission to resume is the same mission as the one in the journal.
 
     Args:
         journal: The journal.
-        about: `mission`, `simulated` and `identity` of the resuming mission.
+        about: The values `mission`, `simulated` and `identity` of the mission to resume.
 
     Raises:
-        JournalError: If the journal belongs to another mission, or to a simulation instead of a robot or the reverse.
-        ParameterError: If a parameter of the mission's identity differs; names each of them.
+        JournalError: If the journal belongs to another mission, or if exactly one of the two runs is simulated.
+        ParameterError: If a parameter of the mission's identity differs. The error names each such parameter.
     """
     recorded: Any = journal.description
     if recorded.get("mission") != about["mission"]:
@@ -61,15 +62,15 @@ def _mission_text(mission: str | None) -> str:
 
 
 def require_same_tree(journal: Journal, tree: CompiledTree, outline: Mapping[str, Any]) -> None:
-    """Check that a resuming mission has the tree in the journal.
+    """Check that a mission to resume has the same tree as the journal.
 
     Args:
         journal: The journal.
-        tree: The tree of the resuming mission.
+        tree: The tree of the mission to resume.
         outline: The tree's nested nodes, in the journal's form.
 
     Raises:
-        TreeError: If the trees differ; names the first difference.
+        TreeError: If the trees differ. The error names the first difference.
     """
     difference = _difference(journal.description.get("tree"), outline, tree.root)
     if difference is None:
@@ -105,7 +106,7 @@ def _difference(then: Any, now: Mapping[str, Any], behaviour: Behaviour) -> tupl
 
 
 def _mapping(value: object) -> Mapping[str, Any]:
-    """Return the value if it is a mapping, as in an intact journal; otherwise an empty mapping."""
+    """Return the value if it is a mapping; return an empty mapping for the wrong type of a damaged journal."""
     return value if isinstance(value, Mapping) else {}
 
 

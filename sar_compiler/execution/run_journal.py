@@ -1,4 +1,4 @@
-"""The journal of a run of `sar-run`. Modules that only a written journal needs are imported when they are needed."""
+"""The journal of a run of `sar-run`. Modules that are only needed to write a journal are imported at their first use."""
 
 import shlex
 from collections.abc import Mapping
@@ -36,7 +36,7 @@ class RunJournal(RunExtension):
 
     Attributes:
         replay_hint: A sentence with the command that replays a simulation; empty for other runs.
-        journal: The journal, to which listeners can be added at once. It is opened by `on_begin`.
+        journal: The journal. Listeners can be added immediately; `on_begin` opens the journal's file.
 
     Raises:
         JournalError: If the journal exists and this run must not write to it.
@@ -96,8 +96,8 @@ class RunJournal(RunExtension):
             if fact.kind == FACTS_LOST
         ):
             self._node.get_logger().warning(
-                f"{count} events were lost because the journal could not be written. Work that only they record is repeated. "
-                "Numbers that were in use are not assigned again."
+                f"{count} events were lost because the journal could not be written. The mission repeats work that only these events had "
+                f"recorded. Numbers that were in use are not assigned again."
             )
 
     def on_compiled(self, tree: CompiledTree, engine: "Engine") -> None:

@@ -16,7 +16,7 @@ class RunOptions:
     Attributes:
         tree: The tree file, or the name of a shipped tree.
         tree_id: The ID of the tree in the file; by default the main tree.
-        additions: Leaves, palettes and folders in addition to those of the project's configuration; the name of the mission.
+        additions: The name of the mission, and leaves, palettes and folders to use in addition to those in the project's configuration.
         params: A ROS 2 parameter file; by default the mission's default file.
         ros: ROS arguments, as after `--ros-args`, such as `["-p", "tick_rate_hz:=5.0"]`.
         until: The condition that ends the run. By default, a mission with its own end condition ends when it is complete in a
@@ -77,7 +77,7 @@ class RunOutcome:
 
     Attributes:
         status: The exit status of `sar-run`: 0 if the run achieved its goal.
-        reason: Why the run failed; empty if it succeeded, or a signal stopped it.
+        reason: Why the run failed; empty if the run succeeded or a signal stopped it.
         duration_sec: Time from the first to the last tick, in seconds of the node's clock.
         ticks: The number of ticks.
         figures: The mission's figures by name.

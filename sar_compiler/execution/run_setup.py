@@ -36,8 +36,8 @@ class RunStart(NamedTuple):
         faults: The faults to inject into the simulation.
         world: The simulated world; None for an existing robot.
         node: The run's node.
-        discovery: The wait for other nodes, which began when the node was created.
-        journal: Records the reason if the start is refused.
+        discovery: The wait for the discovery of other nodes, which began when the node was created.
+        journal: The object that records the reason if the start is refused.
         approval: The approval of the tree; None if the options do not require it.
     """
 
@@ -67,7 +67,7 @@ class RunSetup(NamedTuple):
         loaded: The loaded tree file.
         values: The values of the node's parameters by name.
         fixed_parameters: The names of parameters that cannot be set during the run.
-        output: The run's output for people.
+        output: The run's human-readable output.
         orders: Records the operator's commands with their authors.
         staying: Functions to call when the run has ended and ROS is shut down.
         approval: The approval of the tree; None if the options do not require it.

@@ -1,6 +1,6 @@
-"""`--view text` of `sar-run`: a display that is redrawn in place on a terminal, otherwise a line for each change.
+"""The display of `sar-run --view text`: redrawn in place on a terminal, otherwise one line for each change.
 
-The display occupies the lower lines of the terminal. All other output scrolls above, including the log, which nodes and libraries
+The display occupies the lower lines of the terminal. All other output scrolls above the display, including the log that nodes and libraries
 write directly to the terminal. The terminal's scroll margins make this possible.
 """
 
@@ -104,7 +104,7 @@ class RunScreen(RunView):
                 self._restore_terminal()
 
     def close(self) -> None:
-        """Draw the display a last time and release the terminal; further output appears below."""
+        """Draw the display for the last time and release the terminal; further output appears below the display."""
         if self._has_begun and not self._is_closed:
             self._is_closed = True
             self._try(self._draw)
@@ -186,7 +186,7 @@ def _suspend_process() -> None:
 
 
 Paint = Callable[[Sequence[Line], int, int], Iterable[str]]
-"""Formats lines for a terminal, given its width and the number of rows: with colours, shortened to the width."""
+"""Formats coloured lines for a terminal, given the terminal's width and number of rows. Lines are shortened to the width."""
 
 
 def _painter() -> Paint:

@@ -33,7 +33,7 @@ from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.display_text import escape_to_one_line
 
 TELL = "tell"
-"""The default reaction to a violated property: only an alarm."""
+"""The default reaction to a violated property: the run raises an alarm and sends no command."""
 
 _ROLES: Mapping[str, Literal["hold", "stop"]] = {"hold": "hold", "abort": "stop"}
 # Maximum wait of a command for its service, which may not be discovered yet, in seconds of the steady clock.
@@ -103,12 +103,12 @@ class _PropertyReactions:
                 )
 
     def schedule(self, about: str, event: str) -> None:
-        """Schedule the command that reacts to the violation of a property by an event, if there is one."""
+        """Schedule the command that reacts to a violated property; do nothing if the reaction is only an alarm."""
         if about in self._verbs:
             self._due.append(_DueCommand(about, event, self._verbs[about], time.monotonic()))
 
     def send_due(self) -> None:
-        """Send the due commands; wait for services that are not discovered yet."""
+        """Send each scheduled command whose service is available; keep the others until their services are discovered."""
         due, self._due = self._due, []
         for command in due:
             try:
@@ -137,7 +137,7 @@ class _PropertyReactions:
 
 
 class PropertyWatch(RunExtension):
-    """Monitors a run for violated properties and assumptions, and records the alarms in the journal for all displays.
+    """Monitors a run for violated properties and assumptions, and records each alarm in the journal.
 
     Args:
         run: The run before its tree is compiled.
@@ -158,7 +158,7 @@ class PropertyWatch(RunExtension):
 
         Raises:
             TreeError: If the properties file does not fit the tree.
-            SarError: If the tree cannot be monitored, or the mission does not have the command of a reaction.
+            SarError: If the tree cannot be monitored, or if a reaction needs a command that the mission does not have.
         """
         options = self._run.options
         given = options.properties
@@ -209,12 +209,12 @@ class PropertyWatch(RunExtension):
         self._reactions.require()
 
     def on_before_event(self, number: int) -> None:
-        """Handle that a leaf is about to start, to be updated or to be halted."""
+        """Apply the changes that commands have made, just before a leaf is started, updated or halted."""
         self._call_monitor(self._apply_commands)
         self._call_monitor(self._watch.on_before_event, number)
 
     def _apply_commands(self) -> None:
-        """Apply the changes of facts that commands have made since the last event."""
+        """Apply the changes that operator commands have made to facts since the last event."""
         added = self._run.mission.added_facts()
         for name, count in added.items():
             if count != self._added.get(name, 0):
@@ -234,7 +234,7 @@ class PropertyWatch(RunExtension):
         self._watch.on_status(number, status, self._declared[number].label(status, label))
 
     def on_halt(self, number: int) -> None:
-        """Handle that a running leaf is halted."""
+        """Handle the halt of a running leaf."""
         self._call_monitor(self._watch.on_halt, number)
 
     def on_last_tick(self, *, is_over: bool) -> None:
@@ -243,7 +243,7 @@ class PropertyWatch(RunExtension):
         self._is_over = True
 
     def _call_monitor(self, method: "Callable[..., object]", *arguments: object) -> None:
-        """Pass an event to the monitor; an error is logged, ends monitoring, and does not end the mission."""
+        """Pass an event to the monitor; an error is logged and ends the monitoring, but not the mission."""
         if self._is_over:
             return
         try:
@@ -256,7 +256,7 @@ class PropertyWatch(RunExtension):
             )
 
     def verdicts(self) -> dict[str, str]:
-        """Return the verdict of each property by name: `kept`, `owed` (undecided), `broken`, or `unknown` if the monitor has failed."""
+        """Return the verdict of each property by name: `kept`, `owed` (undecided), `broken` or `unknown` (monitor failed)."""
         watch = self._watch
         if self._failure:
             return {name: "broken" if name in watch.broken else "unknown" for name in watch.properties.names}

@@ -53,8 +53,8 @@ _SIGNALLED = 128
 
 
 Holder = Callable[[bool, Callable[[], bool], Callable[[str], None]], None]
-"""Pauses (True) or resumes (False) a mission. While the second argument returns True, it waits for the mission's
-services. It calls the third argument with the reason if the mission refuses the command."""
+"""Pauses (True) or resumes (False) a mission. The function waits for the mission's services for as long as the second argument returns
+True. It calls the third argument with the reason if the mission refuses the command."""
 
 
 class ServedTree(NamedTuple):
@@ -110,7 +110,8 @@ def serve(argv: Sequence[str], options: ServeOptions, signals: StopSignals) -> i
         signals: The requests to stop.
 
     Returns:
-        The exit status: 2 if a tree is invalid and no lifecycle manager is used, 4 if the last run may have left an active goal, otherwise 0.
+        The exit status: 2 if a tree is invalid and no lifecycle manager controls the server, 4 if a goal of the last run may still be
+        active, otherwise 0.
     """
     require_middleware()
     from sar_compiler.execution.tree_server import serve_trees
@@ -129,7 +130,7 @@ class ProcessRunStarter:
 
     Attributes:
         node: The server's node, which receives goals.
-        status: The exit status: 4 if the last run may have left an active goal, otherwise 0.
+        status: The exit status: 4 if a goal of the last run may still be active, otherwise 0.
     """
 
     node: "Node"
@@ -176,7 +177,9 @@ class ProcessRunStarter:
                 tree_id = element.attributes.get("ID")
                 binding = loaded.binding(tree_id)
                 if tree_id is None:
-                    raise ServedTreesError(f'the tree in {name} has no ID for goals. Add ID="…" to it')
+                    raise ServedTreesError(
+                        f'the tree in {name} has no ID, so goals cannot refer to the tree. Add ID="…" to the tree'
+                    )
                 mission = mission_of(loaded, binding)
                 # Without this check, an error in the options would end each run instead of the server's start.
                 parse_faults(self._options.fault, mission)
@@ -191,7 +194,7 @@ class ProcessRunStarter:
         return found
 
     def refusal_reason(self, tree: str, parameters: Mapping[str, object]) -> str:
-        """Return why a run of the tree cannot be started with the parameters; empty if it can."""
+        """Return why a run of the tree cannot be started with the parameters; return an empty string if it can be started."""
         paths = sorted(self._trees[tree].path_parameters & parameters.keys())
         if not paths:
             return ""
@@ -223,7 +226,7 @@ class ProcessRunStarter:
         return ServedProcess(command, tell, on_end, self._holder(served))
 
     def _holder(self, served: ServedTree) -> "Holder":
-        """Return the function that pauses or resumes the mission of a tree."""
+        """Return a function that pauses or resumes the mission of a served tree."""
         from sar_compiler.execution.command_authors import RemoteCommandAuthor
         from sar_compiler.execution.command_client import CommandClient
 
@@ -242,7 +245,7 @@ def holder(calls: "CommandClient", verbs: Mapping[str, str], by: str) -> Holder:
     Args:
         calls: The client of the mission's commands.
         verbs: The names of the mission's commands by role.
-        by: The author of the pause and resume commands.
+        by: The name that the journal records as the author of pause and resume commands.
     """
     from sar_compiler.missions.mission import CommandError
 
@@ -268,7 +271,7 @@ def holder(calls: "CommandClient", verbs: Mapping[str, str], by: str) -> Holder:
     def hold(wanted: bool, is_new: Callable[[], bool], refused: Callable[[str], None]) -> None:
         verb = verbs.get("hold" if wanted else "release")
         if verb is None:
-            refused("the mission does not have this command")
+            refused("the mission does not have the command that this request needs")
         else:
             author = CommandAuthor(by, f"the server was {'de' if wanted else ''}activated")
             senders.submit(send, verb, author, is_new, refused)
@@ -330,7 +333,7 @@ class ServedProcess:
         self._hold(wanted, self._is_new, refused)
 
     def _is_new(self) -> bool:
-        """Return whether the run is active and began too recently for its services to be discovered."""
+        """Return whether the run is active, but began so recently that its services may not be discovered yet."""
         is_young = self._begun is None or time.monotonic() - self._begun < _DISCOVERY_SEC
         return is_young and self._process.poll() is None
 
@@ -349,7 +352,7 @@ class ServedProcess:
                 self._tell(self._last)
 
     def _await_end(self) -> None:
-        """Wait for the end of the process and report it, even if child processes keep its pipes open."""
+        """Wait until the process ends and report the result, even if child processes keep the output pipes open."""
         status = self._process.wait()
         for reader in (self._follower, self._listener):
             reader.join(_READ_SEC)
@@ -370,13 +373,13 @@ def run_result(status: int, last: str, complaints: str) -> EndedRun:
         reason = str(json.loads(last)["reason"])
     except (ValueError, TypeError, KeyError):  # the run has not started, or was killed
         was_stopped = status < 0 or status > _SIGNALLED
-        reason = "the run was stopped before its end" if was_stopped else _start_failure(complaints)
+        reason = "the run was stopped before it was complete" if was_stopped else _start_failure(complaints)
         return EndedRun("IDLE", reason)
     return EndedRun("FAILURE" if status == FINDINGS else "IDLE", reason or "the run was stopped")
 
 
 def _start_failure(complaints: str) -> str:
-    """Return why a run has not started, from its standard error: command errors first, without ROS's log if possible."""
+    """Extract from standard error why a run did not start; prefer errors of the command to lines of the ROS log."""
     lines = complaints.split("\n")
     plain = [line for line in lines if not _LOG_LINE.match(line)] or lines
     return "\n".join(sorted(plain, key=lambda line: not line.startswith("sar-run: ")))
@@ -385,7 +388,7 @@ def _start_failure(complaints: str) -> str:
 def _verbs_of(
     mission: "Mission | None", binding: "Binding", files: Sequence[Path], node: str
 ) -> "tuple[OperatorCommand, ...]":
-    """Return the commands of a mission; empty if the parameter files do not suffice to start it."""
+    """Return the mission's commands, or no commands if required parameters are missing from the parameter files."""
     from sar_compiler.missions.mission_start import begin_run
     from sar_compiler.missions.parameter_reader import ParameterReader
 
@@ -401,6 +404,6 @@ def _verbs_of(
 
 
 def _given_name(ros: Sequence[str]) -> str:
-    """Return the node name that ROS arguments set; empty if they set none."""
+    """Return the node name that the ROS arguments set, or an empty string if they set no name."""
     names = [word.partition(":=")[2] for word in ros if word.startswith(("__node:=", "__name:="))]
     return names[-1] if names else ""

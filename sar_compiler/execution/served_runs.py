@@ -27,7 +27,7 @@ class EndedRun(NamedTuple):
     """The outcome of a run.
 
     Attributes:
-        outcome: SUCCESS or FAILURE of the mission; IDLE if the run has not started or was stopped.
+        outcome: SUCCESS or FAILURE for a finished mission; IDLE if the run did not start or was stopped.
         message: The JSON summary of a successful run, otherwise the reason why the run ended.
     """
 
@@ -67,7 +67,7 @@ class RunStarter(Protocol):
         """
 
     def refusal_reason(self, tree: str, parameters: Mapping[str, object]) -> str:
-        """Return why a run of the tree cannot be started with the parameters; empty if it can."""
+        """Return why a run of the tree cannot be started with the parameters; return an empty string if it can be started."""
 
     def start(
         self,
@@ -87,7 +87,7 @@ class RunStarter(Protocol):
 
 
 def parameters_of(payload: str) -> Mapping[str, object]:
-    """Return the parameters in a goal's payload by full name: `{"speed": {"limit": 0.5}}` sets `speed.limit`.
+    """Return the parameters in a goal's payload by full name. For example, `{"speed": {"limit": 0.5}}` sets `speed.limit`.
 
     Args:
         payload: A JSON object, or an empty string.
@@ -114,12 +114,12 @@ def _refuse_constant(name: str) -> NoReturn:
 
 def _flatten(found: Mapping[str, object], before: str, levels: int) -> Iterator[tuple[str, object]]:
     if not levels:
-        raise PayloadError("the payload is nested too deeply for parameters")
+        raise PayloadError("the payload is nested too deeply: it cannot be converted to parameters")
     for name, value in found.items():
         # ROS would read `node:name` as a parameter of another node.
         if not _NAME.fullmatch(name):
             raise PayloadError(
-                f"the payload has a parameter {name[:_SHOWN]!r}: use letters, digits and _ in names"
+                f"the payload has an invalid parameter name {name[:_SHOWN]!r}. Use only letters, digits and _ in names"
             )
         if isinstance(value, dict):
             yield from _flatten(value, f"{before}{name}.", levels - 1)
@@ -128,7 +128,7 @@ def _flatten(found: Mapping[str, object], before: str, levels: int) -> Iterator[
 
 
 def _as_one_type(value: object) -> object:
-    """Convert a list of both integers and real numbers to real numbers, because ROS rejects such a list."""
+    """Convert a list that mixes integers and real numbers to real numbers, because ROS rejects mixed lists."""
     if not isinstance(value, list) or {type(each) for each in value} != {int, float}:
         return value
     try:

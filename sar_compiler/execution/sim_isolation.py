@@ -1,4 +1,4 @@
-"""The check for other simulations or robots before a simulation starts, which can take several seconds."""
+"""Before a simulation starts, check that no other simulation or robot is present. The check can take several seconds."""
 
 import sys
 import time
@@ -13,7 +13,7 @@ def require_isolation(signals: StopSignals, **options: Any) -> None:
     """Check that no other simulation or robot is present; on a terminal, show the remaining time.
 
     Args:
-        signals: The requests to stop, which end the check.
+        signals: The requests to stop; such a request ends the check.
         options: Keyword arguments of `require_no_other_nodes`.
 
     Raises:

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 ALIVE, ENDING, JOURNAL, DEAF = b".", b"=", b"/", b"?"
-"""The messages of a run, each identified by the first byte of a line: heartbeat, end of the run, path of the journal, lost
-discovery. The guardian sends a fifth message (`ros.guardian.MAY_MOVE_SIGN`)."""
+"""The first byte of each message from a run to its supervisor: heartbeat, end of the run, path of the journal, lost discovery. The guardian
+sends a fifth message (`ros.guardian.MAY_MOVE_SIGN`)."""
 
 _VARIABLE = "SAR_SUPERVISION"
 PERIOD_SEC = 1.0
-"""Interval of heartbeats, in seconds of the steady clock."""
+"""The interval between heartbeats, in seconds of the steady clock."""
 
 NOT_READY = 3
-"""The exit status of a run for which a requirement of the tree did not appear in time."""
+"""The exit status of a run that ended because a requirement of the tree did not appear in time."""
 
 
 class Supervision(NamedTuple):
@@ -25,7 +25,7 @@ class Supervision(NamedTuple):
     Attributes:
         signs: The file descriptor of the pipe to the supervisor; None without a supervisor.
         deaths: How the earlier runs crashed, in words.
-        has_begun: Whether the mission has started, so that it must be resumed.
+        has_begun: Whether the mission has already started in an earlier run and must be resumed.
     """
 
     signs: int | None = None

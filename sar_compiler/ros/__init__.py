@@ -32,4 +32,4 @@ PUBLIC_MODULES = (
     "tick_watch",
     "tree_log_listener",
 )
-"""The modules that other packages may import."""
+"""The modules of this package that other packages may import."""

@@ -165,7 +165,7 @@ def test_what_cannot_be_begun_is_refused_and_the_log_says_why(client, serve):
     assert not client.ask("Short", "patience: 3").accepted
     server.wait_for("Goal refused: the payload is not JSON")
     assert not client.ask("Short", json.dumps({"a\0b": 1})).accepted
-    server.wait_for("Goal refused: the payload has a parameter 'a\\x00b': use letters")
+    server.wait_for("Goal refused: the payload has an invalid parameter name 'a\\x00b'. Use only letters")
     assert not client.ask("Zones", json.dumps({"areas_file": "/etc/passwd"})).accepted
     server.wait_for("Goal refused: the payload cannot set areas_file, because it is a file path")
     assert client.ask("Long").accepted
@@ -215,7 +215,9 @@ def test_a_lifecycle_manager_decides_when_goals_are_taken(client, serve):
     client.hear("Wait RUNNING")
     # Nobody can hold this tree.
     assert change(client, "deactivate")
-    server.wait_for("The mission cannot be paused, and is stopped: the mission does not have this command")
+    server.wait_for(
+        "The mission cannot be paused, and is stopped: the mission does not have the command that this request needs"
+    )
     assert client.end(goal)[:2] == (ABORTED, IDLE)
     assert change(client, "cleanup")
     assert client.trees() == []

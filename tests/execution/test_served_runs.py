@@ -31,7 +31,7 @@ from tests.trees import document
 __all__ = ["make_ros", "ros"]
 
 STAND, GO_ON = True, False
-STOPPED = "the run was stopped before its end"
+STOPPED = "the run was stopped before it was complete"
 
 
 @pytest.mark.parametrize(
@@ -125,14 +125,14 @@ def test_without_a_payload_there_are_no_parameters(payload):
         ('{"a": {"b": [Infinity]}}', "the payload is not JSON: Infinity is not a JSON number"),
         (
             '{"a\\u0000b": 1}',
-            r"the payload has a parameter 'a\\x00b': use letters, digits and _ in names",
+            r"the payload has an invalid parameter name 'a\\x00b'. Use only letters, digits and _ in names",
         ),
-        ('{"a\\ud800": 1}', "the payload has a parameter "),
-        ('{"search_and_rescue:areas_file": "/etc/passwd"}', "the payload has a parameter "),
-        ('{"/**": {"areas_file": "/etc/passwd"}}', r"the payload has a parameter '/\*\*'"),
-        ('{"a b": 1}', "the payload has a parameter 'a b'"),
-        ('{"": 1}', "the payload has a parameter ''"),
-        ('{"a": {"-p": 1}}', "the payload has a parameter '-p'"),
+        ('{"a\\ud800": 1}', "the payload has an invalid parameter name "),
+        ('{"search_and_rescue:areas_file": "/etc/passwd"}', "the payload has an invalid parameter name "),
+        ('{"/**": {"areas_file": "/etc/passwd"}}', r"the payload has an invalid parameter name '/\*\*'"),
+        ('{"a b": 1}', "the payload has an invalid parameter name 'a b'"),
+        ('{"": 1}', "the payload has an invalid parameter name ''"),
+        ('{"a": {"-p": 1}}', "the payload has an invalid parameter name '-p'"),
     ],
 )
 def test_a_payload_that_is_none_is_refused(payload, said):
@@ -200,4 +200,4 @@ class TestHolding:
     def test_a_mission_without_such_a_verb_refuses_at_once(self, hold):
         refused: list[str] = []
         hold(GO_ON, lambda: True, refused.append)
-        assert refused == ["the mission does not have this command"]
+        assert refused == ["the mission does not have the command that this request needs"]

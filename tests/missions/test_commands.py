@@ -328,7 +328,7 @@ def test_a_zone_that_is_no_longer_the_next_one_is_not_skipped_and_it_is_said_whi
     mission.search.zones.select_next_zone()
     assert mission.give(named("skip_zone"), seen=seen) == (
         False,
-        "the object of the command has changed. You saw 'zone_a', and now it is 'zone_b'. Check it, and repeat the command",
+        "the object of the command has changed. You saw 'zone_a', and now it is 'zone_b'. Check the change, and repeat the command",
     )
     assert mission.search.zones.abandoned_zones() == []
 
