@@ -54,11 +54,11 @@ class Supervision(NamedTuple):
         self._write(DEAF)
 
     def send_end(self) -> None:
-        """Report that the run has ended, and only reports and the shutdown follow."""
+        """Tell the supervisor that the run has ended; only the reports and the shutdown of ROS are left to do."""
         self._write(ENDING)
 
     def summary_text(self) -> str:
-        """Return the sentence about restarts for the run's summary; empty without restarts."""
+        """Return the sentence about restarts for the run's summary, or an empty string if there were no restarts."""
         if not self.deaths:
             return ""
         times = "once" if len(self.deaths) == 1 else f"{len(self.deaths)} times"
@@ -71,7 +71,7 @@ class Supervision(NamedTuple):
 
 
 def own_supervision(environment: MutableMapping[str, str] = os.environ) -> Supervision:
-    """Read this process's connection to its supervisor from the environment, and remove it there, so that child processes have none."""
+    """Read this process's connection to its supervisor from the environment, and delete it from the environment."""
     supervision = Supervision(*json.loads(environment.pop(_VARIABLE, "[]")))
     if supervision.signs is not None:
         os.set_inheritable(supervision.signs, False)  # noqa: FBT003 - its only form

@@ -43,16 +43,18 @@ _LAST_WORDS_SEC = 0.9
 def supervise(
     argv: Sequence[str], limit: int, signals: StopSignals, report: Callable[[Path], object] | None = None
 ) -> int:
-    """Run a mission to its end, resuming it after crashes; return the exit status.
+    """Run a mission until it ends, resume it after each crash, and return the exit status.
 
-    A run has crashed if a signal ended it that was not requested, or if it exited with status 3. A run that sends no heartbeat for 10 s, or reports
-    lost discovery, is killed. The guardian then cancels the run's goals. The next run starts when the goals have ended and the journal is unlocked.
+    A run has crashed if it was ended by a signal that was not requested, or if it exited with status 3. The supervisor kills a run that
+    sends no heartbeat for 10 s, or that reports lost discovery. The guardian then cancels the run's goals. The next run starts when the
+    goals have ended and the journal is unlocked.
 
     Args:
         argv: The command line of a run, with the program.
         limit: The maximum number of restarts.
         signals: The requests to stop, which are passed on to the run.
-        report: Writes the reports that an ended run could not write, given its journal; None if no reports are requested.
+        report: Writes the reports that a run could not write before its process ended. The argument is the path of the run's journal. None
+            if no reports are requested.
     """
     deaths: list[str] = []
     has_begun = False
@@ -111,7 +113,7 @@ class _SupervisedRun:
         self._listener.start()
 
     def wait_for_end(self, signals: StopSignals) -> None:
-        """Wait for the end of the run; end it if its heartbeat stops, and pass on requests to stop."""
+        """Wait until the run ends; kill the run if its heartbeat stops, and pass on requests to stop."""
         is_asked = False
         turned_at = time.monotonic()
         while self._is_alive():
@@ -146,21 +148,24 @@ class _SupervisedRun:
         if ended is not None and ended.status is not None and ended.status != NOT_READY:
             return ended.status, ""
         if self._is_deaf:
-            return NOT_READY, "it no longer received messages from Nav2, although the ROS graph shows Nav2"
+            return (
+                NOT_READY,
+                "the process no longer received messages from Nav2, although the ROS graph shows Nav2",
+            )
         if self._is_frozen:
             return 128 + signal.SIGKILL, f"no heartbeat for {self._limit_sec:g} s"
         if status < 0:
             return 128 - status, f"by {signal.Signals(-status).name}"
-        return status, "a requirement was missing: status 3" if status == NOT_READY else ""
+        return status, "exit status 3, because a requirement was missing" if status == NOT_READY else ""
 
     def write_missing_reports(self, report: Callable[[Path], object] | None) -> None:
-        """Write the reports of a run that has ended if its process crashed before it wrote them."""
+        """Write the reports of a finished run if the process crashed before it could write them."""
         if report is None or self._place is None or self._process.returncode >= 0:
             return
         try:
             report(self._place)
         except (SarError, ImportError) as error:
-            print_error(f"sar-run: the mission has ended, but its report failed: {error}")
+            print_error(f"sar-run: the mission has ended, but the report could not be written: {error}")
 
     @property
     def has_begun(self) -> bool:
@@ -204,7 +209,7 @@ class _SupervisedRun:
         self.may_move = self.may_move or line.startswith(MAY_MOVE_SIGN)
 
     def _run_in_journal(self) -> "JournalRun | None":
-        """Return the journal's record of this run; None if the journal has none."""
+        """Return the record of this run in the journal; None if the journal has no such record."""
         from sar_compiler.journal.database import JournalFile
 
         if self._place is None:

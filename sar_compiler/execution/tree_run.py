@@ -1,4 +1,4 @@
-"""One run of a tree on a ROS node: wait for its requirements, tick it, stop it and summarise."""
+"""Run a tree on a ROS node: wait for the tree's requirements, tick the tree, stop it and summarise the run."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -112,7 +112,7 @@ class RouteReport:
 
     Attributes:
         lines: A table of the stops with distances and driving times, then the areas; empty for a mission without a route and areas.
-        problems: A sentence for each problem of the route and the areas.
+        problems: One sentence for each problem with the route or an area.
     """
 
     def __init__(self, mission: MissionRun, parameters: RunParameters, occupancy: "OccupancyMap") -> None:
@@ -141,7 +141,7 @@ class RouteReport:
             if leg.trouble
         ]
         if unplanned := len(stops) - len(legs):
-            reason = f"planning takes more than {_MOST_PLANNING_SEC:g} s of CPU time"
+            reason = f"planning has used the limit of {_MOST_PLANNING_SEC:g} s of CPU time"
             self.problems.append(f"{unplanned} of {len(stops)} stops were not checked: {reason}.")
         if legs and not mission.allows(x, y):
             self.problems.insert(0, f"The start ({x:.2f}, {y:.2f}) is outside the geofence.")
@@ -156,7 +156,7 @@ class RouteReport:
     def _add_areas(
         self, planner: "Planner", start: tuple[float, float], areas: Sequence[SearchedArea]
     ) -> None:
-        """Report the reachable part of each area, and the duration of its sweep."""
+        """Report the reachable part of each area, and how long the robot takes to sweep this part."""
         from sar_compiler.sim.planner import PlanningError, reachable_areas
 
         try:
@@ -164,7 +164,9 @@ class RouteReport:
         except PlanningError:
             return  # already reported for every stop
         width = max(len(area.name) for area in areas)
-        self.lines.append("The areas on the map (one sweep of the reachable part, without turns):")
+        self.lines.append(
+            "The areas on the map (driving time for one sweep of the reachable part, turns not included):"
+        )
         for area, reach in zip(areas, reaches, strict=True):
             covered = f"{reach.reached_m2:.1f} of {reach.area_m2:.1f} m²"
             line = f"  {area.name:{width}}  {covered:>20}  {self._length_text(reach.reached_m2 / area.swath)}"
@@ -255,11 +257,11 @@ def _distance(legs: "Sequence[RouteLeg]") -> float:
 
 @dataclass
 class TreeRun:
-    """One run of a tree on a ROS node: wait for its requirements, tick it, stop it and summarise.
+    """Runs a tree on a ROS node: waits for the tree's requirements, ticks it, stops it and summarises the run.
 
     Attributes:
         setup: The state of the run before compilation.
-        discovery: The wait for other nodes.
+        discovery: The wait for the discovery of other nodes.
         end: The condition that ends the run.
         extensions: The extensions of the run.
         tree: The compiled tree.
@@ -295,10 +297,11 @@ class TreeRun:
         self._robot: RobotEstimate | None = None
 
     def run(self, route: RouteCheck | None) -> RunOutcome:
-        """Wait for the tree's requirements, tick it, stop it and summarise.
+        """Wait for the tree's requirements, tick the tree, stop it and summarise the run.
 
         Args:
-            route: The check of the mission's route in a run with `--check`, which does not tick the tree; None if there is no route to check.
+            route: The check of the mission's route for a run with `--check`, in which the tree is not ticked; None if there is no route to
+                check.
 
         Raises:
             NotReadyError: If a requirement of the tree does not appear in time.
@@ -487,7 +490,7 @@ class TreeRun:
             log_error(self._node, f"A callback failed: {error_text(error)}. The tree is stopped.", error)
 
     def _tick_watch(self) -> TickWatch:
-        """Create the watchdog that reports a blocking leaf; a stop request then ends the run despite the blocking leaf."""
+        """Create the watchdog that reports a blocking leaf, and that lets a stop request end the blocked run."""
         cancel, parameters = None, self._parameters
         if self.simulation is None:
             cancel = make_separate_canceller(self._node)
@@ -527,7 +530,7 @@ class TreeRun:
 
     @property
     def _is_over(self) -> bool:
-        """Whether a cause other than the tree has ended the run: a signal, a failure, a lost dependency, or the shutdown of ROS."""
+        """Whether the run was ended by a signal, a failure, a lost dependency or a shutdown of ROS."""
         failed = self._callback_failure is not None or self._failure_of_simulation is not None
         troubled = self._watch is not None and bool(self._watch.trouble)
         return self._signals.came or failed or troubled or not self._node.context.ok()
@@ -560,7 +563,7 @@ class TreeRun:
         return status
 
     def _outcome_text(self, status: int) -> str:
-        """Return the outcome that an exit status means, in words."""
+        """Return a run's outcome in words, given the exit status."""
         if status > _SIGNAL_STATUS:
             return f"was stopped by {Signals(status - _SIGNAL_STATUS).name}"
         return "succeeded" if status == OK else "failed"
@@ -593,7 +596,7 @@ class TreeRun:
         return OK
 
     def _interruption_status(self) -> int:
-        """Return the exit status of a run that did not end by its tree, and store the reason."""
+        """Return the exit status of a run that was ended by something other than the tree; store the reason."""
         if (failure := self._failure_of_simulation) is not None:
             words = str(failure) if isinstance(failure, SarError) else f"{type(failure).__name__}: {failure}"
             return self._fail(f"the simulation has ended: {words}")
@@ -607,8 +610,8 @@ class TreeRun:
         """Store why the run failed, and return the exit status.
 
         Args:
-            message: The reason for the terminal, which may refer to earlier messages.
-            reason: The reason for the journal and other programs; by default *message*.
+            message: The reason to print on the terminal. This text may refer to earlier messages.
+            reason: The reason to record in the journal and to report to other programs; by default *message*.
         """
         self._reason = reason or message
         self._messages.append(message)

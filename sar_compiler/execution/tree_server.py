@@ -50,7 +50,7 @@ def serve_trees(starter: RunStarter, ros: Sequence[str], signals: StopSignals, *
         is_managed: Whether a lifecycle manager configures and activates the node.
 
     Returns:
-        False if the trees cannot be run, so that no goals were accepted; the log contains the reason.
+        False if no goals were accepted because the trees cannot be run; the log contains the reason.
     """
     with ros_up(init_arguments(ros)) as context, suppress(ExternalShutdownException):
         node = TreeExecutionServer(context, starter, is_managed=is_managed)
@@ -80,8 +80,8 @@ def _spin(executor: Executor, node: "TreeExecutionServer", signals: StopSignals)
 class Bond:
     """A node's bond, which shows a lifecycle manager that the process is alive.
 
-    Both ends of a bond publish heartbeats on the topic `bond`, and a last message at their end. Nav2's lifecycle manager regards a node
-    as crashed if it receives no heartbeat for `bond_timeout`, and does not activate a node without a bond.
+    The two processes of a bond publish heartbeats on the topic `bond`, and a last message before they end. Nav2's lifecycle manager regards
+    a node as crashed if it receives no heartbeat for `bond_timeout`, and does not activate a node without a bond.
 
     Args:
         node: The node whose name identifies the bond, and whose executor sends the heartbeats.
@@ -202,7 +202,9 @@ class TreeExecutionServer(LifecycleNode):
             self._run.hold(wanted=False, refused=self._log_not_resumed)
         if self._bond is not None:
             self._bond.begin()
-        self.get_logger().info(f"Trees: {', '.join(self._trees)}. Goals of '{ACTION}' start them.")
+        self.get_logger().info(
+            f"Ready to run the trees {', '.join(self._trees)}. Send a goal to '{ACTION}' to start one of them."
+        )
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -233,12 +235,12 @@ class TreeExecutionServer(LifecycleNode):
     def _stop_unpausable_run(self, why: str) -> None:
         if self._run is not None:
             self.get_logger().warning(
-                f"The mission cannot be paused, and is stopped: {escape_to_one_line(why)}"
+                f"The mission is stopped, because it cannot be paused: {escape_to_one_line(why)}"
             )
             self._run.stop()
 
     def _log_not_resumed(self, why: str) -> None:
-        self.get_logger().warning(f"The mission does not resume: {escape_to_one_line(why)}")
+        self.get_logger().warning(f"The mission could not be resumed: {escape_to_one_line(why)}")
 
     def _list_trees(self, _request: GetTrees.Request, response: GetTrees.Response) -> GetTrees.Response:
         response.tree_ids = [*self._trees]
@@ -254,7 +256,7 @@ class TreeExecutionServer(LifecycleNode):
         return GoalResponse.ACCEPT
 
     def _rejection_reason(self, goal: ExecuteTree.Goal) -> str:
-        """Return why the run of a goal cannot be started; empty if it can."""
+        """Return why the run of a goal cannot be started; return an empty string if it can be started."""
         tree = str(goal.target_tree)
         if not self._is_active:
             return "this node is not active"
@@ -321,6 +323,6 @@ def _new_bond(node: TreeExecutionServer) -> Bond | None:
     except ModuleNotFoundError as error:
         node.get_logger().warning(
             f"This node has no bond, because the ROS package 'bond' is not installed ({error}). "
-            "Install it, or set bond_timeout: 0.0 for the lifecycle manager."
+            "Install the package, or set bond_timeout: 0.0 for the lifecycle manager."
         )
         return None

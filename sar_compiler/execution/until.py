@@ -1,4 +1,4 @@
-"""The conditions that end a run. They have their own module, so that `--help` imports no others."""
+"""The conditions that end a run. They are in a module of their own, so that `sar-run --help` does not need to import other modules."""
 
 from enum import Enum
 
@@ -9,10 +9,10 @@ class Until(str, Enum):
     END = "end"
     """The tree's root succeeds, fails or is skipped."""
     COMPLETE = "complete"
-    """The mission is complete, or no work is left that could complete it."""
+    """The mission is complete, or cannot be completed because no work is left."""
     SUCCESS = "success"
     """The tree's root succeeds."""
     FAILURE = "failure"
     """The tree's root fails."""
     FOREVER = "forever"
-    """No state of the tree or the mission ends the run: it continues until a signal stops it."""
+    """The run continues, whatever the state of the tree and the mission, until a signal stops it."""

@@ -1,4 +1,4 @@
-"""A server of Groot2's protocol: Groot2 reads the tree's nodes, statuses and blackboards over ZeroMQ.
+"""A server of Groot2's protocol, which lets Groot2 read a tree's nodes, statuses and blackboards over ZeroMQ.
 
 This is version 2 of the protocol, with little-endian numbers. A request has a header (version, kind, a number chosen by the client) and, for
 some kinds, a second frame. The reply has the same header with the tree's ID and, for some kinds, a second frame. The reply to an invalid
@@ -37,18 +37,19 @@ _STATUS = struct.Struct("<HB")
 _RESET = 10
 
 _Responder = Callable[[Sequence[bytes]], bytes | None]
-"""Returns the second frame of the reply, or None; called with the frames of the request after its header."""
+"""Returns the second frame of the reply, or None if the reply has only a header. The argument contains the request's frames without the
+header."""
 
 
 class Ticking(Protocol):
-    """The engine that ticks a tree."""
+    """An engine that ticks a tree."""
 
     def add_visitor(self, visitor: VisitorBase) -> None:
         """Add a visitor that is called for every ticked node."""
 
 
 class Groot2PortError(SarError):
-    """A port that was chosen for Groot2 does not exist or cannot be used."""
+    """The user has chosen a port for Groot2 that does not exist or cannot be used."""
 
 
 class RequestError(SarError):
@@ -105,7 +106,7 @@ class Groot2Publisher:
 
     def _bind(self, kind: int, port: int) -> "zmq.Socket[bytes]":
         if not 0 < port <= _LAST_PORT:
-            message = f"there is no port {port}. Choose a port from 1 to {_LAST_PORT - 1}; the next port is used, too"
+            message = f"there is no port {port}. Choose a port from 1 to {_LAST_PORT - 1}. Groot2 also needs the port after it"
             raise Groot2PortError(message)
         socket: zmq.Socket[bytes] = self._context.socket(kind)
         socket.setsockopt(zmq.LINGER, 0)
@@ -200,7 +201,7 @@ class Groot2Publisher:
 
 def _refuse_breakpoint(_: Sequence[bytes]) -> bytes | None:
     raise RequestError(
-        "breakpoints and substitutions are not supported. Use the breakpoints of the web page: sar-run --view web"
+        "breakpoints and substituted outcomes are not supported in Groot2. Set breakpoints on the web page of sar-run --view web"
     )
 
 
@@ -224,9 +225,9 @@ def snapshot(statuses: Iterable[int]) -> bytes:
 
 
 def _copy_value(value: object) -> object:
-    """Return a copy of a blackboard value that msgpack can encode, because a tick may change the value.
+    """Copy a blackboard value to a value that msgpack can encode, because a later tick may change the original.
 
-    An unsupported value becomes None, as in BehaviorTree.CPP if a type has no converter.
+    An unsupported value becomes None. BehaviorTree.CPP does the same for types without a converter.
     """
     try:
         copy: object = msgpack.unpackb(msgpack.packb(value), use_list=False, strict_map_key=False)

@@ -1,4 +1,4 @@
-"""The interface to ROS 2: engines that tick trees, the wait for a tree's requirements, parameters and servers."""
+"""The interface to ROS 2: engines that tick trees, checks of a tree's requirements, parameters and servers."""
 
 PUBLIC_MODULES = (
     "arguments",

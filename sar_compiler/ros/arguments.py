@@ -1,4 +1,4 @@
-"""Split and compose command lines with ROS arguments, and explain errors that ROS reports about them."""
+"""Split and compose command lines with ROS arguments, and explain the errors that ROS reports about these arguments."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -30,7 +30,7 @@ class SplitArguments:
 
 
 def split_arguments(argv: Sequence[str]) -> SplitArguments:
-    """Split a command line: arguments between `--ros-args` and `--` (or the end) belong to ROS."""
+    """Split a command line: the arguments from `--ros-args` to `--`, or to the end, belong to ROS."""
     own: list[str] = []
     ros: list[str] = []
     inside = False
@@ -74,11 +74,11 @@ def parameter_files(ros: Sequence[str], params_file: Path | None = None) -> list
 def node_arguments(ros: Sequence[str]) -> list[str]:
     """Return the arguments for the mission's node, in addition to the arguments of `rclpy.init`.
 
-    A `-p name:=value` must override an earlier file. As an argument of the whole process it would belong to the section `/**`, which a section with the
-    node's name in a file overrides. A node's own arguments are applied last.
+    An argument `-p name:=value` must override an earlier parameter file. If it were an argument of the whole process, it would belong to
+    the section `/**`, and a section with the node's name in a file would override it. A node's own arguments are applied last.
 
-    A new name (`-r __node:=name`) is only for this node. As an argument of the whole process it would also rename other nodes in the process, such as
-    those of servers and the simulator.
+    A new node name (`-r __node:=name`) is only meant for this node. If it were an argument of the whole process, it would also rename the
+    other nodes in the process, such as the servers and the simulator.
     """
     last_file = max((index for index, argument in enumerate(ros) if argument == _FILE_FLAG), default=-1)
     rules: list[str] = []
@@ -89,7 +89,7 @@ def node_arguments(ros: Sequence[str]) -> list[str]:
 
 
 def security_arguments(ros: Sequence[str]) -> list[str]:
-    """Return the arguments that set the SROS 2 enclave, for another process of the same mission."""
+    """Return the ROS arguments that select the SROS 2 enclave, to pass them to another process of the mission."""
     return [part for flag, value in pairwise(ros) if flag in _ENCLAVE_FLAGS for part in (flag, value)]
 
 
@@ -112,7 +112,7 @@ def convert_ros_errors() -> Iterator[None]:
     """Convert rclpy's errors about arguments and names to readable errors.
 
     Raises:
-        RosArgumentError: Instead of rclpy's own errors.
+        RosArgumentError: If rclpy raises an error about an argument or a name.
     """
     from rclpy.exceptions import NameValidationException
     from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
@@ -130,7 +130,7 @@ def convert_ros_errors() -> Iterator[None]:
 
 
 _FORMS = {
-    "parameter override rule": "write a parameter as name:=value, where all values of a list have the same type",
+    "parameter override rule": "write a parameter as name:=value. All values of a list must have the same type",
     "remap rule": "write from:=to for a name, __node:=name for a node name, or __ns:=/name for a namespace",
     "log level": "write debug, info, warn, error or fatal, or logger:=level",
 }
@@ -161,7 +161,7 @@ _FAULTS = {
 
 
 def _wrong_in_remap(rule: str) -> str | None:
-    """Return the error in a name of a remap rule `from:=to`; None if the rule's syntax is wrong."""
+    """Describe the wrong name in a remap rule `from:=to`; return None if the syntax of the whole rule is wrong."""
     old, assigned, new = rule.partition(":=")
     if not assigned or not old:
         return None

@@ -1,7 +1,8 @@
 """Clocks of a node and of this process, and deadlines.
 
-Time limits for other programs are measured in awake time. A process that is suspended, or gets no processor time, receives no
-messages meanwhile. Late responses are then not the servers' fault, and DDS may have to discover the servers again.
+Time limits for other programs are measured in awake time, which excludes the time in which this process is suspended or gets no processor
+time. The process receives no messages during this time. So late responses are not the servers' fault, and DDS may have to discover the
+servers again.
 """
 
 import math
@@ -31,7 +32,7 @@ class AwakeTime:
     """The time of the steady clock, excluding suspensions of this process and the grace time after each of them.
 
     Attributes:
-        stood_still_at: The time of `time.monotonic` at which the last suspension was detected.
+        stood_still_at: The time at which the last suspension was detected, as given by `time.monotonic`.
     """
 
     def __init__(self) -> None:
@@ -50,7 +51,7 @@ class AwakeTime:
 
     @contextmanager
     def mark_polling(self, say: Callable[[str], object]) -> Iterator[None]:
-        """Mark a block in which the executor's loop calls `now` several times a second.
+        """Mark a block of code in which the executor's loop calls `now` several times a second.
 
         Args:
             say: Called with a message after a suspension.
@@ -83,7 +84,7 @@ AWAKE = AwakeTime()
 _NANOSECONDS = 1_000_000_000
 
 PATIENCE_SEC = 10.0
-"""The time for which a clock may stand still before the machine's time replaces it, in seconds of the steady clock."""
+"""How long the node's clock may stand still before the machine's clock is used instead, in seconds of the steady clock."""
 
 # The maximum speed of a simulation, in simulated seconds per second. A faster advance of more than `_JUMP_SEC` is a jump.
 _FASTEST = 200.0
@@ -96,9 +97,9 @@ _GAP_SEC = 1.0
 class NodeTime:
     """The time of a node's clock, without jumps, backward steps or permanent stops.
 
-    Simulated time (`use_sim_time`) may advance at any speed. A jump is replaced by the machine's time that has passed meanwhile. If
-    simulated time has stood still for longer than *patience_sec*, the machine's time replaces it, until simulated time advances again.
-    So every wait ends. Without simulated time, the steady clock of the machine is used, which cannot be set.
+    Simulated time (`use_sim_time`) may advance at any speed. When simulated time jumps, the machine's time that has passed since the last
+    reading is counted instead. When simulated time has stood still for longer than *patience_sec*, the machine's time is used until
+    simulated time advances again. So every wait ends. Without simulated time, the steady clock of the machine is used, which cannot be set.
 
     Args:
         node: The node.
@@ -173,7 +174,7 @@ class NodeTime:
 
 
 class ClockedTime:
-    """The awake time during which a node's clock advances, for deadlines of programs that pause together with the clock.
+    """Counts the awake time during which a node's clock advances: for deadlines of programs that stop with the clock.
 
     Without simulated time, this is the whole awake time.
 
@@ -198,9 +199,9 @@ class ClockedTime:
 
 
 def mission_clock(node: "Node") -> NodeTime:
-    """Return the node's mission clock, which uses simulated time if `use_sim_time` is set; every call returns the same object.
+    """Return the node's mission clock; every call for a node returns the same object.
 
-    The node logs each stop and each jump of the clock once.
+    The clock uses simulated time if `use_sim_time` is set. The node logs each stop and each jump of the clock once.
     """
     return of_node(node, NodeTime, lambda: NodeTime(node, say=lambda text: node.get_logger().warning(text)))
 
@@ -225,7 +226,7 @@ class _Pace:
 
 
 def trust_simulation(node: "Node") -> None:
-    """Measure a node's deadlines in simulated time at any speed, because the simulated servers wait for the node's executor."""
+    """Measure a node's deadlines in simulated time at any speed: simulated servers wait for the node's executor."""
     of_node(node, _Pace, _Pace).fastest = math.inf
 
 
@@ -240,14 +241,14 @@ def deadline_clock(node: "Node") -> Clock:
 
 
 def deadline_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "Timer":
-    """Create a timer of a node, which uses simulated time if it is trusted (`trust_simulation`), otherwise the steady clock."""
+    """Create a node's timer that uses simulated time after `trust_simulation`, otherwise the steady clock."""
     if of_node(node, _Pace, _Pace).fastest == math.inf:
         return node.create_timer(period_sec, call)
     return steady_timer(node, period_sec, call)
 
 
 class Deadline:
-    """A point in time until which something must happen.
+    """A point in time by which something must happen.
 
     Args:
         seconds: The time from now to the deadline, in seconds.

@@ -47,8 +47,8 @@ class UnrequestedMotion:
     """Detects robot motion while no goal of this node is active.
 
     The end of a goal does not prove that the robot stands still: Nav2's navigator can abort a goal that its controller
-    still executes. Such a motion is reported, and all goals of Nav2 are cancelled, unless another client's goal is
-    active. Any other motion is only reported.
+    still executes. Motion after the end of a goal is reported, and all goals of Nav2 are cancelled unless a goal of another client is
+    active. Any other motion without a goal is only reported.
 
     Args:
         node: The node that sends the goals.
@@ -95,7 +95,7 @@ class UnrequestedMotion:
             self._on_standstill()
 
     def _handle_motion(self) -> None:
-        """Report that the robot moves, and cancel all goals if it moves after the end of a goal of this mission."""
+        """Report that the robot moves; cancel all goals if the robot still executes an ended goal of this mission."""
         if self._is_ours:
             if not self._is_reported:
                 self._report_motion()
@@ -108,7 +108,7 @@ class UnrequestedMotion:
 
     @property
     def _is_ours(self) -> bool:
-        """Whether the robot moves after the end of a goal of this mission while no other client has a goal."""
+        """Whether the motion follows an ended goal of this mission, and no other client has a goal."""
         return self._ended is not None and not any(each.has_foreign_goal for each in self._statuses)
 
     def _available_servers(self) -> dict[str, Client]:
@@ -140,8 +140,7 @@ class UnrequestedMotion:
         if self._ended is not None and not self._lacks_odometry_reported:
             self._lacks_odometry_reported = True
             self._node.get_logger().info(
-                "No odometry arrives on odometry/filtered. The robot is assumed to stand still when its goal "
-                "has ended."
+                "No odometry arrives on odometry/filtered. When a goal has ended, the robot is therefore assumed to stand still."
             )
 
     def _report(self, text: str) -> None:
@@ -158,7 +157,7 @@ class UnrequestedMotion:
         return AWAKE.now(), self._clock.now()
 
     def _seconds_since(self, since: tuple[float, float]) -> float:
-        """Return the elapsed seconds on the slower of the two clocks, because a simulated robot brakes in simulated time."""
+        """Return the seconds since two clock times, on the slower clock: a simulated robot brakes in simulated time."""
         return min(now - then for now, then in zip(self._now(), since, strict=True))
 
 
@@ -169,9 +168,7 @@ _LOST_SEC = 2.0
 # Time without a response from any Nav2 node, in seconds, after which discovery is lost: for nodes that have never sent anything to this process, and
 # for other nodes, whose process may have crashed. A crashed process leaves the graph earlier.
 _DEAF_SEC, _DEAD_SEC = 4.0, SHADOW_SEC + 8.0
-_REMEDY = (
-    "Restart it with --resume, which continues from the journal. With --supervise, this is done automatically"
-)
+_REMEDY = "Restart the run with --resume, which continues the mission from the journal. The option --supervise does this automatically"
 # Time for which Nav2's lifecycle manager tries to restart a crashed node, in seconds (bond_respawn_max_duration). After that, a person must
 # configure the node.
 _RESPAWN_SEC = 12.0
@@ -184,11 +181,12 @@ class DependencyMonitor:
 
     It logs each of these events once:
 
-    * An action or service has a second server. If the second server of an action remains after a killed server would have left the graph, the run
-      ends, because both servers would move the robot.
+    * An action or service has a second server. A killed server leaves the graph after some time. If an action still has two servers then,
+      the run ends, because both servers would move the robot.
     * Another mission uses this robot. The run ends if the other mission has priority.
-    * The localisation is lost. When it returns without a pose, it receives the last `amcl_pose` again if the odometry shows that the robot has not
-      moved since. Otherwise the operator is asked for the pose. Meanwhile, leaves that use Nav2 wait (`ActionLeaf.hold_timeout_sec`).
+    * The localisation is lost. If it returns without a pose and the odometry shows that the robot has not moved, the last `amcl_pose` is
+      sent to it again. Otherwise the operator is asked for the pose. Leaves that use Nav2 wait until the localisation works again
+      (`ActionLeaf.hold_timeout_sec`).
     * The robot moves without a goal of the mission (`UnrequestedMotion`).
     * No transform from `map` has arrived for 3 s.
     * A frame, the clock, or a topic that should have one source has several.
@@ -255,7 +253,7 @@ class DependencyMonitor:
             self.trouble = self.trouble or str(answer.line)
 
     def _count_sources(self) -> None:
-        """Log each frame, topic and clock that has several sources once."""
+        """Log once for each frame, topic or clock that it has several sources."""
         lines = [self._graph.clock(), *map(self._graph.publisher_conflict, self._topics)]
         if self._hears_transforms:
             lines.append(frame_sources(self._node).conflict())
@@ -315,10 +313,11 @@ class _Localisation:
         self._robot.lacks = self._inactive or self._robot.lost_transforms()
 
     def _lost_discovery(self) -> str:
-        """Describe the loss of discovery: no Nav2 node responds, although the graph shows the nodes. Empty if one of them responds.
+        """Describe a loss of discovery, or return an empty string if a Nav2 node in the graph responds.
 
-        In Fast DDS, other participants forget a participant that was silent for longer than its lease. The forgotten participant does not notice
-        this: it still sees the others, but receives nothing from them until it is replaced by a new participant.
+        Discovery is lost if the graph shows Nav2's nodes, but none of them responds. In Fast DDS, other participants forget a participant
+        that was silent for longer than its lease. The forgotten participant does not notice this: it still sees the others, but receives
+        nothing from them until it is replaced by a new participant.
         """
         there = [each for each in self._nodes if each.is_there]
         silent_sec = min((each.silent_sec for each in there), default=0.0)
@@ -326,7 +325,7 @@ class _Localisation:
             return ""
         names = " and ".join(each.name for each in there)
         if all(each.has_heard_nothing for each in there):
-            return f"Since its suspension, this process receives nothing from {names}, although the ROS graph shows them. {_REMEDY}"
+            return f"Since this process was suspended, it has received nothing from {names}, although the ROS graph shows them. {_REMEDY}"
         if silent_sec < _DEAD_SEC:
             return ""
         return f"{names} do not respond to this process, not even to new clients, although the ROS graph shows them. {_REMEDY}"
@@ -337,7 +336,7 @@ class _Localisation:
         is_sure = now - self._lost_since >= _LOST_SEC or any(each.is_silent for each in self._nodes)
         if not self._is_lost and is_sure:
             self._is_lost = True
-            yield f"Nav2 is no longer active: {'; '.join(missing)}. Leaves that drive wait for it."
+            yield f"Nav2 is no longer active: {'; '.join(missing)}. Leaves that move the robot wait for Nav2."
 
     def _check_unconfigured(self) -> Iterable[str]:
         """Yield a message for each restarted node that the lifecycle manager does not configure."""
@@ -352,10 +351,10 @@ class _Localisation:
                 name = self._node.resolve_service_name(f"{each.name}/get_state").removesuffix("/get_state")
                 # The lifecycle manager cannot do this: its version 1.3.13 waits forever for a response of the crashed process.
                 steps = " && ".join(f"ros2 lifecycle set {name} {step}" for step in ("configure", "activate"))
-                yield f"{each.name} was restarted and is not configured. Run: {steps}"
+                yield f"{each.name} was restarted, but Nav2's lifecycle manager has not configured it. Run: {steps}"
 
     def _check_new_localizer(self) -> Iterable[str]:
-        """Restore the pose of a restarted localisation process that has sent neither a pose nor a transform; yield a message."""
+        """Restore the pose of a restarted localisation that has published nothing; yield a message about it."""
         sources, now = self._sources_of_poses(), AWAKE.now()
         if not self._known:
             self._known = sources
@@ -378,7 +377,7 @@ class _Localisation:
     def _restore(self) -> str:
         """Send the last pose to a restarted localisation if the robot has not moved since; return a message."""
         if conflict := self._robot.localisation_conflict():
-            return f"A localisation has appeared. No pose is sent to it, because it may belong to another robot: {conflict}."
+            return f"A localisation node has appeared. No pose is sent to this node, because it may belong to another robot: {conflict}."
         ask = f"send it the pose ({self._poses}; in RViz: 2D Pose Estimate)"
         if self._robot.pose is None:
             return f"The localisation is back, but its last pose is unknown: {ask}."
@@ -407,7 +406,7 @@ def _pose_difference(there: Sequence[float], here: Sequence[float]) -> tuple[flo
 
 
 def refuse_parameters(node: Node, names: Collection[str]) -> None:
-    """Reject changes of parameters that are only read before the start, because they would have no effect.
+    """Reject changes of parameters that the program only reads before the start of a run.
 
     Args:
         node: The node with the parameters.

@@ -14,12 +14,12 @@ _LONGEST = 10.0
 
 
 def node_names(node: "Node") -> "Counter[str]":
-    """Return the full names of all nodes that a node has discovered, including its own name, with the number of nodes for each name."""
+    """Count the discovered nodes, including the node itself, by full name."""
     return Counter(f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces())
 
 
 class DiscoveryWait:
-    """A wait that is over when no new node has appeared for some time.
+    """A wait that ends when no new node has appeared for some time.
 
     Discovery begins when a node is created. Create this object at the same time, and do other work during the wait.
 
@@ -35,11 +35,11 @@ class DiscoveryWait:
         self._over_at = self._since + settling_sec
 
     def ignore(self, name: str) -> None:
-        """Ignore the appearance of one node with this full name, which also belongs to this process."""
+        """Ignore the appearance of one node with this full name, because this process has created it."""
         self._seen |= Counter([name])
 
     def extend(self, share: float) -> None:
-        """Wait at least for a share of the settling time from now on, because a new subscription does not receive messages at once."""
+        """Extend the wait by a share of the settling time, so that a new subscription can receive messages."""
         self._over_at = max(self._over_at, time.monotonic() + share * self._settling_sec)
 
     def has_settled(self) -> bool:

@@ -1,7 +1,7 @@
 """The interface of the engines that tick a tree: the project's own runner, and `py_trees_ros` if it is installed.
 
-This module also contains the code that both engines share: log messages about exceptions of behaviours, the limit of a tree's
-depth, the clean-up when setup fails, and a stop that ends all goals even if leaves raise exceptions.
+This module also contains the code that both engines share: it logs exceptions of behaviours, limits the depth of trees, cleans up after a
+failed setup, and ends all goals when a tree is stopped, even if leaves raise exceptions.
 """
 
 import os
@@ -45,7 +45,7 @@ def error_text(error: BaseException) -> str:
 
 
 def raising_behaviour(error: BaseException) -> Behaviour | None:
-    """Return the innermost behaviour through which an exception has passed; None if it has passed through none."""
+    """Return the innermost behaviour in an exception's traceback, or None if the traceback has no behaviour."""
     passed = _behaviours_passed(error)
     return passed[-1] if passed else None
 
@@ -60,8 +60,8 @@ def behaviour_title(behaviour: Behaviour | None) -> str:
 def failure_locations(behaviour: Behaviour | None, error: BaseException) -> str:
     """Return the source locations of a behaviour's exception, in parentheses: the lines in the tree file and in Python code.
 
-    The line in Python code is in the behaviour's own method; the traceback shows the functions that it has called. The result is empty if
-    neither location is known.
+    The line in Python code is the line of the behaviour's own method. Functions called by this method are only shown in the traceback. The
+    result is empty if neither location is known.
     """
     return source_locations(behaviour, reversed(list(traceback.walk_tb(error.__traceback__))))
 
@@ -119,7 +119,7 @@ def log_error(node: Node | None, text: str, error: BaseException | None = None) 
 
 
 def log_failure(node: Node | None, error: BaseException) -> Behaviour | None:
-    """Log the exception in a tick that stops the tree.
+    """Log an exception that was raised in a tick and stops the tree.
 
     Returns:
         The behaviour that raised the exception; None if other code did.
@@ -149,7 +149,7 @@ class TreeTooDeepError(SarError):
     def __init__(self, depth: int) -> None:
         self.depth = depth
         super().__init__(
-            f"the tree is nested {depth} levels deep, which is too deep to tick and stop it. Reduce the depth of the tree"
+            f"the tree has {depth} nested levels, too many to tick and stop it. Reduce the depth of the tree"
         )
 
 
@@ -223,9 +223,10 @@ def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
 
 
 def send_cancels(root: Behaviour, node: Node | None) -> None:
-    """Stop a tree's leaves from another thread while the executor's thread is blocked, so that they send requests to cancel their goals.
+    """Stop a tree's leaves, so that they cancel their goals, while the executor's thread is blocked.
 
-    The responses are not awaited. Leaves that may have work in progress after their stop come first.
+    Call this function from another thread. It does not wait for the responses. It first stops the leaves that may still have work in
+    progress afterwards.
     """
     leaves = [each for each in root.iterate() if not each.children]
     for leaf in sorted(leaves, key=lambda each: not isinstance(each, SettlingLeaf)):
@@ -278,11 +279,11 @@ class SetupFailedError(SarError, RuntimeError):
 
 
 def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:
-    """Stop and shut down the behaviours that are already set up, and raise the error of the failed setup.
+    """Stop and shut down the behaviours whose setup succeeded, and raise the error of the failed setup.
 
     Raises:
         SetupFailedError: If a behaviour's setup raised the exception.
-        Exception: The original exception, if it is a `SarError` or other code raised it.
+        Exception: The original exception, if it is a `SarError` or was not raised by a behaviour.
     """
     # The engine has called the setup of the outermost behaviour that the exception has passed. All behaviours before it are set up.
     called = next(iter(_behaviours_passed(error)), None)
@@ -304,7 +305,7 @@ class Engine(Protocol):
 
     Attributes:
         count: The number of ticks so far.
-        failure: The exception of a leaf or a tick handler that has stopped the tree; None if there is none.
+        failure: The exception of a leaf or tick handler that stopped the tree; None if no exception has stopped the tree.
     """
 
     count: int
@@ -320,14 +321,15 @@ class Engine(Protocol):
         """Set up every behaviour of the tree on a node.
 
         Raises:
-            SetupFailedError: If the setup of a behaviour raised an exception; the behaviours that are already set up are then shut down.
+            SetupFailedError: If the setup of a behaviour raised an exception. In this case, the behaviours whose setup succeeded are shut
+                down.
         """
 
     def tick_tock(self, period_ms: float) -> None:
         """Start ticking in the node's executor, and return at once."""
 
     def settle(self, executor: Executor, timeout_sec: float) -> list[str]:
-        """Stop the tree, wait until its leaves have no work in progress, and return the names of leaves that still have."""
+        """Stop the tree, wait until its leaves finish, and return the names of leaves that did not finish in time."""
 
     def shutdown(self) -> None:
         """Stop the tree and release its resources."""

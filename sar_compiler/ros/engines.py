@@ -28,8 +28,8 @@ def find_engine(name: str) -> EngineFactory:
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if (missing or "").partition(".")[0] == "py_trees_ros":
             message = (
-                f"--engine py_trees_ros: py_trees_ros is not installed ({error}) and not on PyPI. On a robot, run sudo apt install "
-                "ros-jazzy-py-trees-ros, or omit --engine to use the built-in engine"
+                f"--engine py_trees_ros: py_trees_ros is not installed ({error}) and not available on PyPI. On a robot, run sudo apt "
+                f"install ros-jazzy-py-trees-ros, or omit --engine to use the built-in engine"
             )
         else:
             reason = f"{missing} is missing" if missing else str(error)

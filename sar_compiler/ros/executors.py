@@ -1,8 +1,8 @@
 """The executor that runs the callbacks of a mission's node.
 
-An executor with a wait set checks every entity of its nodes after every event. rclpy's `EventsExecutor` is notified of
-the entity that has an event, which takes a fraction of the time. In Jazzy, it rejects guard conditions, and does not
-await service callbacks that are coroutines: it sends the coroutine object as the response.
+An executor with a wait set checks every entity of its nodes after every event. rclpy's `EventsExecutor` takes a fraction of this time,
+because ROS tells it which entity has an event. In Jazzy, the `EventsExecutor` rejects guard conditions. It also does not await a service
+callback that is a coroutine, but sends the coroutine object as the response.
 """
 
 from collections.abc import Callable
@@ -17,10 +17,10 @@ from rclpy.node import Node
 
 
 def call_soon(executor: Any, method: Callable[[], object]) -> None:
-    """Schedule a method in an executor's thread, from any thread. The method is not called if its object has been deleted.
+    """Schedule a method to be called in an executor's thread, unless its object is deleted before the call.
 
-    After its shutdown, rclpy's `EventsExecutor` keeps its pending calls in C++, where Python's garbage collector does not see
-    them. A bound method of an object of a run would keep the whole run in memory forever.
+    This function may be called from any thread. After a shutdown, rclpy's `EventsExecutor` keeps pending calls in C++, where Python's
+    garbage collector does not see them. A pending call with a bound method would therefore keep all objects of a run in memory forever.
 
     Args:
         executor: The executor.
@@ -36,7 +36,7 @@ def call_soon(executor: Any, method: Callable[[], object]) -> None:
 
 
 def make_executor(context: Context, kind: str) -> Executor:
-    """Create an `EventsExecutor` if *kind* is `events` and rclpy has this class, otherwise an executor with a wait set."""
+    """Create an `EventsExecutor` if *kind* is `events` and rclpy has the class; otherwise use a wait set."""
     if kind == "events":
         with suppress(ImportError):
             from rclpy.experimental import EventsExecutor
@@ -46,14 +46,14 @@ def make_executor(context: Context, kind: str) -> Executor:
 
 
 def suitable_executor(executor: Executor, node: Node) -> Executor:
-    """Return an executor that supports all entities of a node: the given executor, or its replacement."""
+    """Return an executor that supports all entities of a node: the given executor or, if necessary, another one."""
     has_coroutine = any(iscoroutinefunction(service.callback) for service in node.services)
     # rclpy's EventsExecutor is not a subclass of Executor.
     if isinstance(node.executor, Executor) or not (has_coroutine or any(node.guards)):
         return executor
     node.get_logger().info(
-        f"A {'service with a coroutine' if has_coroutine else 'guard condition'} needs a wait set. "
-        "Callbacks run in a SingleThreadedExecutor, which is slower."
+        f"A {'service with a coroutine' if has_coroutine else 'guard condition'} needs an executor with a wait set. So the callbacks run "
+        f"in a SingleThreadedExecutor, which is slower."
     )
     if hasattr(executor, "serve_apart"):  # the executor also runs a simulated world
         executor.serve_apart(node)

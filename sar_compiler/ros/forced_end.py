@@ -1,4 +1,4 @@
-"""End the process of a run from another thread, because the ticking thread is blocked or a second signal has arrived."""
+"""End a run's process from another thread if the ticking thread is blocked or a second signal arrives."""
 
 from collections.abc import Callable
 from typing import NoReturn
@@ -49,7 +49,7 @@ class ForcedEnd:
         self._moves, self._before_message = moves, before_message
 
     def end_blocked(self, where: str) -> NoReturn:
-        """End the process although the ticking thread is blocked, as *where* describes."""
+        """End the process although the ticking thread is blocked; *where* describes the blocking code."""
         settle_sec = self._settle_sec + _DISCOVERY_SEC
 
         def cancel() -> int | None:
@@ -68,7 +68,7 @@ class ForcedEnd:
         end_at_once(status, cancel, _LEAVES_SEC + _CONTEXT_SEC + settle_sec)
 
     def end_immediately(self) -> int | None:
-        """Stop the leaves after a second signal; return the exit status, or None for the signal's own exit status."""
+        """Stop the leaves after a second signal; return the exit status, or None to exit with the signal's status."""
         active = len(active_goals_of(self._node)) or self._moves()
         send_cancels(self._root, self._node)
         if not active:

@@ -58,7 +58,7 @@ class PublisherAlternation:
 
 
 class _StaticFrame(NamedTuple):
-    """The last static transform of a frame, its sequence number, and the publishers if their transforms for the frame differ."""
+    """The last static transform of a frame with its sequence number, and the publishers if they disagree."""
 
     transform: RigidTransform
     number: int
@@ -71,10 +71,10 @@ def listener_name(node: "Node") -> str:
 
 
 class FrameSources:
-    """Listens to transforms and the sequence numbers of their messages; created by `frame_sources`.
+    """Listens to transforms and to the sequence numbers of the messages; created by `frame_sources`.
 
-    It has its own node, which is never spun: messages are queued until the next query, and cost no time before. (A subscription's callback is
-    not possible, because rclpy's EventsExecutor cannot pass the sequence number.)
+    The listener has its own node, which is never spun. Messages are queued until the next query, and take no processor time until then. (A
+    subscription's callback is not possible, because rclpy's EventsExecutor cannot pass the sequence number.)
 
     Args:
         node: The node whose remappings determine the topics.
@@ -106,7 +106,7 @@ class FrameSources:
         ]
 
     def conflict(self) -> str:
-        """Describe the first frame that several nodes publish; empty if there is none."""
+        """Describe the first frame that several nodes publish; return an empty string if there is no such frame."""
         self._listen()
         found = (
             self._describe(child) for child in (*self._turns.contested_frames(time.time()), *self._static)
@@ -114,7 +114,7 @@ class FrameSources:
         return next(filter(None, found), "")
 
     def frame_conflict(self, child: str) -> str:
-        """Describe the nodes that publish a frame; empty if only one node does."""
+        """Describe the nodes that publish a frame; return an empty string if only one node publishes it."""
         self._listen()
         return self._describe(child)
 
@@ -131,8 +131,8 @@ class FrameSources:
         if not fixed or not moving or time.time() - self._moved_at.get(child, -math.inf) > _MOVING_SEC:
             return ""
         return (
-            f"frame '{child}' is static ({static_topic}, from {join_names(fixed)}) and moves ({moving_topic}, from "
-            f"{join_names(moving)}): stop one of the two"
+            f"frame '{child}' is static ({static_topic}, from {join_names(fixed)}) and moves ({moving_topic}, from {join_names(moving)}). "
+            f"Stop one of these nodes"
         )
 
     def _two_sources(self, child: str, topic: str) -> str:
@@ -141,8 +141,8 @@ class FrameSources:
         among = f"among its {len(nodes)} publishers " if len(nodes) > 2 else ""  # noqa: PLR2004
         who = f"{among}{join_names(nodes)}" if nodes else "two publishers"
         return (
-            f"frame '{child}' has two sources on {topic}, {who}. Stop one, or give each robot its own "
-            "namespace and transforms (`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
+            f"frame '{child}' has two sources on {topic}, {who}. Stop one of these nodes, or give each robot its own namespace and "
+            f"transforms (`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
         )
 
     def _listen(self) -> None:

@@ -60,7 +60,7 @@ class Transform(NamedTuple):
         return yaw_of_quaternion(self.qx, self.qy, self.qz, self.qw)
 
     def compose(self, inner: "Transform") -> "Transform":
-        """Return the pose in the outer frame of a frame whose pose in the inner frame is given."""
+        """Convert a pose given in the inner frame to a pose in the outer frame."""
         x, y, z = self._rotate((inner.x, inner.y, inner.z))
         ax, ay, az, aw = self[3:]
         bx, by, bz, bw = inner[3:]
@@ -122,7 +122,7 @@ class _FrameTransform(NamedTuple):
 class FrameTree:
     """The frames whose transforms a node receives; created by `frame_tree`.
 
-    A frame has no pose if two nodes publish it, or if it is both static and moving, because it is unknown which transform is right.
+    A frame has no pose if two nodes publish it, or if it is both static and moving. In these cases it is unknown which transform is right.
 
     Args:
         node: The rclpy node that receives the transforms.
@@ -183,7 +183,7 @@ class FrameTree:
         known = sorted({*self._received, *(each.parent for each in self._received.values())})
         missing = [frame for frame in dict.fromkeys((target, source)) if frame not in known]
         if not missing:
-            return f"no transforms connect '{above_source}' and '{above_target}', the roots of these frames"
+            return f"the frames have different roots, '{above_source}' and '{above_target}', and no transform connects the two roots"
         text = f"no transform of {' and '.join(map(repr, missing))} has arrived"
         if not known:
             graph = ros_graph(self._node)

@@ -17,7 +17,7 @@ def find_conflicts(look_sec: float = _LOOK_SEC) -> list[str]:
     """Describe the topics, clocks and frames that should have one source, but have several.
 
     Args:
-        look_sec: The duration of the search, in seconds.
+        look_sec: How long to observe the ROS graph, in seconds.
     """
     context = Context()
     context.init(initialize_logging=False)

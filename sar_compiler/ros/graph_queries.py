@@ -1,4 +1,4 @@
-"""Queries of the ROS graph: the nodes that provide a name, similar names, and reasons why messages do not arrive.
+"""Queries of the ROS graph: which nodes provide a name, which names are similar, and why messages do not arrive.
 
 The readiness check, the monitor of a running tree, messages of leaves and `ros2 doctor` use these queries. They neither block nor subscribe to
 a topic: the results contain what discovery has found so far.
@@ -65,7 +65,7 @@ class Endpoint:
             `node` (a lifecycle node).
         name: The name as the program writes it, usually relative.
         type_name: The type, such as `package/srv/Name`; empty for any type.
-        qos: The QoS profiles of the program's subscriptions to the topic, or of its publishers for `listeners`.
+        qos: The QoS profiles of the program's subscriptions to the topic; for `listeners`, of the program's publishers.
         attribute: The attribute of the tree file that sets the name; empty if there is none.
     """
 
@@ -76,7 +76,7 @@ class Endpoint:
     attribute: str = ""
 
     def remappings(self, target: str) -> list[str]:
-        """Return the remapping rules from this name to another name, given as a full name."""
+        """Return the remapping rules that map this name to another name; the other name is given in full."""
         parts = {
             "action": [f"/_action/{part}" for part in _ACTION_PARTS],
             "node": [_STATE_SERVICE],
@@ -116,7 +116,7 @@ class EndpointState:
 
     @property
     def hint(self) -> str:
-        """The end of a sentence with the alternatives, such as `, but there is /tb1/scan`; empty if there are none."""
+        """The alternatives as the end of a sentence, such as `, but there is /tb1/scan`; empty without alternatives."""
         return f", but there is {join_names(self.elsewhere, 'or')}" if self.elsewhere else ""
 
     @property
@@ -126,7 +126,7 @@ class EndpointState:
 
     @property
     def remedy(self) -> str:
-        """The instruction that remaps this endpoint to the first alternative, such as `run with …`; empty without an alternative."""
+        """The instruction that remaps this endpoint to the first alternative; empty without an alternative."""
         if not self.elsewhere:
             return ""
         target = self.elsewhere[0]
@@ -136,7 +136,7 @@ class EndpointState:
 
     @property
     def explanation(self) -> str:
-        """The end of a sentence with the alternatives and the remedy; empty without an alternative."""
+        """The alternatives and the remedy as the end of a sentence; empty without an alternative."""
         return f"{self.hint}: {self.remedy}" if self.elsewhere else ""
 
     @property
@@ -161,13 +161,13 @@ class RosGraph:
         self._cached_at = -math.inf
 
     def query(self, endpoint: Endpoint) -> EndpointState:
-        """Return whether an endpoint can be used, and otherwise the problem and the alternatives."""
+        """Return the state of an endpoint: whether it can be used and, if not, the problem and the alternatives."""
         return self._get_cached((endpoint, str(endpoint.qos)), lambda: self._query_endpoint(endpoint))
 
     def advice(self, endpoints: Iterable[Endpoint]) -> str:
-        """Return an instruction that remaps all missing endpoints to their alternatives; empty if there are no alternatives.
+        """Return an instruction that remaps all missing endpoints, or an empty string without alternatives.
 
-        It sets a namespace if this takes fewer rules than remapping each name.
+        The instruction sets a namespace if this needs fewer rules than remapping each name.
         """
         states = [self.query(each) for each in dict.fromkeys(endpoints)]
         absent = [each for each in states if not each.is_there and each.elsewhere]
@@ -184,10 +184,10 @@ class RosGraph:
             return f"{text}, or write {attributes} in the tree" if attributes else text
         text = f"run with `--ros-args {' '.join(in_spaces[space])}`"
         others = [other for other in spaces if other != space and self._fits_as_well(absent, other, space)]
-        return f"{text}, or with {' or '.join(others)} instead of {space}" if others else text
+        return f"{text}, or use {' or '.join(others)} instead of {space}" if others else text
 
     def node_counts(self) -> "Counter[str]":
-        """Return the full names of all discovered nodes, including the querying node, with the number of nodes for each name."""
+        """Count the discovered nodes, including the querying node, by full name."""
         return self._get_cached("names", lambda: node_names(self._node))
 
     def publishers(self, topic: str) -> tuple[str, ...]:
@@ -204,7 +204,7 @@ class RosGraph:
         return frozenset(bytes(each.endpoint_gid) for each in infos)
 
     def publisher_conflict(self, topic: str) -> str:
-        """Describe the publishers of a topic that should have one, but has several; empty if there is no such conflict."""
+        """Describe the conflict if several nodes publish on a topic that should have one publisher; otherwise return ''."""
         full = self._node.resolve_topic_name(topic)
         nodes, types = self.publishers(topic), {each.topic_type for each in self._infos(full)}
         if len(nodes) < 2 or not types & set(_ONE_SOURCE):  # noqa: PLR2004 - one source
@@ -222,9 +222,10 @@ class RosGraph:
         ]
 
     def transforms(self) -> str:
-        """Explain that this robot's transforms are published on another topic than the node's `/tf`; empty if they are not.
+        """Explain why the node misses this robot's transforms: another topic than the node's `/tf` carries them.
 
-        The robot's nodes may be in a namespace and remap `/tf` to a topic in this namespace.
+        The robot's nodes may be in a namespace and remap `/tf` to a topic in this namespace. The result is empty if the transforms are not
+        published on another topic.
         """
         return self._get_cached("transforms", self._find_transforms)
 
@@ -234,13 +235,15 @@ class RosGraph:
         return bool(self._node.get_clock().ros_time_is_active) and len(self.publisher_ids("/clock")) > 1
 
     def explain_missing_transforms(self) -> str:
-        """Explain why the node cannot receive transforms; empty if it can receive them."""
+        """Explain why the node cannot receive transforms; return an empty string if it can receive them."""
         there = self.publishers("/tf") or self.publishers("/tf_static")
         here = self._node.resolve_topic_name("/tf")
-        return self.transforms() or ("" if there else f"transforms: no publisher on {here} or {here}_static")
+        return self.transforms() or (
+            "" if there else f"transforms: no node publishes on {here} or {here}_static"
+        )
 
     def clock(self) -> str:
-        """Describe a problem of the node's simulated time; empty if there is no problem, or the node does not use simulated time."""
+        """Describe a problem with simulated time; return '' if there is none or the node does not use simulated time."""
         node_clock = self._node.get_clock()
         if not node_clock.ros_time_is_active:
             return ""
@@ -248,12 +251,12 @@ class RosGraph:
         nodes = self.publishers(topic)
         if self.is_clock_contested:
             return (
-                f"topic {topic} has {len(self.publisher_ids(topic))} publishers, of {join_names(nodes)}, "
-                "so the time jumps between them. Stop all but one"
+                f"topic {topic} has {len(self.publisher_ids(topic))} publishers (nodes {join_names(nodes)}), so the time jumps between "
+                f"their clocks. Stop all publishers but one"
             )
         if node_clock.now().nanoseconds > 0:
             return ""
-        missing = "use_sim_time is set, but no /clock has arrived"
+        missing = "use_sim_time is set, but no message has arrived on /clock"
         if nodes:
             return f"{missing} from {nodes[0]}: is the simulation paused?"
         others = sorted(name for name, types in self._topics().items() if _CLOCK_TYPE in types)
@@ -262,7 +265,7 @@ class RosGraph:
         return missing
 
     def unused_clock_problem(self) -> str:
-        """Describe that simulated time is published, but the node does not use it; empty if this is not the case."""
+        """Describe the problem if simulated time is published but the node does not use it; otherwise return ''."""
         nodes = self.publishers("/clock")
         if not nodes or self._node.get_clock().ros_time_is_active:
             return ""
@@ -272,7 +275,7 @@ class RosGraph:
         )
 
     def foreign_localisation_problem(self) -> str:
-        """Explain why the localisation may belong to another robot; empty if there is no sign of this."""
+        """Explain why the localisation may belong to another robot; return '' if nothing indicates this."""
         poses = self.query(Endpoint("topic", "amcl_pose", _ONE_SOURCE[2]))
         if not poses.is_there and poses.is_same:
             return f"{poses.title} has no publisher{poses.hint}"
@@ -283,7 +286,7 @@ class RosGraph:
     def other_robots(self) -> tuple[str, ...]:
         """Return the nodes of other robots that publish on this robot's `/tf`.
 
-        The result includes nodes that share a full name, because one of them must belong to another robot.
+        If several nodes share a full name, the result includes these nodes, because one of them must belong to another robot.
         """
         topic, space = self._node.resolve_topic_name("/tf"), self._node.get_namespace().rstrip("/")
         nodes = [_node_of(each) for each in self._infos(topic)]
@@ -323,7 +326,7 @@ class RosGraph:
         return EndpointState(endpoint, full, nodes, problem, is_there=True, is_contested=is_contested)
 
     def _unheard_service(self, service: str) -> str:
-        """Explain why QoS profiles block requests or responses of a service; empty if they do not."""
+        """Explain why QoS profiles block the requests or responses of a service; return '' if they do not."""
         from rclpy.qos import qos_profile_services_default as own
 
         for topic, hears in ((f"rq{service}Request", True), (f"rr{service}Reply", False)):
@@ -361,7 +364,7 @@ class RosGraph:
         return EndpointState(endpoint, full, (), problem, elsewhere=tuple(near[:_MOST]), is_same=bool(same))
 
     def _rules_in(self, states: Sequence[EndpointState], space: str) -> list[str]:
-        """Return the rules for a run in a namespace that remap all missing endpoints; an empty namespace stands for the current one."""
+        """Return the rules that remap all missing endpoints in a namespace; '' stands for the current namespace."""
         rules = [f"-r __ns:={space}"] if space else []
         if space not in ("", "/") and f"{space}/tf" in self._topics() and self._resolves_tf_globally:
             rules.append(_REMAP_TRANSFORMS)
@@ -411,7 +414,7 @@ class RosGraph:
         return ""
 
     def _infos(self, topic: str, *, hears: bool = False) -> list[Any]:
-        """Return the publishers (or subscriptions) of other nodes on a topic, given its full name."""
+        """Return the publishers (or subscriptions) that other nodes have on a topic; the topic's name is full."""
         return self._get_cached((topic, "infos", hears), lambda: self._find_infos(topic, hears=hears))
 
     def _find_infos(self, topic: str, *, hears: bool, is_service: bool = False) -> list[Any]:
@@ -430,7 +433,7 @@ class RosGraph:
         return [each for each in infos if _node_of(each) != self._own]
 
     def _topics_of_others(self, *, hears: bool = False) -> dict[str, dict[str, set[str]]]:
-        """Return the topics on which other nodes publish (or to which they subscribe), with the types by node."""
+        """Return for each other node the topics on which it publishes (or to which it subscribes), with types."""
         return self._get_cached(("nodes", hears), lambda: self._find_publishing(hears=hears))
 
     def _find_publishing(self, *, hears: bool) -> dict[str, dict[str, set[str]]]:
@@ -528,16 +531,16 @@ def declared_endpoints(root: Behaviour) -> dict[Use, Endpoint]:
 
 
 def explain_absence(node: "Node", leaf: Behaviour, kind: str, name: str) -> str:
-    """Return the end of a message about a leaf's unreachable server or topic: the problem, or the alternatives and the remedy.
+    """Explain, as the end of a message, why a leaf cannot reach a server or topic, and name the remedy.
 
-    It is empty for a topic whose messages reach the leaf.
+    The result is empty for a topic whose messages reach the leaf.
     """
     endpoint = declared_endpoints(leaf).get(Use(kind, name), Endpoint(kind, name))
     return explain_endpoint(node, endpoint)
 
 
 def explain_endpoint(node: "Node", endpoint: Endpoint) -> str:
-    """Return the end of a message about an unreachable endpoint; see `explain_absence`."""
+    """Explain, as the end of a message, why an endpoint is unreachable; see `explain_absence`."""
     state = ros_graph(node).query(endpoint)
     if state.is_there:
         connected = "" if endpoint.kind == "topic" else "it exists, but is not connected yet"
@@ -570,12 +573,12 @@ def services_by_node(node: "Node") -> Iterator[tuple[str, str, dict[str, list[st
 def _node_of(info: Any) -> str:
     """Return the full name of the node to which a publisher or subscription belongs."""
     if info.node_name == UNKNOWN_NODE:
-        return "a node without a name yet"
+        return "a node whose name is not known yet"
     return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
 def _wrong_type(how: str, types: Collection[str], wanted: str) -> str:
-    """Describe that an endpoint only has other types than the wanted type; empty if it has this type, or its types are unknown."""
+    """Describe the mismatch if an endpoint only has other types than the wanted one; otherwise return ''."""
     # The goal service of an action has a type derived from the action's type.
     there = sorted({each.removesuffix("_SendGoal") for each in types})
     return (
@@ -586,11 +589,11 @@ def _wrong_type(how: str, types: Collection[str], wanted: str) -> str:
 
 
 def _qos_conflict(infos: Sequence[Any], own: Iterable["QoSProfile"], *, hears: bool) -> str:
-    """Explain why incompatible QoS profiles block all messages, and name the remedy; empty if messages arrive.
+    """Explain which QoS profiles block all messages, and name the remedy; return '' if messages can arrive.
 
     Args:
-        infos: The publishers of other nodes, or their subscriptions if *hears* is True.
-        own: The QoS profiles of this node's subscriptions, or of its publishers if *hears* is True.
+        infos: The publishers of other nodes; if *hears* is True, the subscriptions of other nodes.
+        own: The QoS profiles of this node's subscriptions; if *hears* is True, of this node's publishers.
         hears: Whether other nodes subscribe and this node publishes.
     """
 
@@ -612,7 +615,7 @@ def _qos_conflict(infos: Sequence[Any], own: Iterable["QoSProfile"], *, hears: b
 
 
 def _incompatibility(offered: "QoSProfile", wanted: "QoSProfile") -> str:
-    """Return why a publisher and a subscription with these QoS profiles are incompatible; empty if they are compatible."""
+    """Explain why the QoS profiles of a publisher and a subscription are incompatible; return '' if they match."""
     from rclpy.qos import QoSCompatibility, qos_check_compatible
 
     verdict, reasons = qos_check_compatible(offered, wanted)
@@ -624,7 +627,7 @@ def _incompatibility(offered: "QoSProfile", wanted: "QoSProfile") -> str:
 
 
 def _same_elsewhere(endpoint: Endpoint, full: str, there: Mapping[str, Collection[str]]) -> list[str]:
-    """Return the full names of the same endpoint in other namespaces with the wanted type, the least nested first."""
+    """Return endpoints with the same relative name and the wanted type in other namespaces, least nested first."""
     tails = {f"/{endpoint.name.lstrip('/~')}", full}
     same = [name for name in there if any(name.endswith(tail) for tail in tails) or full.endswith(name)]
     fitting = [name for name in same if not endpoint.type_name or endpoint.type_name in there[name]]
@@ -634,7 +637,7 @@ def _same_elsewhere(endpoint: Endpoint, full: str, there: Mapping[str, Collectio
 def _nearest_names(
     endpoint: Endpoint, full: str, space: str, there: Mapping[str, Collection[str]]
 ) -> list[str]:
-    """Return the full names of similar endpoints with the wanted type, one of which was probably intended."""
+    """Return the full names of endpoints of the wanted type with a similar name; one was probably intended."""
     wanted = endpoint.name.lstrip("/~")
     fitting = [name for name in sorted(there) if not endpoint.type_name or endpoint.type_name in there[name]]
     depth, inner = wanted.count("/") + 1, f"{space.rstrip('/')}/"
@@ -651,5 +654,5 @@ def _nearest_names(
 
 
 def _is_longer(name: str, beginning: str) -> bool:
-    """Return whether a name begins with another name that is long enough to be meaningful."""
+    """Return whether a name begins with another name, if that name is long enough for a meaningful match."""
     return name.startswith(beginning) and len(beginning) > _LEAST_SHARED

@@ -2,10 +2,10 @@
 
 A mission that is killed (by SIGKILL, for lack of memory, by a crash) cannot cancel its goals, so the robot would continue to
 its goal. The mission therefore reports through a pipe which goals it has sent and which goals have ended, and forwards the
-heartbeats of the thread that ticks the tree. However the mission ends, the operating system closes the pipe. The guardian then
-cancels the active goals by their IDs and waits for their ends. It does the same when the heartbeats stop: `ros.tick_watch`
-handles this case within the process, but a leaf that holds Python's interpreter lock also blocks `ros.tick_watch`. A guardian
-that ends before its mission is replaced.
+heartbeats of the thread that ticks the tree. However the mission ends, the operating system closes the pipe. The guardian then cancels the
+active goals by their IDs and waits until they have ended. The guardian does the same when the heartbeats stop: `ros.tick_watch` handles
+this case within the mission's process, but a leaf that holds Python's interpreter lock also blocks `ros.tick_watch`. If the guardian ends
+before the mission, the mission starts a new guardian.
 """
 
 import json
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from sar_compiler.ros.orphaned_goals import OrphanedGoal
 
 MAY_MOVE_SIGN = b"!"
-"""The message to the mission's supervisor that the guardian has not observed the end of a goal."""
+"""The message with which the guardian tells the mission's supervisor that it has not observed the end of a goal."""
 
 # The first characters of the lines to the guardian: a goal was sent, a goal has ended, a heartbeat.
 _SENT, _OVER, _BEAT = "+", "-", "."
@@ -96,7 +96,7 @@ class Guardian(RunExtension):
             self._write(_BEAT, json.dumps(beat))
 
     def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002
-        """Tell the guardian to end, which it does after it has cancelled active goals."""
+        """Request the end of the guardian, which first cancels the goals that are still active."""
         with self._lock:
             self._is_closing = True
             self._pipe.close()
@@ -126,7 +126,7 @@ class Guardian(RunExtension):
             os.write(self._pipe.fileno(), f"{' '.join(words)}\n".encode())
 
     def _wait_for_end(self) -> None:
-        """Wait for the guardian's end, and replace it unless the mission requested the end."""
+        """Wait until the guardian ends, and start a new guardian if the mission did not request the end."""
         began = time.monotonic()
         status = self._process.wait()
         with self._lock:
@@ -137,15 +137,18 @@ class Guardian(RunExtension):
             how = f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"
             if self._brief < _ATTEMPTS:
                 self._start()
-                self._complain(f"the guardian has ended ({how}) and is replaced")
+                self._complain(
+                    f"the guardian process has ended unexpectedly ({how}). A new guardian is started"
+                )
             else:
                 self._complain(
-                    f"the guardian has ended again ({how}) and is not replaced. Goals are no longer canceled if this process crashes"
+                    f"the guardian process has ended again ({how}). No new guardian is started. Goals are no longer canceled if this "
+                    f"process crashes"
                 )
 
 
 def main() -> None:
-    """Run the guardian of the mission at the other end of standard input until the mission ends.
+    """Guard the goals of the mission that writes to this process's standard input, until the mission ends.
 
     The command-line arguments are the file descriptor of the pipe to the mission's supervisor (empty without a supervisor), and ROS arguments.
     """
@@ -219,7 +222,7 @@ class _GuardedGoals:
         from sar_compiler.ros.orphaned_goals import UNKNOWN_SEC, OrphanedGoal
 
         def report_end(status: int) -> None:
-            words = f"{goal.action} was requested to cancel its goal, which {end_in_words(status)}"
+            words = f"the server of {goal.action} was requested to cancel the goal. The goal {end_in_words(status)}"
             self._node.get_logger().warning(f"{self._why}: {words}")
 
         self._active[goal.goal_id] = OrphanedGoal(
@@ -227,7 +230,7 @@ class _GuardedGoals:
         )
 
     def _check_heartbeats(self, limit_sec: float, silent_sec: float) -> None:
-        """Log missing heartbeats, and cancel the goals of a blocked mission, although it may continue to tick later."""
+        """Log missing heartbeats, and cancel the goals of a blocked mission, even if the mission may tick again later."""
         if silent_sec > REPORT_SEC and not self._is_reported:
             self._is_reported = True
             place = source_line_in_stack(self._beat)
@@ -240,10 +243,10 @@ class _GuardedGoals:
             self.cancel(f"the tree was not ticked for {silent_sec + _GRACE_SEC:.0f} s")
 
     def cancel(self, why: str) -> bool:
-        """Cancel the active goals until they have ended; return whether the ends of all goals were observed.
+        """Cancel the active goals and wait for them to end; return whether the ends of all goals were observed.
 
         Args:
-            why: The reason for the log.
+            why: The reason, which is logged.
         """
         from sar_compiler.ros.orphaned_goals import cancel_goals
 
@@ -256,7 +259,7 @@ class _GuardedGoals:
 
 
 def source_line_in_stack(beat: Heartbeat) -> str:
-    """Return the source line that the ticking thread executes, read from the output of Python's fault handler.
+    """Return the source line that the ticking thread executes, from the stacks that Python's fault handler wrote.
 
     Args:
         beat: The last heartbeat, which names the file with the stacks of all threads.

@@ -1,4 +1,4 @@
-"""Heartbeats of the executor that ticks a tree, which `ros.tick_watch` sends and the guardian receives."""
+"""The heartbeats of a tree's executor. `ros.tick_watch` sends the heartbeats, and the guardian receives them."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple

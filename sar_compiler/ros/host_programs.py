@@ -50,8 +50,8 @@ def running_tree(
 
     Within the block, Ctrl-C, SIGTERM and SIGHUP interrupt the executor between two callbacks with a `KeyboardInterrupt`. At the end of the
     block, the tree is stopped from its root, its goals are canceled, and their ends are awaited. After a signal, the program then exits with
-    130, 143 or 129, or with 4 if a goal may still be active. A second Ctrl-C ends the program at once. A leaf that blocks the tick is
-    reported, and does not prevent the end of the program. If the block is not in the main thread, the program must handle signals itself.
+    130, 143 or 129, or with 4 if a goal may still be active. A second Ctrl-C ends the program at once. If a leaf blocks the tick, this is
+    reported, and the program can still be ended. If the block is not in the main thread, the program must handle signals itself.
 
     Args:
         tree: The compiled tree, its root, or its `TreeRunner`.
@@ -105,7 +105,7 @@ def running_tree(
 
 
 class _InterruptionError(RuntimeError):
-    """Interrupts a multithreaded executor, which propagates an `Exception` of a callback, but not a `KeyboardInterrupt`."""
+    """Interrupts a multithreaded executor, because such an executor does not propagate a `KeyboardInterrupt`."""
 
 
 class _Signals(StopSignals):

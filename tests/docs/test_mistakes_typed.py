@@ -46,7 +46,7 @@ TYPED = {
     "sections are for …, but this node is …": "sar-run --params {folder}/section.yaml",
     "did you mean 'ros__parameters' (two underscores)?": "sar-run --params {folder}/misspelt.yaml",
     "unknown ROS argument: …": "sar-run --ros-args tick_rate_hz:=2.0",
-    "write a parameter as name:=value, where all values of a list have the same type": "sar-run --ros-args -p x=1",
+    "write a parameter as name:=value. All values of a list must have the same type": "sar-run --ros-args -p x=1",
     "a namespace must begin with a slash: __ns:=/…": "sar-run --ros-args -r __ns:=front",
     "'…' is not allowed in a name: use letters, digits, _ and /": "sar-run --ros-args -r __ns:=/front-1",
     "write from:=to for a name": "sar-run --ros-args -r scan=front/scan",

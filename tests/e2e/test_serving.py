@@ -216,7 +216,7 @@ def test_a_lifecycle_manager_decides_when_goals_are_taken(client, serve):
     # Nobody can hold this tree.
     assert change(client, "deactivate")
     server.wait_for(
-        "The mission cannot be paused, and is stopped: the mission does not have the command that this request needs"
+        "The mission is stopped, because it cannot be paused: the mission does not have the command that this request needs"
     )
     assert client.end(goal)[:2] == (ABORTED, IDLE)
     assert change(client, "cleanup")

@@ -121,7 +121,7 @@ def test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancel
     run.wait_for("and the mission cannot report this itself. It is blocked in ")
     assert f"blocking.py:{LINES['compute']}, in compute" in run.output
     server.wait_for("ended", how="cancel")
-    run.wait_for("/navigate_to_pose was requested to cancel its goal, which is cancelled")
+    run.wait_for("the server of /navigate_to_pose was requested to cancel the goal. The goal is cancelled")
     run.send(signal.SIGKILL)
 
 

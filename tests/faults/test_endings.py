@@ -480,7 +480,7 @@ LONG: dict[str, dict[str, Phase]] = {
         "view on a terminal": Phase(
             ["{tree}", "--view", "text", "--until", "forever"], "cycle", kind=OnTerminal
         ),
-        "serving": Phase(["--serve", "search_and_rescue"], "Goals of 'bt_execution' start them"),
+        "serving": Phase(["--serve", "search_and_rescue"], "Send a goal to 'bt_execution' to start one"),
         "simulating": Phase(["--sim", "--until", "forever"], "Navigating to"),
         "supervising": Phase(["search_and_rescue", "--supervise"], "Waiting for"),
     },

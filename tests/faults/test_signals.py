@@ -174,7 +174,7 @@ class TestAGuardian:
         run.send(signal.SIGKILL)
         watching.wait_for_goals(stopped)
         run.wait_for(
-            "the mission's process has ended: /navigate_to_pose was requested to cancel its goal, which is cancelled"
+            "the mission's process has ended: the server of /navigate_to_pose was requested to cancel the goal. The goal is cancelled"
         )
 
     def test_it_ends_with_a_mission_that_ends_in_order(self, servers, start, witness):

@@ -111,7 +111,7 @@ def test_what_the_mission_needs_and_does_not_find_is_looked_for_again(start, tmp
     more = ("--supervise", 1, "--journal", place, "--ros-args", "-p", "startup_timeout_sec:=1.0")
     run = start("sar-run", *more)
     assert run.end() == 3, run.output
-    assert "(a requirement was missing: status 3) and is restarted (1 of 1)" in run.output
+    assert "(exit status 3, because a requirement was missing) and is restarted (1 of 1)" in run.output
     assert run.output.count("not ready after") == 2
 
 

@@ -248,11 +248,11 @@ def test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_proc
     # In the graph, and not heard: as for who was forgotten, which is a matter of luck.
     navigation.freeze()
     os.kill(process, signal.SIGCONT)
-    run.wait_for("Since its suspension, this process receives nothing from amcl and bt_navigator")
+    run.wait_for("Since this process was suspended, it has received nothing from amcl and bt_navigator")
     navigation.thaw()
     assert run.end() == 0, run.output
     assert (
-        "crashed (it no longer received messages from Nav2, although the ROS graph shows Nav2) and is resumed (1 of 3)"
+        "crashed (the process no longer received messages from Nav2, although the ROS graph shows Nav2) and is resumed (1 of 3)"
         in run.output
     )
     assert not any(blame in run.output for blame in BLAMES), run.output

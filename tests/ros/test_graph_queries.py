@@ -400,7 +400,7 @@ class TestNamespaces:
         other.create_subscription(PoseWithCovarianceStamped, "/initialpose", told.append, 1)
         mission = robots.node("/mission")
         conflict = (
-            "frame 'odom' has two sources on /tf, /amcl and /tb2/amcl. Stop one, or give each robot its own namespace and "
+            "frame 'odom' has two sources on /tf, /amcl and /tb2/amcl. Stop one of these nodes, or give each robot its own namespace and "
             "transforms (`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
         )
         ready = self.ready(mission, *self.USES)
@@ -669,15 +669,15 @@ class TestClock:
     @pytest.mark.parametrize(
         ("nodes", "topic", "said"),
         [
-            ((), "", "use_sim_time is set, but no /clock has arrived"),
-            (("/gazebo",), "/clock", "use_sim_time is set, but no /clock has arrived from /gazebo: is the simulation paused?"),
+            ((), "", "use_sim_time is set, but no message has arrived on /clock"),
+            (("/gazebo",), "/clock", "use_sim_time is set, but no message has arrived on /clock from /gazebo: is the simulation paused?"),
             (
                 ("/gazebo",), "/tb1/clock",
-                "use_sim_time is set, but no /clock has arrived, but there is /tb1/clock: run with `--ros-args -r /clock:=/tb1/clock`",
+                "use_sim_time is set, but no message has arrived on /clock, but there is /tb1/clock: run with `--ros-args -r /clock:=/tb1/clock`",
             ),
             (
                 ("/bag", "/gazebo"), "/clock",
-                "topic /clock has 2 publishers, of /bag and /gazebo, so the time jumps between them. Stop all but one",
+                "topic /clock has 2 publishers (nodes /bag and /gazebo), so the time jumps between their clocks. Stop all publishers but one",
             ),
         ],
     )  # fmt: skip
@@ -699,7 +699,7 @@ class TestClock:
         ready = Readiness(mission, [], initial_pose=None)
         robots.until(lambda: ready.has_rival_servers, "both clocks")
         assert ready.poll_all() == [
-            "topic /clock has 2 publishers, of /bag and /gazebo, so the time jumps between them. Stop all but one"
+            "topic /clock has 2 publishers (nodes /bag and /gazebo), so the time jumps between their clocks. Stop all publishers but one"
         ]
 
     def test_one_clock_that_is_used_is_told_of_nowhere(self, robots: Robots) -> None:
@@ -759,7 +759,7 @@ class TestFrames:
         from sar_compiler.ros.readiness import Readiness
 
         ready = Readiness(robots.node("/mission"), [Use.transforms()], initial_pose=None)
-        assert ready.poll_all() == ["transforms: no publisher on /tf or /tf_static"]
+        assert ready.poll_all() == ["transforms: no node publishes on /tf or /tf_static"]
         one = robots.node("/one")
         robots.send_transforms(one, ("map", "dock"), topic="/tf_static", static=True)
         robots.until(lambda: ready.poll_all() == [], "the static transform")
@@ -830,7 +830,7 @@ class TestFrames:
         robots.send_transforms(robots.node("/urdf"), ("odom", "base_link"), topic="/tf_static", static=True)
         robots.send_transforms(robots.node("/ekf"), ("odom", "base_link"), x=5.0)
         look = self.where(robots, "odom", "base_link")
-        said = "frame 'base_link' is static (/tf_static, from /urdf) and moves (/tf, from /ekf): stop one of the two"
+        said = "frame 'base_link' is static (/tf_static, from /urdf) and moves (/tf, from /ekf). Stop one of these nodes"
         robots.until(lambda: look() == said, said)
 
     def test_a_static_frame_that_moves_no_more_is_found(self, robots: Robots, context: Ros) -> None:
@@ -911,7 +911,7 @@ class TestWatch:
         watch = self.watch(robots.node("/mission", **TestClock.simulated()))
         for name in ("/bag", "/gazebo"):
             robots.publish(robots.node(name), "/clock", "rosgraph_msgs/msg/Clock")
-        robots.until(lambda: said.has("topic /clock has 2 publishers, of /bag and /gazebo"), "the report")
+        robots.until(lambda: said.has("topic /clock has 2 publishers (nodes /bag and /gazebo)"), "the report")
         watch.poll()
 
     def test_a_localisation_of_another_robot_is_not_given_the_pose_of_this_one(
@@ -936,7 +936,7 @@ class TestWatch:
         other.create_subscription(PoseWithCovarianceStamped, "/initialpose", told.append, 1)
         robots.publish(other, "/amcl_pose", POSES)
         line = (
-            "A localisation has appeared. No pose is sent to it, because it may belong to another robot: topic amcl_pose has several publishers: "
+            "A localisation node has appeared. No pose is sent to this node, because it may belong to another robot: topic amcl_pose has several publishers: "
             "/amcl and /tb2/amcl."
         )
         robots.until(lambda: said.has(line), line)

@@ -621,7 +621,7 @@ class TestRosTransform:
     def test_frames_that_do_not_hang_together_are_named_by_what_is_above_them(self, ros: Ros) -> None:
         self.send(ros, ("map", "odom", (0.0, 0.0, 0.0)), ("base", "camera", (0.0, 0.0, 0.0)))
         leaf = self.leaf("odom", "camera", timeout_sec=1000.0)
-        said = "no transforms connect 'base' and 'map', the roots of these frames"
+        said = "the frames have different roots, 'base' and 'map', and no transform connects the two roots"
         run(ros, leaf, lambda: leaf.feedback_message == said)
 
 

@@ -867,7 +867,7 @@ class TestClock:
         from rclpy.parameter import Parameter
 
         node = ros.node(parameter_overrides=[Parameter("use_sim_time", value=True)])
-        assert missing(ros, readiness(node)) == ["use_sim_time is set, but no /clock has arrived"]
+        assert missing(ros, readiness(node)) == ["use_sim_time is set, but no message has arrived on /clock"]
 
     def test_is_ready_when_the_clock_has_come(self, ros: Ros) -> None:
         from rclpy.parameter import Parameter

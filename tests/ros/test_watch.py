@@ -143,7 +143,7 @@ def test_a_node_that_stays_unconfigured_is_named_once_with_the_command_that_star
     scene.begin()
     scene.nav2.navigator = "unconfigured"
     line = (
-        "bt_navigator was restarted and is not configured. Run: ros2 lifecycle set /bt_navigator configure && "
+        "bt_navigator was restarted, but Nav2's lifecycle manager has not configured it. Run: ros2 lifecycle set /bt_navigator configure && "
         "ros2 lifecycle set /bt_navigator activate"
     )
     scene.until(lambda: scene.said.has(line), "the remedy")

@@ -1,1 +1,1 @@
-"""Base classes of leaves that use ROS 2. The modules can be imported without ROS."""
+"""The base classes of leaves that use ROS 2. The modules of this package can be imported without ROS."""

@@ -44,44 +44,43 @@ class ActionLeaf(GoalSender):
     If the leaf is interrupted, the goal is cancelled, even if the server has not accepted it yet. Responses to an
     earlier goal never affect a later goal.
 
-    If a goal fails for a reason other than the goal itself, the leaf stays RUNNING, waits, and sends the goal again. This
-    applies while a goal of another client, or a goal of `rivals`, is active. For a leaf that uses `Use.nav2()`, it also
-    applies if there is no server, the server does not accept the goal in time or is silent, a node of Nav2 is inactive or
-    does not respond, or transforms have stopped. After `hold_timeout_sec`, the leaf calls `on_unavailable`. If two attempts
-    in a row were rejected or aborted at once, the leaf pauses before the next attempt, even if the tree starts it again.
+    If a goal fails for a reason that is not the goal's own, the leaf stays RUNNING, waits, and sends the goal again. This
+    applies while a goal of another client, or a goal of `rivals`, is active. If the leaf uses `Use.nav2()`, this also applies if there is
+    no server, the server does not accept the goal in time or is silent, a node of Nav2 is inactive or does not respond, or transforms have
+    stopped. After `hold_timeout_sec`, the leaf calls `on_unavailable`. If two attempts in a row were rejected or aborted at once, the leaf
+    pauses before the next attempt, even if the tree starts it again.
 
-    A navigation goal that has succeeded does not prove that the robot has arrived. If the localisation places the robot
-    farther from the goal than the run's `arrival_tolerance_m`, it has not arrived (`has_not_arrived`). Without a pose from the
-    localisation, the goal's end decides.
-
-    Such a goal, and a goal that Nav2 aborts without an error code (0), failed for a reason other than its target, because
-    every failure caused by the target has a code. A leaf that uses Nav2 calls `on_hold`, and sends the goal again after a
-    pause that doubles with each such failure in a row. From the third failure on, it does so for at most `hold_timeout_sec`,
-    and then calls `on_unavailable`. The row ends when the robot has driven half a metre on a goal, or a goal has ended in
-    another way.
+    A navigation goal that has succeeded does not prove that the robot has arrived. If the localisation places the robot farther from the
+    goal than the run's `arrival_tolerance_m`, the robot has not arrived (`has_not_arrived`). If the localisation provides no pose, a
+    succeeded goal counts as an arrival. When the robot has not arrived, or Nav2 aborts a goal without an error code (0), the target is not
+    the cause, because every failure that the target causes has an error code. A leaf that uses Nav2 then calls `on_hold`, and sends the
+    goal again after a pause. The pause doubles with each such failure in a row. From the third failure on, the leaf tries for at most
+    `hold_timeout_sec`, and then calls `on_unavailable`. The count of failures starts again when the robot has driven half a metre on a
+    goal, or a goal has ended in another way.
 
     The end of a goal does not prove that the robot stands still. A leaf that uses Nav2 is RUNNING until the odometry shows
-    a standstill, for at most `settle_timeout_sec`. Without odometry, the goal's end decides.
+    a standstill, for at most `settle_timeout_sec`. Without odometry, the leaf ends together with the goal.
 
     Attributes:
         action_type: `"package/action/Name"`, or the Python class.
         action_name: The (relative) name of the action.
         server_timeout_sec: The maximum wait for a server before the goal is sent, in seconds.
-        acceptance_timeout_sec: The maximum wait for the acceptance of a goal, and for the end of this node's goal of a rival,
-            in seconds.
-        feedback_timeout_sec: The maximum time without feedback after the first feedback, in seconds; None for no limit. For a
-            server that sends no feedback, it limits the time without responses to other requests (`server_timeout_sec` if
-            None). For a leaf that uses Nav2, the limit is 2 s while `bt_navigator` does not respond.
+        acceptance_timeout_sec: The maximum wait, in seconds, for the acceptance of a goal. The same limit applies to the wait for the end
+            of a goal that this node has sent to an action in `rivals`.
+        feedback_timeout_sec: The maximum time without feedback after the first feedback, in seconds; None for no limit. If the server sends
+            no feedback, the attribute limits the time without responses to other requests (None stands for `server_timeout_sec`). For a
+            leaf that uses Nav2, the limit is 2 s while `bt_navigator` does not respond.
         feedback_period_sec: The minimum interval between two reads of feedback, in seconds; 0 to read the latest feedback in
             each tick.
         absence_timeout_sec: The maximum time for which the server may be missing from the ROS graph while the goal is active,
             in seconds.
         hold_timeout_sec: The maximum time for which an activation waits until the server can accept the goal, in seconds.
         pause_sec: The first pause between two attempts, which doubles with each failure, in seconds; 0 for no pauses.
-        rivals: The (relative) names of other actions. While a goal of them is active, the server cannot accept a goal of this
-            action.
+        rivals: The (relative) names of other actions. While a goal of one of these actions is active, the server cannot accept a goal of
+            this action.
         interface: The Python class of the action; available after the leaf's setup.
-        has_not_arrived: Whether the last goal has succeeded although the robot has not arrived; False when a goal is sent.
+        has_not_arrived: Whether the last goal has succeeded although the robot has not arrived. The attribute is reset to False when a goal
+            is sent.
 
     Example:
         A leaf that docks at a port's value::
