@@ -261,7 +261,7 @@ class RosGraph:
             return f"{missing} from {nodes[0]}: is the simulation paused?"
         others = sorted(name for name, types in self._topics().items() if _CLOCK_TYPE in types)
         if others:
-            return f"{missing}, but there is {others[0]}: run with `--ros-args -r /clock:={others[0]}`"
+            return f"{missing}. Clock messages are published on {others[0]}: run with `--ros-args -r /clock:={others[0]}`"
         return missing
 
     def unused_clock_problem(self) -> str:

@@ -20,7 +20,7 @@ _MEETING_SEC = 1.0
 class PolledService:
     """A service that is queried repeatedly, and its latest response.
 
-    A response can be lost while the two sides still discover each other. It is awaited for at most `deadline_sec`.
+    A response can be lost while the two nodes are still discovering each other. The node waits for a response for at most `deadline_sec`.
 
     Args:
         node: The node that queries the service.
@@ -28,13 +28,13 @@ class PolledService:
         name: The relative name of the service.
 
     Attributes:
-        answer: The latest response; None before the first response, and if the latest query received none.
+        answer: The latest response; None before the first response, or if the latest query received no response.
         is_silent: Whether the latest query did not receive a response in time.
         deadline_sec: The maximum wait for a response, in seconds.
-        known_at: The time at which the query for the latest response was sent, or an unanswered query was abandoned, in seconds of awake
-            time; minus infinity before that.
-        silent_since: The time at which the first of the latest unanswered queries was sent, in seconds of awake time; None if the
-            latest query received a response.
+        known_at: The time, in seconds of awake time, at which the query of the latest response was sent or an unanswered query was
+            abandoned; minus infinity before the first of these events.
+        silent_since: The time, in seconds of awake time, since which queries have received no response: when the first of them was sent.
+            None if the latest query received a response.
         answered_at: The time of the latest response, in seconds of the steady clock.
     """
 
@@ -58,11 +58,11 @@ class PolledService:
         return bool(self._client.service_is_ready())
 
     def is_awaited(self, since: float = -math.inf) -> bool:
-        """Return whether a server is available but has not yet answered a query newer than *since* (seconds of awake time)."""
+        """Return whether a server is available but has not answered a query sent after *since* (awake time, seconds)."""
         return self._is_there and (self.known_at == -math.inf or self.known_at < since)
 
     def query(self, since: float = -math.inf) -> bool:
-        """Read the response, and query again if a query is due or the last query is older than *since*; return whether a server is available."""
+        """Read the response, and send a new query if one is due; return whether a server is available."""
         now = AWAKE.now()
         self._is_there = self.is_there
         if not self._is_there:
@@ -109,7 +109,7 @@ _STATES = {3: "active", 2: "inactive"}
 
 
 class LifecycleState(PolledService):
-    """The state of a lifecycle node, which is queried on demand, at most twice a second and without blocking.
+    """Queries the state of a lifecycle node on demand, without blocking and at most twice a second.
 
     Args:
         node: The node that queries the state.
@@ -134,21 +134,21 @@ class LifecycleState(PolledService):
 
     @property
     def age_sec(self) -> float:
-        """The time since the state was known, in seconds; infinite if it was never known."""
+        """The age of the latest response, in seconds; infinite if there was no response."""
         return AWAKE.now() - self.known_at
 
     @property
     def silent_sec(self) -> float:
-        """The time since the lifecycle node has stopped responding, in seconds; 0 if it responds."""
+        """How long the lifecycle node has not responded, in seconds; 0 if the node responds."""
         return 0.0 if self.silent_since is None else AWAKE.now() - self.silent_since
 
     @property
     def has_heard_nothing(self) -> bool:
-        """Whether the node has not responded since this process was last suspended; False if it was never suspended."""
+        """Whether the node has not responded since the last suspension of this process; False without a suspension."""
         return self.answered_at < AWAKE.stood_still_at
 
     def poll(self, since: float = -math.inf) -> str | None:
-        """Query the state if a query is due or the last query is older than *since*; describe the problem, None if the state was `active`."""
+        """Query the state if a query is due; return a description of the problem, or None if the state is `active`."""
         if not self.query(since):
             there = ros_graph(self._node).query(Endpoint("node", self.name)).hint
             return f"node {self.name}: missing (no service {self._service}){there}"
@@ -159,14 +159,14 @@ class LifecycleState(PolledService):
 
 
 def _state_name(state: Any) -> str:
-    """Return the name of a lifecycle state; some servers only set the state's number."""
+    """Return the name of a lifecycle state, which is derived from its number if the server sets no name."""
     return state.label or _STATES.get(state.id, f"number {state.id}")
 
 
 class LifecycleNodes:
     """A group of lifecycle nodes that must be active.
 
-    A node that was never present is not required, because some servers have no lifecycle.
+    A node that was never present is not required to be active, because some servers have no lifecycle.
 
     Args:
         nodes: The states of the nodes.
@@ -178,7 +178,7 @@ class LifecycleNodes:
         self._since = -math.inf
 
     def update_presence(self) -> None:
-        """Store which nodes are present, because these nodes are required from now on."""
+        """Store which nodes are present. These nodes are required from now on."""
         self._known.update(each for each in self._nodes if each.is_there)
 
     def ignore_answers(self) -> None:
@@ -186,7 +186,7 @@ class LifecycleNodes:
         self._since = AWAKE.now()
 
     def obstacle(self) -> str | None:
-        """Describe the required nodes that are missing or not active; empty if there are none, None until all nodes have responded."""
+        """Describe the required nodes that are missing or inactive ('' for none); None until all nodes have responded."""
         self.update_presence()
         polled = [(each, each.poll(self._since)) for each in self._nodes if each in self._known]
         missing = [(each, line) for each, line in polled if line is not None]
@@ -195,7 +195,7 @@ class LifecycleNodes:
         return "; ".join(self._missing_lines(missing))
 
     def _missing_lines(self, missing: Sequence[tuple[LifecycleState, str]]) -> Iterator[str]:
-        """Yield a line for each state other than active, with the names of the nodes in this state."""
+        """Yield one line for each state other than `active`; the line names the nodes in this state."""
         by_state: dict[str, list[tuple[str, str]]] = {}
         for node, line in missing:
             by_state.setdefault(node.state or line, []).append((node.name, line))

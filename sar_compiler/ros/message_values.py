@@ -1,4 +1,4 @@
-"""Values of ROS messages, which are checked against the definitions of the messages before use.
+"""Read values from ROS messages, and check each value against the definition of the message before use.
 
 Leaves and monitors read measured fields only through this module (`tests/test_house.py`). A value that violates its definition
 raises `UnusableValueError`, whose message names the likely cause. `ValueReports` logs each kind of problem once for each source,
@@ -28,7 +28,7 @@ T = TypeVar("T")
 MAP_FRAME = "map"
 """The frame in which a mission plans."""
 FARTHEST_M = 100_000.0
-"""The maximum absolute value of a coordinate, in metres, because no robot drives so far."""
+"""The maximum absolute value of a valid coordinate, in metres. No robot drives farther than this."""
 
 # Maximum deviation of a quaternion's length from 1, in poses and in transforms. In hand-written poses, sine and cosine may be rounded to one
 # digit. tf2 accepts a deviation of 0.01.
@@ -48,7 +48,7 @@ _AGAIN_SEC, _STAYS_SEC = 60.0, 1.0
 
 
 class ValueProblem(Enum):
-    """The kind of a problem, each of which is reported once for each source."""
+    """The kind of a problem with a value. Each kind is reported once for each source."""
 
     VALUE = "value"
     FRAME = "frame"
@@ -101,7 +101,7 @@ class _Definition(NamedTuple):
     has_infinity: bool = False
 
     def check(self, name: str, number: float) -> float:
-        """Return the number, limited to the valid range if it only deviates by rounding.
+        """Check a number and return it; a number that exceeds the valid range by a rounding error is corrected.
 
         Raises:
             UnusableValueError: If the number is not valid.
@@ -127,7 +127,7 @@ class _Definition(NamedTuple):
 _FINITE = _Definition()
 _POSITIVE = _Definition(0.0)
 _SHARE = _Definition(0.0, 1.0, cause="is it in percent? It must be between 0 and 1")
-_DEGREES = "is it in radians, in 1e-7 degrees, or are latitude and longitude exchanged?"
+_DEGREES = "is the value in radians or in 1e-7 degrees, or are latitude and longitude exchanged?"
 _DEFINED: dict[str, dict[str, _Definition]] = {
     "sensor_msgs/msg/BatteryState": {
         "percentage": _SHARE,
@@ -200,7 +200,9 @@ def check_field(message: Any, name: str, path: str = "") -> Any:
 def _check_covariance(values: Sequence[float], path: str) -> None:
     side = math.isqrt(len(values))
     if side and values[0] == -1.0:
-        raise UnusableValueError(f"{path} starts with -1, so the sensor does not measure it")
+        raise UnusableValueError(
+            f"{path} starts with -1, which means that the sensor does not measure this value"
+        )
     for index in range(side):
         _check_variance(float(values[index * (side + 1)]), path)
 
@@ -225,7 +227,7 @@ def battery_share(message: Any) -> float:
     """Return the charge of a battery from a `sensor_msgs/msg/BatteryState`, from 0 to 1.
 
     Raises:
-        UnusableValueError: If the charge is not measured, or is not from 0 to 1.
+        UnusableValueError: If the charge is not measured, or is not between 0 and 1.
     """
     return _SHARE.check("percentage", float(message.percentage))
 
@@ -256,10 +258,10 @@ def planar_point(stamped: Any, frame: str) -> tuple[float, float]:
 
 
 def planar_outline(stamped: Any, frame: str) -> list[tuple[float, float]]:
-    """Return the corners of a `geometry_msgs/msg/PolygonStamped`, in metres.
+    """Return the corners of the polygon in a `geometry_msgs/msg/PolygonStamped`, in metres.
 
     Raises:
-        UnusableValueError: If the polygon has corners, but is not in the given frame.
+        UnusableValueError: If the polygon is not empty and is not in the given frame.
     """
     points = stamped.polygon.points
     if points:
@@ -292,7 +294,7 @@ def goal_position(pose: Any) -> tuple[float, float] | None:
 
 
 def localised_pose(message: Any, node: "Node") -> PlanarPose:
-    """Return the pose in a localisation's `geometry_msgs/msg/PoseWithCovarianceStamped`, in the frame `map`.
+    """Return the pose, in the frame `map`, from a `PoseWithCovarianceStamped` that a localisation has published.
 
     The pose may be old, because a localisation only publishes a pose after the robot has moved.
 
@@ -304,7 +306,7 @@ def localised_pose(message: Any, node: "Node") -> PlanarPose:
             "the pose",
             message,
             MAP_FRAME,
-            "does it belong to another robot? Otherwise set the localisation's global_frame_id",
+            "does it belong to another robot? If not, set the localisation's parameter global_frame_id",
         )
     stamp_age(message.header.stamp, node)
     for index in _PLANAR_VARIANCES:
@@ -407,7 +409,7 @@ def read_transform(message: Any) -> RigidTransform:
 
 
 class OdometryReading(NamedTuple):
-    """The content of a `nav_msgs/msg/Odometry`, which is not checked yet.
+    """The unchecked content of a `nav_msgs/msg/Odometry`.
 
     Attributes:
         frame: The frame of the pose.
@@ -455,11 +457,11 @@ _HEAD, _STAMP_END = 4, 12
 _NATIVE = b"\0\x01" if sys.byteorder == "little" else b"\0\0"
 _STAMP = struct.Struct("=iI")
 _POSE_AND_TWIST = struct.Struct("=7d288x6d")
-"""The pose and the twist, each of which is followed by a covariance of 36 numbers (288 bytes)."""
+"""The layout of the pose and the twist. Each of the two is followed by a covariance of 36 numbers (288 bytes)."""
 
 
 def read_odometry(message: bytes) -> OdometryReading:
-    """Read a serialised `nav_msgs/msg/Odometry`, which is faster than deserialising the whole message."""
+    """Read the needed fields of a serialised `nav_msgs/msg/Odometry`. This is faster than deserialising all of it."""
     if message[:2] != _NATIVE:  # sent by a machine with a different byte order
         from nav_msgs.msg import Odometry
         from rclpy.serialization import deserialize_message, serialize_message
@@ -479,7 +481,7 @@ def read_odometry(message: bytes) -> OdometryReading:
 
 
 def remaining_drive(feedback: Any) -> tuple[float, float] | None:
-    """Return the remaining distance (metres) and time (seconds) of a drive from Nav2's feedback; None if the distance is unknown."""
+    """Extract the remaining distance (m) and time (s) of a drive from Nav2's feedback; None if unknown."""
     metres, time = feedback.distance_remaining, feedback.estimated_time_remaining
     return (metres, time.sec + time.nanosec * 1e-9) if math.isfinite(metres) and metres >= 0.0 else None
 
@@ -498,7 +500,7 @@ def check_frame(subject: str, message: Any, wanted: str, cause: str = "") -> Non
     """Check the frame of a message with a header.
 
     Args:
-        subject: The noun for the message's content, with which the error message begins.
+        subject: The noun for the message's content. The error message begins with this noun.
         message: The message.
         wanted: The required frame.
         cause: A possible reason for another frame, in words; empty for none.
@@ -553,7 +555,7 @@ def stamp_age(
     is_strict: bool = False,
     subject: str = "its stamp is",
 ) -> float:
-    """Return the age of a time stamp on a node's clock, in seconds; a missing time stamp, and one in the near future, has the age 0.
+    """Return the age of a time stamp in seconds; the age is 0 if the stamp is missing or in the near future.
 
     Args:
         stamp: The time stamp of a header, or its value in seconds.
@@ -561,7 +563,7 @@ def stamp_age(
         max_age_sec: The maximum age, in seconds.
         is_strict: Whether *max_age_sec* applies exactly. Otherwise the clocks of the publisher and the node may differ slightly.
         at_sec: The time at which the message has arrived, in seconds of the node's clock; the current time if None.
-        subject: The subject and verb with which an error message begins.
+        subject: The first words of an error message: a subject and a verb.
 
     Raises:
         UnusableValueError: If the time stamp is in the future, or older than *max_age_sec*.
@@ -583,14 +585,14 @@ def stamp_age(
 
 
 def clock_hint(apart_sec: float, node: "Node") -> str:
-    """Return the likely cause of a large difference between a time stamp and a node's clock, as the end of a sentence; empty if unknown."""
+    """Return the likely cause of a large difference between two clocks, as the end of a sentence; '' if unknown."""
     if apart_sec <= _ANOTHER_CLOCK_SEC:
         return ""
     if node.get_clock().ros_time_is_active:
-        return ", because this node uses simulated time, and the publisher does not. Start the publisher with `-p use_sim_time:=true`"
+        return ", because this node uses simulated time, but the publisher does not. Start the publisher with `-p use_sim_time:=true`"
     return (
-        ", because this node uses the machine's clock, and the publisher does not. With a simulator or a bag, "
-        "add `--ros-args -p use_sim_time:=true`"
+        ", because this node uses the machine's clock, but the publisher does not. If you use a simulator or play a bag, add `--ros-args "
+        "-p use_sim_time:=true`"
     )
 
 
@@ -622,7 +624,7 @@ def _check_length(*turn: float, tolerance: float = _ROTATION_TOLERANCE) -> float
 
 
 class ValueReports:
-    """Logs each kind of problem with values once for each source; created by `value_reports`.
+    """Logs each kind of problem with a value once for each source of values; created by `value_reports`.
 
     Args:
         node: The rclpy node that logs the problems.
@@ -634,10 +636,10 @@ class ValueReports:
         self._reported: set[tuple[str, ValueProblem]] = set()
 
     def read(self, source: str, read: Callable[[], T]) -> T | None:
-        """Return the value that *read* returns; None if the value is unusable, which is reported.
+        """Return the value that *read* returns; report an unusable value, and return None instead.
 
         Args:
-            source: The source of the value, with which the message begins.
+            source: The source of the value. A report begins with this text.
             read: Returns the value, or raises `UnusableValueError`.
         """
         try:
@@ -657,7 +659,9 @@ class ValueReports:
         is_sure = error.problem is not ValueProblem.STALE or now - first >= _STAYS_SEC
         if is_sure and key not in self._reported:
             self._reported.add(key)
-            self._node.get_logger().warning(shorten_to_line(f"{source}: {error}. It is treated as unknown."))
+            self._node.get_logger().warning(
+                shorten_to_line(f"{source}: {error}. The value is treated as unknown.")
+            )
 
 
 def value_reports(node: "Node") -> ValueReports:

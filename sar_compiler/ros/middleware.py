@@ -1,7 +1,7 @@
 """The start of ROS in a process: a check of the middleware, and the clean-up of shared memory.
 
-rcl would end the process if the middleware in `RMW_IMPLEMENTATION` is not installed, so this is checked first. Fast DDS uses half a
-megabyte of shared memory for each process, which remains if the process is killed. This module removes it.
+rcl would end the process if the middleware in `RMW_IMPLEMENTATION` were not installed, so this module checks the middleware first. Fast DDS
+uses half a megabyte of shared memory for each process. If the process is killed, this memory is not released. This module removes it.
 """
 
 import fcntl
@@ -35,17 +35,17 @@ class MiddlewareError(SarError):
 def require_middleware() -> None:
     """Check that the middleware in `RMW_IMPLEMENTATION` is installed; call this function before rclpy is imported.
 
-    If it is unknown which middlewares are installed, the check is left to rcl.
+    If this function cannot determine which middlewares are installed, rcl checks the middleware instead.
 
     Raises:
-        MiddlewareError: If the middleware is not installed; names the installed middlewares.
+        MiddlewareError: If the middleware is not installed. The error names the installed middlewares.
     """
     wanted, installed = os.environ.get(_VARIABLE, ""), sorted(set(_installed_middlewares()))
     if not wanted or not installed or wanted in installed:
         return
     raise MiddlewareError(
-        f"{_VARIABLE} is '{wanted}', which is not installed. Installed: {', '.join(installed)}. Unset {_VARIABLE}, "
-        f"or install this middleware (on a robot: sudo apt install ros-jazzy-{wanted.replace('_', '-')})"
+        f"{_VARIABLE} is set to '{wanted}', which is not installed. The installed middlewares are: {', '.join(installed)}. Unset "
+        f"{_VARIABLE}, or install '{wanted}' (on a robot: sudo apt install ros-jazzy-{wanted.replace('_', '-')})"
     )
 
 
@@ -98,15 +98,16 @@ _UNFINISHED_SEC = 2.0
 
 
 def remove_stale_segments(folder: Path = _FOLDER) -> int:
-    """Remove the shared-memory segments of this user's ended processes; return the number of removed segments.
+    """Remove the shared-memory segments that this user's ended processes have left; return their number.
 
-    A segment is not removed if its lock is held, it is younger than a minute, or it belongs to another user. Ports are not
-    removed either, because a starting process takes over ports of ended processes, protected by a mutex of Fast DDS. That process
-    would find the port's lock held during this check, or would hold the lock of a deleted file while another process
-    uses the same port. Segments have random names, which no process uses again.
+    A segment is not removed if its lock is held, it is younger than a minute, or it belongs to another user. Ports are not removed either,
+    because a starting process takes over ports of ended processes, protected by a mutex of Fast DDS. If this function checked a port at
+    that moment, the starting process would find the port's lock held. If this function deleted the port's file, the starting process would
+    hold the lock of a deleted file while another process uses the same port. Segments do not have this problem: their names are random, so
+    no process uses them again.
 
-    An empty file of a port or segment is always removed, because its process was killed while it created the file. Each process
-    that opens the file, such as the next process with this port, would wait in Fast DDS forever.
+    An empty file of a port or segment is always removed. Such a file exists because a process was killed while it created the file. Any
+    process that opened the file, such as the next process with this port, would wait forever in Fast DDS.
 
     Args:
         folder: The folder of the segments.

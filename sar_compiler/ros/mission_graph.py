@@ -26,10 +26,10 @@ class MissionCommandError(SarError):
 
 
 def find_missions(node: Node) -> list[LeaseClaim]:
-    """Return the claims of running missions, each of which uses a robot.
+    """Find the running missions; return their claims, each of which names a robot.
 
-    On a busy machine, nodes discover each other late. The search therefore continues for some time after each discovery, and while a
-    discovered mission has not sent its claim.
+    On a busy machine, nodes discover each other late. The search therefore continues for some time after each discovery. It also continues
+    while a discovered mission has not sent its claim.
 
     Args:
         node: The node that receives the claims, which must be spun in another thread.
@@ -99,7 +99,7 @@ def send_command(node: Node, of: str, order: str, sign: Callable[[Callable[[], N
     sign(lambda: client.call_async(Trigger.Request()).add_done_callback(on_response))
     if not has_response.wait(_RESPONSE_SEC):
         raise MissionCommandError(
-            f"{of} has not responded within {_RESPONSE_SEC:g} s. It may have accepted '{order}'"
+            f"{of} has not responded within {_RESPONSE_SEC:g} s, so it is unknown whether the mission has accepted '{order}'"
         )
     if not responses[0].success:
         raise MissionCommandError(f"not executed: {responses[0].message}")

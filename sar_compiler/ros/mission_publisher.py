@@ -56,7 +56,7 @@ class TreeLog:
         engine.add_post_tick_handler(lambda _: self._publish_events())
 
     def publish_result(self) -> None:
-        """Publish the changes that the last tick and the end of the run have caused."""
+        """Publish the status changes that the last tick and the end of the run have caused."""
         self._changes.finalise()
         self._publish_events()
 
@@ -133,7 +133,7 @@ class MissionPublisher(RunExtension):
         engine.add_post_tick_handler(self._after_tick)
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Apply an entry of the run's journal to the state that the next messages describe."""
+        """Apply an entry of the run's journal to the state that is published next."""
         if entry.kind in (STATUS, LOG):
             return
         self._mission.apply(entry)
@@ -172,14 +172,14 @@ class MissionPublisher(RunExtension):
                 self._try(self._publish_state)
 
     def _try(self, publish: Callable[[], object]) -> None:
-        """Call a function that publishes a message; an error is logged, ends the publishing, and does not end the mission."""
+        """Call a function that publishes a message; an error is logged and ends the publishing, but not the mission."""
         if self._is_broken:
             return
         try:
             publish()
         except Exception as error:  # noqa: BLE001
             self._is_broken = True
-            self._node.get_logger().error(f"The mission is no longer published: {error_text(error)}")
+            self._node.get_logger().error(f"The mission's state is no longer published: {error_text(error)}")
 
     def _publish_state(self) -> None:
         self._is_state_known = True
@@ -270,7 +270,7 @@ def _shape(number: int, landmark: Landmark, shape: str, colour: ColorRGBA) -> li
 
 
 def _line(plan: Mapping[str, Any]) -> list[Marker]:
-    """Create the marker of a plan; none if the plan has fewer than two points, because RViz would report an error."""
+    """Create the marker of a plan, unless the plan has fewer than two points, for which RViz reports an error."""
     points = [point for point in plan.get("points", ()) if all(map(math.isfinite, point))]
     marker = _strip("plan", 0, _colour("plan"), points)
     marker.header.frame_id = str(plan.get("frame", ""))

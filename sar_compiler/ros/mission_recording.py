@@ -74,7 +74,7 @@ def _fields(kind: Any, inner: dict[str, Any]) -> str:
 
 
 def _field_type(text: str) -> str:
-    """Convert the type of a field to the form in message definitions, such as `float64[36]`, `string[<=10]` or `geometry_msgs/Pose[]`."""
+    """Convert a field's type to the notation of message definitions, such as `float64[36]` or `string[<=10]`."""
     if text.startswith("sequence<"):
         item, _, most = text.removeprefix("sequence<").removesuffix(">").partition(", ")
         return f"{_field_type(item)}[{f'<={most}' if most else ''}]"
@@ -120,11 +120,11 @@ _PATIENCE_SEC = 10.0
 
 
 class RecordingError(SarError):
-    """A file cannot be used for a recording."""
+    """The file for a recording already exists or cannot be created."""
 
 
 def _type_to_record(name: str, types: Iterable[str]) -> Any:
-    """Return the Python class of a topic's message type; None if the topic is not recorded, or has only other types."""
+    """Return the Python class of the message type to record on a topic; None if the topic is not recorded."""
     return next((kind for kind in RECORDED.get(name, ()) if interface_name(kind) in types), None)
 
 
@@ -191,7 +191,7 @@ class McapRecorder:
         return cls(path, file, complain)
 
     def record_topics(self, node: Node) -> None:
-        """Record the topics in `RECORDED`, each of them from the time on when it is discovered with an expected type."""
+        """Record the topics in `RECORDED`, starting each one as soon as it is discovered with an expected type."""
         left = {node.resolve_topic_name(name): name for name in RECORDED}
 
         def subscribe_new_topics() -> None:
@@ -263,7 +263,9 @@ class McapRecorder:
             written = self._written
             self._thread.join(_PATIENCE_SEC)
         if self._thread.is_alive():
-            self._complain(f"{self._path} is incomplete: the disk accepts no data.")
+            self._complain(
+                f"The recording {self._path} is incomplete, because the disk does not accept more data."
+            )
             return
         if not (keep and self._channels):
             self._path.unlink(missing_ok=True)
@@ -281,7 +283,7 @@ class McapRecorder:
     def _give_up(self, reason: str) -> None:
         self._is_broken = True
         self._complain(
-            f"{self._path} cannot be written ({reason}). The mission continues without a recording."
+            f"The recording {self._path} cannot be written ({reason}). The mission continues without it."
         )
 
     def _write_until_closed(self, writer: Writer) -> None:
@@ -315,10 +317,11 @@ _ON_OTHER_TOPICS = (STATUS, *OF_ROBOT)
 
 
 class MissionRecording(RunExtension):
-    """Records a mission in an MCAP file, even if the mission itself is not published.
+    """Records a mission in an MCAP file. This does not require that the mission is published on ROS topics.
 
-    It records the topics in `ros.mission_recording.RECORDED`, and `behavior_tree_log` and `~/tree` as in
-    `ros.mission_publisher`. On `mission_log` (`rcl_interfaces/msg/Log`), it records the other entries of the run's journal.
+    The recording contains the topics in `ros.mission_recording.RECORDED`, and the messages that `ros.mission_publisher` sends on
+    `behavior_tree_log` and `~/tree`. The other entries of the run's journal are recorded as messages on `mission_log`
+    (`rcl_interfaces/msg/Log`).
 
     Args:
         node: The mission's node.

@@ -47,16 +47,16 @@ class Nav2Log:
         node.create_subscription(Log, "/rosout", self._on_line, latched)
 
     def quote(self, name: str = "", *, since: float = -math.inf) -> str:
-        """Return the lines that best explain a failure, such as `controller_server: "Failed to make progress"`; empty if there are none.
+        """Return the log lines that best explain a failure; empty if there are no such lines.
 
         Args:
             name: The name of the node that has logged the lines; by default any node.
-            since: The time from which on lines are returned, in seconds of the steady clock.
+            since: The earliest time of the returned lines, in seconds of the steady clock.
         """
         return quote_lines(self._lines_since(name, since))
 
     def failed_change(self) -> str:
-        """Return the name of the last node whose state the lifecycle manager could not change; empty if there is none."""
+        """Return the name of the last node whose state the lifecycle manager failed to change; empty for none."""
         found = [
             each
             for line in self._lines_since(MANAGER, -math.inf)
@@ -65,9 +65,9 @@ class Nav2Log:
         return found[-1][1].rpartition("/")[2] if found else ""
 
     def awaited_node(self) -> str:
-        """Return the name of the node for which the lifecycle manager is waiting during start-up; empty if there is none.
+        """Return the name of the node that the lifecycle manager waits for during start-up; empty for none.
 
-        If the process of this node crashes, the manager waits for its response forever and logs nothing more.
+        If the process of this node crashes, the lifecycle manager waits forever for a response and logs nothing more.
         """
         name, since = self._awaited
         return name if time.monotonic() - since >= _DISCOVERED_SEC else ""
@@ -81,7 +81,7 @@ class Nav2Log:
                 yield each
 
     def _foreign_namespaces(self) -> tuple[str, ...]:
-        """Return the prefixes of the loggers of other robots, which have their own Nav2 in a namespace below the node's namespace."""
+        """Return the logger prefixes of other robots whose Nav2 runs in a namespace below the node's namespace."""
         own = self._node.get_namespace()
         there = (
             namespace

@@ -124,7 +124,10 @@ def test_a_middleware_that_is_not_installed_is_said_before_ros_is_loaded(command
     )
     assert status == 2
     (line,) = said.splitlines()
-    assert "RMW_IMPLEMENTATION is 'rmw_zenoh_cpp', which is not installed. Installed: " in line
+    assert (
+        "RMW_IMPLEMENTATION is set to 'rmw_zenoh_cpp', which is not installed. The installed middlewares are: "
+        in line
+    )
     assert "rmw_other_cpp" in line
     assert "rmw_implementation" not in line
     assert "apt install ros-jazzy-rmw-zenoh-cpp" in line

@@ -147,7 +147,7 @@ EXTRAS = {
     "web": ("uvicorn", "sar-run {folder}/plain.xml --view web"),
 }
 NOT_SHIPPED = "… has no shipped file '…'"
-NO_MIDDLEWARE = "RMW_IMPLEMENTATION is '…', which is not installed. Installed: …"
+NO_MIDDLEWARE = "RMW_IMPLEMENTATION is set to '…', which is not installed. The installed middlewares are: …"
 BROKEN_ENGINE = "--engine py_trees_ros: py_trees_ros cannot be loaded (…)"
 NO_ENGINE = "--engine py_trees_ros: py_trees_ros is not installed (…)"
 

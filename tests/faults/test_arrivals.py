@@ -13,6 +13,6 @@ def test_a_mission_whose_robot_stays_where_it_is_is_not_complete_whatever_the_se
     run = fly(tree, zones=("zone_a", "zone_b"), time_limit_sec=12.0)
     assert run.end() == 1, run.output
     assert navigation.of("goal")
-    assert "the localisation places the robot 4.24 m away from its goal (0.75 m are allowed)" in run.output
+    assert "the localisation places the robot 4.24 m away from the goal (0.75 m are allowed)" in run.output
     assert "Reached zone" not in run.output
     assert "zones visited:   0 of 2" in run.output, run.output

@@ -61,7 +61,7 @@ def test_a_result_that_is_lost_is_known_by_the_status_topic(fly, serve, tree):
     run = fly(tree)
     assert run.end() == 0, run.output
     assert (
-        "The result of the goal of 'navigate_to_pose' is lost. According to the status topic, the goal has ended with status 4."
+        "The result of the goal sent to 'navigate_to_pose' has not arrived. According to the status topic, the goal has ended with status 4."
         in run.output
     )
     assert len(navigation.of("goal")) == 2, "the zone, and home"

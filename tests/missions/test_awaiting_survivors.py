@@ -119,7 +119,7 @@ def test_what_cannot_be_is_told_once_and_passed_over(seen: tuple[Any, ...], why:
     detector.see(*seen)
     detector.see(*seen)
     passed_over(stage, leaf, detector)
-    assert stage.warnings == [f"Topic 'survivor_detections': {why}. It is treated as unknown."]
+    assert stage.warnings == [f"Topic 'survivor_detections': {why}. The value is treated as unknown."]
 
 
 def test_somebody_new_among_others_who_are_seen_at_once_is_not_missed(stage: "Stage") -> None:

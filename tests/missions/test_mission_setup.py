@@ -67,7 +67,9 @@ def test_the_leaves_can_be_imported_and_built_without_ros() -> None:
 @pytest.mark.parametrize("leaf", leaves_with_a_node(), ids=lambda leaf: leaf.name)
 class TestWithoutANode:
     def test_setup_says_what_is_missing(self, leaf: py_trees.behaviour.Behaviour) -> None:
-        with pytest.raises(MissingNodeError, match=f"'{leaf.name}' .* no node. Pass an rclpy node") as error:
+        with pytest.raises(
+            MissingNodeError, match=f"'{leaf.name}' .* no ROS node. Pass an rclpy node"
+        ) as error:
             leaf.setup()
         assert isinstance(error.value, KeyError)
         assert isinstance(error.value, SarError)

@@ -585,7 +585,7 @@ class TestGoalsWithoutAnErrorCode:
         assert stage.run(leaf) is Status.FAILURE
         assert leaf.outcome_label == "unavailable"
         assert (
-            "goals in a row without an error code (its nodes have logged no reason), for 0.3 s"
+            "goals in a row without an error code (no Nav2 node has logged a reason), for 0.3 s"
             in stage.warnings[-1]
         )
         assert stage.run(available) is Status.FAILURE

@@ -673,7 +673,7 @@ class TestClock:
             (("/gazebo",), "/clock", "use_sim_time is set, but no message has arrived on /clock from /gazebo: is the simulation paused?"),
             (
                 ("/gazebo",), "/tb1/clock",
-                "use_sim_time is set, but no message has arrived on /clock, but there is /tb1/clock: run with `--ros-args -r /clock:=/tb1/clock`",
+                "use_sim_time is set, but no message has arrived on /clock. Clock messages are published on /tb1/clock: run with `--ros-args -r /clock:=/tb1/clock`",
             ),
             (
                 ("/bag", "/gazebo"), "/clock",

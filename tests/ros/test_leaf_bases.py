@@ -255,7 +255,7 @@ class TestRejection:
         (warning,) = stage.warnings
         assert warning == (
             f"'Drive' failed: {REJECTED}. Add `Use.nav2()` to `uses` of "
-            '`@register("DriveTo", …)`, so that the start of a run sends the pose and waits for Nav2.'
+            '`@register("DriveTo", …)`, so that a run sends the pose at its start and waits for Nav2.'
         )
 
     def test_a_leaf_that_has_declared_it_is_not_told_to(self, stage: "Stage") -> None:
@@ -448,7 +448,10 @@ class TestTheSecondWitness:
         assert stage.warnings == []
         clock.advance(0.2)
         assert stage.run(leaf) is Status.SUCCESS
-        assert "is lost. According to the status topic, the goal has ended with status 4" in stage.warnings[0]
+        assert (
+            "has not arrived. According to the status topic, the goal has ended with status 4"
+            in stage.warnings[0]
+        )
 
 
 class Lifecycle:
@@ -740,8 +743,16 @@ class TestTopicLeaf:
 @pytest.mark.parametrize(
     ("leaf", "attributes", "message"),
     [
-        (DriveTo("D", Input(0.0)), {"action_name": ""}, "DriveTo has no action_name. Set it in the class"),
-        (DriveTo("D", Input(0.0)), {"action_type": None}, "DriveTo has no action_type. Set it in the class"),
+        (
+            DriveTo("D", Input(0.0)),
+            {"action_name": ""},
+            "DriveTo has no action_name. Set the attribute in the class",
+        ),
+        (
+            DriveTo("D", Input(0.0)),
+            {"action_type": None},
+            "DriveTo has no action_type. Set the attribute in the class",
+        ),
         (
             Configure("C"),
             {"service_type": "ChangeState"},

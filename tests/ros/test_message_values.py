@@ -273,7 +273,10 @@ class TestReports:
             read(share)
         assert read(83.0) is None
         assert len(node.lines) == 2
-        assert node.lines[0] == f"Topic 'battery': percentage is 85, but {SHARE}. It is treated as unknown."
+        assert (
+            node.lines[0]
+            == f"Topic 'battery': percentage is 85, but {SHARE}. The value is treated as unknown."
+        )
 
     def test_two_kinds_of_problem_and_two_sources_are_reported_apart(self, node: At, clock: At) -> None:
         reports = ValueReports(node)
@@ -293,4 +296,4 @@ class TestReports:
         clock.now_sec += 0.6
         reports.report_problem("a", stale)
         reports.report_problem("a", stale)
-        assert node.lines == ["a: old. It is treated as unknown."]
+        assert node.lines == ["a: old. The value is treated as unknown."]

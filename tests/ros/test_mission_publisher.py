@@ -261,4 +261,4 @@ def test_a_mission_that_cannot_be_shown_flies_on(publish, said, monkeypatch):
     runner.tick()
     runner.tick()
     assert runner.count == 2
-    assert sum("The mission is no longer published" in line for line in said.lines()) == 1
+    assert sum("The mission's state is no longer published" in line for line in said.lines()) == 1

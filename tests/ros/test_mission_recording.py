@@ -226,7 +226,7 @@ def test_a_disk_that_is_full_ends_the_recording_and_nothing_else(tmp_path):
     recorder.write("/text", String(data="x"))
     recorder.close()
     assert said == [
-        f"{path} cannot be written (No space left on device). The mission continues without a recording."
+        f"The recording {path} cannot be written (No space left on device). The mission continues without it."
     ]
 
 
@@ -262,7 +262,7 @@ def test_a_disk_that_is_too_slow_ends_the_recording_before_the_memory_is_full(di
         recorder.write("/text", String(data="x" * (1 << 20)))
     assert recorder._waiting.qsize() == 2
     assert said == [
-        f"{path} cannot be written (the disk is too slow: 2 MiB are waiting to be written). The mission continues without a recording."
+        f"The recording {path} cannot be written (the disk is too slow: 2 MiB are waiting to be written). The mission continues without it."
     ]
 
 
@@ -277,7 +277,7 @@ def test_a_disk_that_takes_nothing_does_not_hold_up_the_end(disk, tmp_path, monk
     recorder = mission_recording.McapRecorder(path, disk, said.append)
     recorder.write("/text", String(data="x"))
     recorder.close()
-    assert said == [f"{path} is incomplete: the disk accepts no data."]
+    assert said == [f"The recording {path} is incomplete, because the disk does not accept more data."]
 
 
 def test_the_definition_of_every_message_that_is_recorded_is_understood():

@@ -153,9 +153,10 @@ class ActionLeaf(GoalSender):
         return None
 
     def on_result(self, status: int, result: Any) -> Status:
-        """Return the leaf's status after the end of the goal; RUNNING to send the next `goal`.
+        """Return the leaf's status when the goal has ended; return RUNNING to send another `goal`.
 
-        By default, this is SUCCESS if the goal's status is `STATUS_SUCCEEDED`, otherwise FAILURE with the error in the result.
+        By default, the status is SUCCESS if the goal's status is `STATUS_SUCCEEDED`. Otherwise the status is FAILURE, and the leaf reports
+        the error in the result.
 
         Args:
             status: The goal's status, a constant of `action_msgs/msg/GoalStatus`.
@@ -164,17 +165,17 @@ class ActionLeaf(GoalSender):
         return Status.SUCCESS if status == SUCCEEDED else self.on_failure(describe_status(status, result))
 
     def on_hold(self, obstacle: str) -> None:
-        """Hook called with the reason when the leaf starts to wait for its server, or will send a failed goal again."""
+        """Called with the reason when the leaf starts to wait for the server, or plans to send a failed goal again."""
 
     def on_available(self) -> None:
-        """Hook called when the server has responded, or a row of failures has ended."""
+        """Called when the server has responded, or when a goal ends a series of failures."""
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return the leaf's status after `hold_timeout_sec`; by default the status of `on_failure`."""
+        """Return the leaf's status after a wait of `hold_timeout_sec`; by default, the status of `on_failure`."""
         return self.on_failure(reason)
 
     def nav2_reason(self) -> str:
-        """Return Nav2's log lines that explain the end of the last goal; empty if there are none."""
+        """Return the lines of Nav2's log that explain why the last goal has ended; empty if there are no such lines."""
         goal = self._exchange
         if goal is None or self._robot is None:
             return ""
@@ -193,7 +194,7 @@ class ActionLeaf(GoalSender):
         super().shutdown()
 
     def is_settled(self) -> bool:
-        """Return whether all goals of earlier activations have ended; repeat the requests to cancel goals that have not.
+        """Return whether all goals of earlier activations have ended; request again to cancel goals that are active.
 
         A goal that was abandoned because its server does not respond counts as ended when the server has disappeared.
         """
@@ -255,7 +256,7 @@ class ActionLeaf(GoalSender):
         return super()._begin()
 
     def _waits_for_rival(self, rival: GoalStatuses) -> bool:
-        """Return whether to wait for the end of this node's goal of a rival action."""
+        """Return whether to wait until a goal that this node has sent to a rival action has ended."""
         if not cast("ActionPort", self._port).goals.drives({rival.full_name}):
             return False
         if self._turn is None:
@@ -283,7 +284,7 @@ class ActionLeaf(GoalSender):
         return super()._judge(exchange)
 
     def _judge_arrival(self, goal: ActionGoal) -> Status | None:
-        """Return the leaf's status while the localisation does not confirm the arrival; None when it does, or provides no pose."""
+        """Return the leaf's status while the arrival is not confirmed; None if it is confirmed or cannot be checked."""
         if self._arrival is not None and self._arrival.is_awaited():
             self.feedback_message = "waiting for the localisation to confirm the arrival"
             return Status.RUNNING
@@ -320,7 +321,7 @@ class ActionLeaf(GoalSender):
             self._rest = None
 
     def _fail_or_hold(self, goal: ActionGoal) -> Status:
-        """Send the goal again when the server can accept goals, if it could not; otherwise process the failure."""
+        """Send the goal again if the server was unable to accept it before; otherwise process the failure."""
         if not self._has_asked:
             self._has_asked = True
             if self._robot is not None:
@@ -340,7 +341,7 @@ class ActionLeaf(GoalSender):
         return super()._judge(goal)
 
     def _send_again(self, goal: ActionGoal, doubt: str = "") -> Status:
-        """Send a goal again after a pause; wait for the server after the third failure in a row.
+        """Send a goal again after a pause; after the third failure in a row, limit the time for further attempts.
 
         Args:
             goal: A goal that was aborted without an error code, or has succeeded although the robot has not arrived.
@@ -357,7 +358,7 @@ class ActionLeaf(GoalSender):
             self._report_lost(
                 f"Nav2 reports success of {goals}, but {doubt}"
                 if doubt
-                else f"Nav2 has aborted {goals} without an error code ({reason or 'its nodes have logged no reason'})"
+                else f"Nav2 has aborted {goals} without an error code ({reason or 'no Nav2 node has logged a reason'})"
             )
         self.feedback_message = self._lost_words
         if self._lost_until is not None and self._lost_until.has_passed:
@@ -366,7 +367,7 @@ class ActionLeaf(GoalSender):
         return self._begin() if self._pause is None or self._pause.has_passed else Status.RUNNING
 
     def _report_lost(self, words: str) -> None:
-        """Report a goal that failed for a reason other than the goal itself, and start the pause before the next attempt."""
+        """Report a goal that failed through no fault of its target, and start the pause before the next attempt."""
         count, self._lost_words = self._lost_count, words
         pause_sec = self.pause_sec * min(2.0 ** (count - 1), _LONGEST_PAUSE)
         self._pause = Deadline(pause_sec, self._clock)
@@ -381,7 +382,7 @@ class ActionLeaf(GoalSender):
             )
 
     def _clear_failures(self) -> None:
-        """End the row of goals that failed for reasons other than the goal itself."""
+        """Reset the count of consecutive goals that failed through no fault of their target."""
         self._lost_count, self._lost_until = 0, None
         self.on_available()
 
@@ -410,7 +411,7 @@ class ActionLeaf(GoalSender):
         return Status.RUNNING
 
     def _obstacle(self) -> str | None:
-        """Return why the server cannot accept this leaf's goals; empty if it can, None if this is still unknown."""
+        """Return why the server cannot accept goals; return '' if it can, and None if this is still unknown."""
         port = cast("ActionPort", self._port)
         if port.statuses.has_foreign_goal:
             return f"another client's goal is active on '{port.name}'"
@@ -450,7 +451,7 @@ class ActionLeaf(GoalSender):
         return verdict
 
     def _show_duration(self, goal: ActionGoal) -> None:
-        """Show how long a goal is active, unless a subclass has set its own feedback message."""
+        """Show how long the goal has been active, unless a subclass has set its own feedback message."""
         if self.feedback_message in (self._waits, self._under_way):
             self._under_way = self.feedback_message = f"active for {clock_text(goal.age_sec)}"
 
@@ -462,7 +463,7 @@ class ActionLeaf(GoalSender):
             return f"{exchange.trouble} Nav2 becomes active once it has an initial pose."
         return (
             f"{exchange.trouble} Nav2 becomes active once it has an initial pose. Add `Use.nav2()` to `uses` of "
-            f'`@register("{registration.tag}", …)`, so that the start of a run sends the pose and waits for Nav2.'
+            f'`@register("{registration.tag}", …)`, so that a run sends the pose at its start and waits for Nav2.'
         )
 
     def _conclude(self, answer: Any) -> Status:
@@ -501,6 +502,6 @@ class ActionLeaf(GoalSender):
 
 
 def _is_without_code(goal: ActionGoal) -> bool:
-    """Return whether a goal was aborted with error code 0, which means that the goal's target is not the cause."""
+    """Return whether a goal was aborted with error code 0. This code means that the target is not the cause."""
     answer = goal.answer
     return answer is not None and answer.status == ABORTED and getattr(answer.result, "error_code", None) == 0

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 class ActionQueries:
     """Requests results from an action's server, one at a time, without blocking.
 
-    Use this class only for actions that do not move the robot. Unlike the goals of an `ActionLeaf`, its goals are not recorded in
-    the journal, are not cancelled when the mission crashes, and do not delay the check that the robot stands still.
+    Use this class only for actions that do not move the robot. Goals of this class differ from the goals of an `ActionLeaf`: they are not
+    recorded in the journal, are not cancelled when the mission crashes, and do not delay the check that the robot stands still.
 
     Args:
         node: The rclpy node that sends the goals.
@@ -47,7 +47,7 @@ class ActionQueries:
 
     @property
     def is_ready(self) -> bool:
-        """Whether both clients have discovered a server, so that a request would arrive."""
+        """Whether both clients have discovered a server, so that a request would reach the server."""
         return (
             is_node_valid(self._node) and self._goals.service_is_ready() and self._results.service_is_ready()
         )

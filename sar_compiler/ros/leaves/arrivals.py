@@ -1,7 +1,7 @@
 """Check with the localisation that the robot has arrived at the destination of its navigation goal.
 
-A server's report of success does not prove this: a stand-in for the server, a restarted server, or a server that uses another
-localisation may report success although the robot has not moved.
+A server that reports success does not prove that the robot has arrived. A stand-in for the server, a restarted server, or a server that
+uses another localisation may report success although the robot has not moved.
 """
 
 import math
@@ -33,7 +33,7 @@ _POSES: dict[str, Callable[[Any], Any]] = {
 
 
 def drives_to_pose(interface: Any) -> bool:
-    """Return whether the goals of an action, given by its Python class, end at a pose."""
+    """Return whether the goals of an action end at a pose; the action is given by its Python class."""
     return interface_name(interface) in _POSES
 
 
@@ -76,7 +76,7 @@ class Arrival:
         return None if place is None else math.dist(place[:2], self._destination)
 
     def is_awaited(self) -> bool:
-        """Return whether the localisation may still be behind the robot, so that the leaf must wait."""
+        """Return whether the leaf must wait, because the localisation may still report an earlier position."""
         if not self.reason_against:
             return False
         if not self._due:
@@ -86,8 +86,8 @@ class Arrival:
 
     @property
     def reason_against(self) -> str:
-        """The reason why the robot has not arrived; empty if it has arrived, or if this is unknown."""
+        """The reason why the robot has not arrived; empty if the robot has arrived or its position is unknown."""
         distance = self.distance_m
         if distance is None or distance <= self.tolerance_m:
             return ""
-        return f"the localisation places the robot {distance:.2f} m away from its goal ({self.tolerance_m:.2f} m are allowed)"
+        return f"the localisation places the robot {distance:.2f} m away from the goal ({self.tolerance_m:.2f} m are allowed)"

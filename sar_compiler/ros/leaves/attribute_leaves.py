@@ -1,4 +1,4 @@
-"""Leaves that need no Python code, because attributes in the tree file define the server or topic and the values."""
+"""Leaves that need no Python code: attributes in the tree file define the server or topic and the values."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -42,12 +42,12 @@ _FLUSH_SEC = 0.5
 
 
 class _OutgoingFields:
-    """The fields of an outgoing message, whose values may be blackboard keys.
+    """The fields of an outgoing message. A field's value may be a blackboard key.
 
     Args:
         leaf: The leaf that sends the message.
         attribute: The name of the attribute that contains the fields, for error messages.
-        port: The fields, or the key of a message, a mapping or a string with fields; None for no fields.
+        port: The fields, or a key whose value is a message, a mapping, or a string with fields; None for no fields.
         scope: The blackboard scope in which keys are resolved.
     """
 
@@ -60,7 +60,7 @@ class _OutgoingFields:
             scope.resolve(key).declare()
 
     def check(self, cls: Any) -> None:
-        """Check the fields that the tree file contains against the message's class.
+        """Check that the fields in the tree file match the message's class.
 
         Raises:
             InterfaceError: If a field does not exist, or a value does not fit.
@@ -150,7 +150,7 @@ class _IncomingFields:
                     read_field(message, path.text)
 
     def write(self, message: Any) -> str:
-        """Write the fields of a message to their keys; return why the first field could not be written, or an empty string."""
+        """Write the fields of a message to their keys; return the first error, or '' if there is none."""
         missing = ""
         for path, output in self._outputs:
             try:
@@ -202,7 +202,7 @@ class _GraphName:
 
 
 def _name_error(name: object) -> str:
-    """Return why a value is not a valid server or topic name; empty if it is valid."""
+    """Return why a value is not a valid name of a server or topic; return '' if it is valid."""
     from rclpy.exceptions import NameValidationException
     from rclpy.validate_topic_name import validate_topic_name
 
@@ -234,15 +234,15 @@ def _definition_of(leaf: RosLeaf) -> Iterator[None]:
 
 
 class RosService(ServiceLeaf):
-    """Call a service: SUCCESS when it has responded, unless the response reports failure.
+    """Call a service, and return SUCCESS when a response has arrived that reports no failure.
 
     Args:
         service: The service's name.
         type_: The service's type, such as `std_srvs/srv/SetBool`.
-        request: The request's fields as YAML, such as `data: true`; a value `{key}` is a key.
-        success: The field of the response that must be true for SUCCESS; empty for none.
+        request: The request's fields as YAML, such as `data: true`; a value `{key}` stands for the value of the blackboard key.
+        success: The field of the response that must be true for SUCCESS; empty if no field is checked.
         field: The field of the response to write to `value`, such as `location.x`; empty for the whole response.
-        value: The key for `field`.
+        value: The blackboard key to which `field` is written.
         fields: Further fields of the response, each with its key: `x: {x}, y: {y}`.
         server_timeout_sec: The maximum wait for a server, in seconds.
         timeout_sec: The maximum wait for the response, in seconds.
@@ -332,7 +332,7 @@ class RosService(ServiceLeaf):
 
 
 def _failure_reason(response: Any, field: FieldPath) -> str:
-    """Return the error text that a response contains beside its false field, or anywhere else."""
+    """Return the error text in a response; prefer the text beside the field that is false."""
     parent, dot, _ = field.text.rpartition(".")
     reason = ""
     if dot:
@@ -344,16 +344,16 @@ def _failure_reason(response: Any, field: FieldPath) -> str:
 
 
 class RosAction(ActionLeaf):
-    """Send a goal to an action: RUNNING until the goal has ended, SUCCESS if it has succeeded.
+    """Send a goal to an action: RUNNING until the goal has ended, SUCCESS if the goal has succeeded.
 
     The fields of the result are written even if the goal was aborted or cancelled.
 
     Args:
         action: The action's name.
         type_: The action's type, such as `nav2_msgs/action/Wait`.
-        goal: The goal's fields as YAML, such as `time: {sec: 5}`; a value `{key}` is a key.
+        goal: The goal's fields as YAML, such as `time: {sec: 5}`; a value `{key}` stands for the value of the blackboard key.
         field: The field of the result to write to `value`; empty for the whole result.
-        value: The key for `field`.
+        value: The blackboard key to which `field` is written.
         fields: Further fields of the result, each with its key: `error_code: {code}, error_msg: {text}`.
         feedback: The fields of the feedback to write in each tick, each with its key: `distance_remaining: {left}`.
         server_timeout_sec: The maximum wait for a server, in seconds.
@@ -442,7 +442,7 @@ class RosAction(ActionLeaf):
         return self.outcome(super().on_failure(reason), "no result")
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return FAILURE; write the fields of the result if there is one, as of a goal that has succeeded although the robot has not arrived."""
+        """Return FAILURE. If the goal has a result, because it has succeeded without an arrival, write its fields."""
         failed, goal = super().on_unavailable(reason), self._exchange
         if (
             goal is None
@@ -454,7 +454,7 @@ class RosAction(ActionLeaf):
         return self.outcome(failed, "aborted")
 
     def on_result(self, status: int, result: Any) -> Status:
-        """Write the fields of the result if there is one; return SUCCESS if the goal has succeeded."""
+        """Write the fields of the result, if a result has arrived; return SUCCESS if the goal has succeeded."""
         is_lost = self._exchange is not None and self._exchange.is_result_lost
         has_result = status in (SUCCEEDED, ABORTED, CANCELED) and not is_lost
         missing = (
@@ -472,13 +472,13 @@ class RosAction(ActionLeaf):
 
 
 class RosTopic(TopicLeaf):
-    """Check for a message on a topic: SUCCESS if there is a message, whose fields are written to keys.
+    """Check for a message on a topic; if there is a message, write its fields to keys and return SUCCESS.
 
     Args:
         topic: The topic's name.
         type_: The topic's type, such as `sensor_msgs/msg/BatteryState`.
         field: The field to write to `value`, such as `pose.position.x`; empty for the whole message.
-        value: The key for `field`.
+        value: The blackboard key to which `field` is written.
         fields: Further fields, each with its key: `pose.position.x: {x}`.
         max_age_sec: The maximum age of a message, in seconds of the node's clock; 5 by default, unlimited with
             `transient_local`.
@@ -547,12 +547,12 @@ class RosTopic(TopicLeaf):
 
 
 class RosPublish(RosLeaf):
-    """Publish a message: RUNNING until there is a subscriber, SUCCESS when the message is sent.
+    """Publish a message: RUNNING until a subscriber is present, SUCCESS when the message has been sent.
 
     Args:
         topic: The topic's name.
         type_: The topic's type, such as `std_msgs/msg/String`.
-        message: The message's fields as YAML, such as `data: hello`; a value `{key}` is a key.
+        message: The message's fields as YAML, such as `data: hello`; a value `{key}` stands for the value of the blackboard key.
         qos: The QoS profile: `reliable`, `sensor_data`, or `transient_local` to also reach later subscribers.
         waits: Whether the leaf returns RUNNING until there is a subscriber. With `transient_local`, it never waits.
         timeout_sec: The maximum wait for a subscriber, in seconds, after which the leaf returns FAILURE.
@@ -580,7 +580,7 @@ class RosPublish(RosLeaf):
         self._deadline = Deadline(timeout_sec)
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the publisher if the topic's name is known, so that subscribers discover the publisher before the first tick.
+        """Create the publisher early, if the topic's name is known, so that subscribers can discover it.
 
         Args:
             **kwargs: `node`, and optionally `wake` (see `RosLeaf`).
@@ -597,12 +597,12 @@ class RosPublish(RosLeaf):
             self._sent.check(_load_type("msg", self._name, self._type))
 
     def initialise(self) -> None:
-        """Create the publisher if necessary, and start the timeout; if the topic's name is a key, the key's current value is used."""
+        """Create the publisher if necessary, and start the timeout. A key is read now to get the topic's name."""
         self._publisher = self._publisher_of(self._name.read_name())
         self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
 
     def update(self) -> Status:
-        """Publish the message if there is a subscriber, or the leaf does not wait; return RUNNING until then."""
+        """Publish the message, or return RUNNING if the leaf must wait for a subscriber."""
         topic = self._publisher.topic_name
         if self._waits and not self._publisher.get_subscription_count():
             self.feedback_message = f"waiting for a subscriber of '{topic}'"
@@ -642,7 +642,7 @@ _DEPTH = 10
 
 
 class RosTransform(RosLeaf):
-    """Look up the pose of a frame in another frame: SUCCESS when the pose is known and written to keys, RUNNING until then.
+    """Look up the pose of a frame in another frame: RUNNING until the pose is known and written to keys, then SUCCESS.
 
     Args:
         target_frame: The outer frame, such as `map`, in which the pose is expressed.
@@ -702,7 +702,7 @@ class RosTransform(RosLeaf):
         self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
 
     def update(self) -> Status:
-        """Write the pose and return SUCCESS if the transforms have arrived and are recent enough; otherwise RUNNING, or FAILURE after the timeout."""
+        """Write the pose and return SUCCESS if it is known; otherwise return RUNNING, or FAILURE after the timeout."""
         found = self._look_up()
         if isinstance(found, Transform):
             self.feedback_message = ""

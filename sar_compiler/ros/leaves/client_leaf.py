@@ -1,4 +1,4 @@
-"""Base classes of leaves that call a server, and the base class of leaves that call a service."""
+"""The base class of all leaves that call a server, and the base class of leaves that call a service."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -26,14 +26,14 @@ class PendingCall(ABC):
     """A goal or a service call that receives at most one final response.
 
     Args:
-        leaf: The leaf that sends the message. It defines the time limits and their clock, and is notified of the response.
+        leaf: The leaf that sends the message. The leaf defines the time limits and their clock, and is notified of the response.
         server: The name of the action or service.
         reply_sec: The maximum wait for the first reply after the message was sent, in seconds.
 
     Attributes:
         sent: Whether the message was sent.
         answer: The server's final response; None before it arrives.
-        trouble: The reason why there will be no final response; empty if it may still arrive.
+        trouble: The reason why no final response will arrive; empty while a response is still possible.
     """
 
     _server_kind: ClassVar[str]
@@ -53,7 +53,7 @@ class PendingCall(ABC):
         return self.answer is not None or bool(self.trouble)
 
     def poll(self) -> None:
-        """Send the message if it is not sent yet and the server is ready; check the time limits."""
+        """Send the message when the server is ready, unless it was already sent; check the time limits."""
         if self.is_over or self._abandoned:
             return
         if self.sent:
@@ -115,8 +115,8 @@ class ClientLeaf(RosLeaf, Generic[E]):
     The leaf keeps its final status until the next activation.
 
     Attributes:
-        server_timeout_sec: The maximum wait for a server, in seconds. This and all other time limits use simulated time if the
-            node does, otherwise the machine's time (`clock.deadline_clock`).
+        server_timeout_sec: The maximum wait for a server, in seconds. All time limits use simulated time if the node uses it, otherwise the
+            machine's time (`clock.deadline_clock`).
     """
 
     server_timeout_sec: float = 10.0
@@ -179,7 +179,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
     def warn(self, text: str) -> None:
         """Log a warning, and set it as the feedback message.
 
-        Until the server has responded, the same warning is logged only once, because a tree may call the server in every tick.
+        The same warning is logged again only after the server has responded, because a tree may call the server in every tick.
         """
         self.feedback_message = text
         if text not in self._complaints:
@@ -208,7 +208,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
 
     @abstractmethod
     def _message(self) -> Any:
-        """Return the message to send; or a status, if no message must be sent."""
+        """Return the message to send, or a status if no message is to be sent."""
 
     @abstractmethod
     def _open(self, message: Any) -> E:
@@ -216,7 +216,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
 
     @abstractmethod
     def _conclude(self, answer: Any) -> Status:
-        """Return the leaf's status after the final response; RUNNING to call the server again."""
+        """Return the leaf's status after the final response; return RUNNING to call the server again."""
 
     def _require_setup(self) -> None:
         if self._interface is None:
@@ -276,7 +276,7 @@ class ServiceCall(PendingCall):
     """A call of a service: one request and its response.
 
     Args:
-        leaf: The leaf that calls the service. It is notified of the response, unless the call is abandoned before.
+        leaf: The leaf that calls the service. The leaf is notified of the response, unless the call has been abandoned.
         client: The client of the service.
         request: The request to send.
     """
@@ -358,9 +358,10 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
         """
 
     def on_response(self, response: Any) -> Status:
-        """Return the leaf's status after the response; RUNNING to call the service again with a new `request`.
+        """Return the leaf's status after the response; return RUNNING to call the service with a new `request`.
 
-        By default, this is FAILURE if the response has a field `success` (as in std_srvs) that is false, otherwise SUCCESS.
+        By default, the status is FAILURE if the response has a field `success` (as in std_srvs) and this field is false. Otherwise the
+        status is SUCCESS.
         """
         if getattr(response, "success", True):
             return Status.SUCCESS
@@ -369,7 +370,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
     def is_good_news(self, response: Any) -> bool:
         """Return whether a response triggers an immediate tick.
 
-        By default, a response that reports a failure does not, because a tree that calls the service again at once would
+        By default, a response that reports a failure does not trigger a tick. Otherwise a tree that calls the service again at once would
         repeat the call as fast as the machine allows.
         """
         return bool(getattr(response, "success", True))

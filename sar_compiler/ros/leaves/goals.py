@@ -1,6 +1,6 @@
-"""The goals that a node sends, from the request to their ends, and the goal statuses that servers publish.
+"""The goals that a node sends to action servers, and the goal statuses that these servers publish.
 
-The published statuses are a second source for the end of a goal, beside the server's responses.
+The end of a goal is known from the server's response or, if the response is lost, from the published statuses.
 """
 
 import math
@@ -48,12 +48,12 @@ _GOAL_ID = slice(4, 20)
 
 
 def end_in_words(status: int) -> str:
-    """Describe the end of a goal as a relative clause without the pronoun, given the goal's final status."""
+    """Describe how a goal has ended, as a verb phrase such as `is cancelled`, given the goal's final status."""
     return _ENDS.get(status, f"has ended with status {status}")
 
 
 def cancel_client(node: "Node", action: str) -> "Client":
-    """Create a client of the service that cancels the goals of an action, whichever client has sent them."""
+    """Create a client of the service that cancels an action's goals, including goals of other clients."""
     from action_msgs.srv import CancelGoal
 
     return node.create_client(CancelGoal, f"{action}{_CANCEL}")
@@ -81,9 +81,10 @@ def uuid_message(goal_id: str) -> Any:
 
 
 class GoalStatuses:
-    """The latest statuses of all goals of one action, from its status topic, by goal ID (32 hexadecimal digits).
+    """Stores the latest status of each goal of one action, as published on the action's status topic.
 
-    It is created by `goal_statuses_of`, so that it knows all goals of the node.
+    The statuses are stored by goal ID (32 hexadecimal digits). Create this object with `goal_statuses_of`, so that it knows all goals of
+    the node.
 
     Args:
         node: The rclpy node that subscribes to the topic.
@@ -125,7 +126,7 @@ class GoalStatuses:
         self._latest = {}
 
     def follow(self, goal: str, on_end: StatusListener) -> None:
-        """Call *on_end*, to which only a weak reference is stored, with the final status of a goal that this node sends."""
+        """Call *on_end* with the final status of a goal of this node; only a weak reference to *on_end* is stored."""
         self._ours.add(goal)
         self._listeners[goal] = WeakMethod(on_end)
 
@@ -164,7 +165,7 @@ class GoalFeedback:
         node.create_subscription(self._type, name, self._on_feedback, qos, raw=True)
 
     def follow(self, goal: str, on_feedback: FeedbackListener) -> None:
-        """Call *on_feedback*, to which only a weak reference is stored, with each serialised message about a goal."""
+        """Call *on_feedback* with each serialised feedback on a goal; only a weak reference to it is stored."""
         self._listeners = {goal: each for goal, each in self._listeners.items() if each() is not None}
         self._listeners[goal] = WeakMethod(on_feedback)
 
@@ -186,7 +187,7 @@ def goal_feedback_of(node: "Node", action_type: Any, action: str) -> GoalFeedbac
 
 
 class GoalEvent(NamedTuple):
-    """The event that a goal is about to be sent or has ended.
+    """An event in the life of a goal: the goal is about to be sent, or has ended.
 
     Attributes:
         goal_id: The goal's ID, 32 hexadecimal digits.
@@ -218,16 +219,16 @@ class ActiveGoals:
         return len(self._active)
 
     def drives(self, actions: Collection[str]) -> bool:
-        """Return whether a goal of one of the actions may be active, except for lost goals."""
+        """Return whether a goal of one of the actions may be active; lost goals are ignored."""
         return any(action in actions and goal not in self._lost for goal, action in self._active.items())
 
     @property
     def may_be_active(self) -> bool:
-        """Whether a goal may be active, except for lost goals."""
+        """Whether a goal may be active; lost goals are ignored."""
         return any(goal not in self._lost for goal in self._active)
 
     def active(self) -> "list[GoalEvent]":
-        """Return the goals that were sent and whose ends were not observed; may be called from any thread."""
+        """Return the goals that were sent and have not been seen to end; may be called from any thread."""
         return [GoalEvent(goal_id, action) for goal_id, action in [*self._active.items()]]
 
     def mark_lost(self, goal_id: str) -> None:
@@ -248,8 +249,8 @@ class ActiveGoals:
 
         Args:
             goal_id: The goal's ID.
-            status: The goal's final status, a constant of `action_msgs/msg/GoalStatus`; 0 if the goal was rejected, or no
-                server knows it.
+            status: The goal's final status, a constant of `action_msgs/msg/GoalStatus`; 0 if the goal was rejected, or if no server knows
+                the goal.
         """
         self._lost.discard(goal_id)
         action = self._active.pop(goal_id, None)
@@ -293,7 +294,7 @@ def describe_status(status: int, result: Any = None) -> str:
 
 
 class ActionPort:
-    """The clients and subscriptions by which a node uses one action.
+    """The clients and subscriptions through which a node uses one action.
 
     Args:
         node: The rclpy node.
@@ -343,15 +344,15 @@ class ActionPort:
         self._node.get_logger().warning(escape_to_one_line(text))
 
     def count_unanswered(self) -> None:
-        """Count a goal that was neither accepted nor rejected in time; replace the clients after the second such goal in a row."""
+        """Count a goal that got no response in time; replace the clients after the second such goal in a row."""
         self.unanswered += 1
         if self.unanswered < _UNANSWERED or not self.is_usable:
             return
         # A server that has not discovered this client's reader drops every response. It may discover the reader of a new client.
         self.unanswered = 0
         self.warn(
-            f"The server of '{self.name}' is present, but has not responded to {_UNANSWERED} goals in a row. The clients "
-            "are replaced."
+            f"The server of '{self.name}' is present, but has not responded to {_UNANSWERED} goals in a row. This node now creates new "
+            f"clients of the action."
         )
         self.release()
         self._connect()
@@ -364,7 +365,7 @@ class ActionPort:
 
 
 class ServerProbe:
-    """Checks that a server responds by requesting the result of an unknown goal, which the server rejects at once.
+    """Checks that a server responds: requests the result of an unknown goal, which a server rejects at once.
 
     A server with a single thread does not respond while it executes a goal. So a silent server is only regarded as crashed if it has
     responded to an earlier request.
@@ -383,7 +384,7 @@ class ServerProbe:
         self._limit = Deadline(limit_sec, clock)
 
     def has_server_stopped(self) -> bool:
-        """Send the next request if it is due; return whether a server that has responded before has become silent."""
+        """Send the next request if it is due; return whether the server has responded before but is now silent."""
         if self._request is None:
             if self._due.has_passed:
                 self._send_request()
@@ -414,18 +415,18 @@ class ServerProbe:
 
 
 class GoalSender(ClientLeaf["ActionGoal"]):
-    """Base class of `ActionLeaf` with its time limits, so that `ActionGoal` need not import `ActionLeaf`."""
+    """The base class of `ActionLeaf`. It declares the time limits, so that `ActionGoal` need not import `ActionLeaf`."""
 
     acceptance_timeout_sec: float = 5.0
     feedback_timeout_sec: float | None = None
     absence_timeout_sec: float = 0.5
 
     def _on_server_answer(self) -> None:
-        """Handle that the server has accepted the goal, or that the goal has succeeded."""
+        """Called when the server has accepted the goal, or when the goal has succeeded."""
 
 
 class ActionGoal(PendingCall):
-    """One goal from the request to the goal's end, which is sent at most once and without blocking.
+    """One goal, from the request to its end. The goal is sent at most once and without blocking.
 
     The leaf calls `poll` in every tick and reads `answer` and `trouble`. The server's messages arrive in callbacks, each of which is bound to one
     goal, so that a response to an earlier goal cannot affect a later goal.
@@ -439,7 +440,7 @@ class ActionGoal(PendingCall):
         sent, trouble: See `PendingCall`.
         answer: The server's final response, with `status` (a constant of `action_msgs/msg/GoalStatus`) and `result`; None before it arrives.
         rejected: Whether the server has rejected the goal.
-        is_result_lost: Whether the server's result has not arrived, so that the result in `answer` is empty.
+        is_result_lost: Whether the server's result has not arrived. In this case, the result in `answer` is empty.
         ended_at: The time when the goal's end was observed, in seconds of the steady clock; infinite before.
     """
 
@@ -489,12 +490,12 @@ class ActionGoal(PendingCall):
 
     @property
     def has_ended(self) -> bool:
-        """Whether the goal is certainly inactive: it was not sent, or its end was observed."""
+        """Whether the goal is certainly inactive, because it was not sent or its end was observed."""
         return not self.sent or self._final is not None
 
     @property
     def _is_too_late(self) -> bool:
-        """Whether no server can still accept the goal."""
+        """Whether it is too late for any server to accept the goal."""
         if self.age_sec <= self._reply_sec:
             return False
         # A killed server stays in the ROS graph for a while. If a new server has appeared, it does not know the goal.
@@ -529,7 +530,7 @@ class ActionGoal(PendingCall):
 
     @property
     def has_feedback(self) -> bool:
-        """Whether feedback has arrived that was not read yet."""
+        """Whether feedback has arrived and was not read yet."""
         return self._feedback is not None
 
     def pop_feedback(self) -> Any:
@@ -541,7 +542,7 @@ class ActionGoal(PendingCall):
         return self._port.server_is_ready
 
     def chase(self) -> None:
-        """Send the next request about an abandoned goal if it is due: to cancel the goal or, if the server already does, for its result."""
+        """If a request about an abandoned goal is due, send it: first to cancel the goal, then to get the result."""
         if self.has_ended:
             self._drop_pending()
         if self.has_ended or not self._abandoned or not (self._chased is None or self._chased.has_passed):
@@ -602,12 +603,13 @@ class ActionGoal(PendingCall):
             self._check_server()
 
     def _await_result(self, status: int) -> None:
-        """Wait for the result after the goal has ended; if it does not arrive, use the status from the status topic."""
+        """Wait for the result of an ended goal; if no result arrives, use the status from the status topic."""
         if self._result_due is None:
             self._result_due = self._limit(_RESULT_SEC)
         elif self._result_due.has_passed:
             self._port.warn(
-                f"The result of the goal of '{self._port.name}' is lost. According to the status topic, the goal has ended with status {status}."
+                f"The result of the goal sent to '{self._port.name}' has not arrived. According to the status topic, the goal has ended "
+                f"with status {status}."
             )
             self.is_result_lost = True
             self.answer = SimpleNamespace(status=status, result=self._port.action_type.Result())

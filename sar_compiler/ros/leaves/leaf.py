@@ -34,7 +34,7 @@ _ATTRIBUTE = "_sar_compiler_of_node"
 
 
 def of_node(node: "Node", key: Hashable, make: Callable[[], T]) -> T:
-    """Return the object that is stored on a node under a key; the first call creates it.
+    """Return the object that is stored on a node under a key; the first call creates the object.
 
     The object is part of the node, so it may refer to the node.
 
@@ -52,7 +52,7 @@ def of_node(node: "Node", key: Hashable, make: Callable[[], T]) -> T:
 class MissingNodeError(SarError, KeyError):
     """A leaf that needs a ROS node was set up without one, or ticked before its setup.
 
-    It is also a `KeyError`, because py_trees' own ROS leaves raise this exception.
+    The class is also a `KeyError`, because py_trees' own ROS leaves raise a `KeyError` in this case.
 
     Args:
         leaf_name: The leaf's name.
@@ -66,8 +66,8 @@ class MissingNodeError(SarError, KeyError):
 
     def __str__(self) -> str:
         return (
-            f"'{self.leaf_name}' ({self.leaf_class}) uses ROS, but has no node. Pass an rclpy node to the "
-            "tree's setup: setup(node=my_node)"
+            f"'{self.leaf_name}' ({self.leaf_class}) uses ROS, but has no ROS node. Pass an rclpy node when you set up the tree: "
+            f"setup(node=my_node)"
         )
 
 
@@ -172,7 +172,9 @@ def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
     word = WORDS[kind]
     if not name or not written:
         missing = f"{word}_type" if name else f"{word}_name"
-        raise LeafDefinitionError(f"{owner} has no {missing}. Set it in the class or its constructor")
+        raise LeafDefinitionError(
+            f"{owner} has no {missing}. Set the attribute in the class or its constructor"
+        )
     if not isinstance(written, str):
         return written
     package, _, cls = written.partition(f"/{kind}/")

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 class TopicLeaf(RosLeaf):
-    """A leaf that evaluates the latest message of a topic.
+    """A leaf that evaluates the latest message on a topic.
 
-    A leaf that `waits` is RUNNING until there is a message, other leaves return FAILURE. The leaf subscribes in its setup, so a
-    message may be older than the activation; `max_age_sec` and `clearing_policy` limit the age of messages.
+    While there is no message, a leaf with `waits` returns RUNNING, and a leaf without it returns FAILURE. The leaf subscribes in its setup,
+    so a message may be older than the activation; `max_age_sec` and `clearing_policy` limit the age of messages.
 
     A subclass sets the attributes `topic_type` and `topic_name`, in the class or its constructor. If the content of a message
     matters, it defines the method `on_message`. A message is reported once and ignored if `on_message` raises
@@ -82,7 +82,7 @@ class TopicLeaf(RosLeaf):
     def absence_reason(self) -> str:
         """The reason why there is no usable message, as the end of a sentence.
 
-        The reason is a problem of the last message, or of the ROS graph. It is empty if messages of a publisher reach the leaf.
+        The reason is a problem with the last message or with the ROS graph. The text is empty if messages of a publisher reach the leaf.
         """
         if self.unusable_reason or self._node is None:
             return self.unusable_reason
@@ -102,7 +102,7 @@ class TopicLeaf(RosLeaf):
         self.subscribe()
 
     def subscribe(self) -> None:
-        """Subscribe to the topic, end the previous subscription, and discard the previous message."""
+        """Subscribe to the topic; end the previous subscription, and discard the message that it received."""
         self._unsubscribe()
         owner = type(self).__name__
         interface = find_interface(owner, "msg", self.topic_name, self.topic_type)
@@ -115,7 +115,7 @@ class TopicLeaf(RosLeaf):
             self._message = None
 
     def update(self) -> Status:
-        """Return the status of `on_message` for the latest message, or the status of `on_silence` if there is none."""
+        """Return the status of `on_message` for the latest message; without a message, the status of `on_silence`."""
         message = self.message
         self.feedback_message = ""
         try:
@@ -152,14 +152,14 @@ class TopicLeaf(RosLeaf):
         return Status.SUCCESS
 
     def on_silence(self) -> Status:
-        """Return the leaf's status while there is no message: RUNNING for a leaf that `waits`, otherwise FAILURE."""
+        """Return the leaf's status while there is no message: RUNNING if `waits` is set, otherwise FAILURE."""
         old = "" if self._message is None else f" within {self.max_age_sec:g} s"
         self.feedback_message = f"no message on '{self.topic_name}'{old}{self.absence_reason}"
         return Status.RUNNING if self.waits else Status.FAILURE
 
     @property
     def unusable_reason(self) -> str:
-        """The reason why the last message is unusable, as the end of a sentence; empty if it is usable or missing."""
+        """The reason why the last message is unusable, as the end of a sentence; empty if there is no such message."""
         return f" ({self._problem})" if self._problem else ""
 
     def _on_message(self, message: Any) -> None:
