@@ -253,7 +253,7 @@ class _GuardedGoals:
         self._why = why
         active = cancel_goals([*self._active.values()], self._node, _TRYING_SEC)
         for goal in active:
-            words = f"and {goal.action} does not end its goal. The robot may still be moving"
+            words = f"and the server of {goal.action} has not ended the goal. The robot may still be moving"
             self._node.get_logger().warning(f"{why}, {words}")
         return not active
 

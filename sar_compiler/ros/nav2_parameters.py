@@ -1,4 +1,4 @@
-"""The parameters of Nav2's nodes on which a mission depends, which are queried without blocking."""
+"""Query, without blocking, the parameters of Nav2's nodes on which a mission depends."""
 
 import math
 import re
@@ -40,7 +40,8 @@ _FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_va
 class _ParameterQuery:
     """The query for the values of some parameters of one node.
 
-    It first requests the names of the node's parameters, because a node of rclcpp returns no values if one of the requested parameters is not declared.
+    The query first requests the names of the node's parameters, because an rclcpp node returns no values if one of the requested parameters
+    is not declared.
     """
 
     def __init__(self, node: "Node", name: str, wanted: re.Pattern[str]) -> None:
@@ -57,7 +58,7 @@ class _ParameterQuery:
         self._asked_at = math.inf
 
     def is_awaited(self) -> bool:
-        """Perform the next step of the query; return whether the node is present, but the query is not complete."""
+        """Perform the next step of the query; return whether the node is present and the query is still incomplete."""
         if self.is_over or (self._asked_at == math.inf and not self._node.count_services(self._service)):
             return False
         self._asked_at = min(self._asked_at, AWAKE.now())
@@ -102,7 +103,7 @@ class Nav2Parameters:
         self._queries = {name: _ParameterQuery(node, name, wanted) for name, wanted in _WANTED.items()}
 
     def are_awaited(self) -> bool:
-        """Continue the query of each present node; return whether a query is not complete."""
+        """Continue the query of each node that is present; return whether one of these queries is incomplete."""
         return any([each.is_awaited() for each in self._queries.values()])  # noqa: C419 - every query must be continued
 
     def close(self) -> None:
@@ -112,7 +113,7 @@ class Nav2Parameters:
 
     @property
     def goal_tolerance(self) -> float:
-        """Nav2's goal tolerance, in metres; Nav2's default if the value is not known."""
+        """Nav2's goal tolerance, in metres; Nav2's default value if the actual value is unknown."""
         values = self._queries[_CONTROLLER].values
         names = values.get("goal_checker_plugins", ())
         tolerances = [values[key] for name in names if (key := f"{name}.{_TOLERANCE}") in values]
@@ -120,7 +121,7 @@ class Nav2Parameters:
         return max(usable, default=NAV2_GOAL_TOLERANCE_M)
 
     def advice(self) -> list[str]:
-        """Return a description for each parameter that is likely to make drives fail, with the correct value."""
+        """Return a description of each parameter that is likely to make drives fail, and of the correct value."""
         values = {name: each.values for name, each in self._queries.items()}
         return [
             *_timeout_advice(values[NAVIGATOR]),
@@ -140,7 +141,7 @@ class Nav2Parameters:
                 continue
             if published:
                 line = _line(name, f"odom_topic: {ours.removeprefix(node.get_namespace()).lstrip('/')}")
-                yield f"{name} reads odometry from {theirs}, on which no node publishes. {line}"
+                yield f"{name} reads odometry from {theirs}, but no node publishes on this topic. {line}"
             else:
                 yield (
                     f"no node publishes on {ours}, and {name} reads odometry from {theirs}. "
@@ -149,7 +150,7 @@ class Nav2Parameters:
                 return
 
     def _stamp_advice(self, values: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-        """Yield advice about a node whose velocity commands have a type that the robot does not accept."""
+        """Yield advice about a node that sends velocity commands of a type that the robot does not accept."""
         accepted = {
             each.topic_type.rpartition("/")[2]
             for each in self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name("cmd_vel"))
@@ -170,7 +171,8 @@ def _timeout_advice(values: Mapping[str, Any]) -> Iterator[str]:
         if (value := values.get(key, _ADVISED_TIMEOUT_MS)) < _LEAST_TIMEOUT_MS:
             line = _line(NAVIGATOR, f"{key}: {_ADVISED_TIMEOUT_MS}")
             yield (
-                f"{key} of {NAVIGATOR} is {value} ms, so it aborts a goal if another Nav2 node responds later. {line}"
+                f"{key} of {NAVIGATOR} is {value} ms. So {NAVIGATOR} aborts a goal if another Nav2 node takes longer than that to respond. "
+                f"{line}"
             )
 
 

@@ -1,16 +1,17 @@
-"""Cancel goals that another process has left active, and wait for their ends.
+"""Cancel goals that another process has left active, and wait until these goals have ended.
 
-The response to a request to cancel a goal is not enough, because it only says that the server has accepted the request. After that, the robot
-has to brake, and the server may also abort, complete or ignore the goal. A goal has ended when its final status was observed.
+The response to a cancel request does not prove that the goal has ended: it only says that the server has accepted the request. After that,
+the robot has to brake, and the server may also abort or complete the goal, or ignore the request. A goal has ended when its final status
+was observed.
 
-The requests are repeated, because a server may receive a goal after the request to cancel it, if the process that sent the goal has just crashed.
-A request that arrives too early has no effect. So the request is sent every second until the goal's end is observed.
+If the process that sent a goal has just crashed, the server may receive the cancel request before the goal. Such an early request has no
+effect. So the request is sent every second until the goal's end is observed.
 
-A server that does not know a goal may not have received it yet. So the goal has only ended if the server still does not know it after some seconds,
-because it was restarted or the goal was lost.
+A server that does not know a goal may not have received the goal yet. If the server still does not know the goal after some seconds, the
+goal has ended: the server was restarted, or the goal was lost.
 
-A server drops its responses while it has not discovered the client's reader, and may never discover it. So silent clients are replaced. The goals
-of an action share their clients, because the discovery of each client takes time.
+A server drops its responses until it has discovered the client's reader, and it may never discover the reader. So a client that receives no
+responses is replaced. The goals of an action share their clients, because the discovery of each client takes time.
 """
 
 import math
@@ -78,7 +79,7 @@ class OrphanedGoals(Requirement):
 
     Args:
         node: The node that cancels the goals.
-        journal: The journal that contains the goals, and records their ends.
+        journal: The journal that contains the goals. The ends of the goals are recorded in it.
     """
 
     def __init__(self, node: Node, journal: Journal) -> None:
@@ -90,14 +91,15 @@ class OrphanedGoals(Requirement):
         ]
 
     def poll(self) -> str | None:
-        """Cancel the active goals; describe the first goal that has not ended, or return None."""
+        """Cancel the active goals; return a description of the first goal that has not ended, or None."""
         return next((line for line in [goal.poll() for goal in self._goals] if line is not None), None)
 
 
 class CancelClients:
-    """The clients of a node that cancel goals of one action and request their results; replaced if the server does not respond.
+    """The clients with which a node cancels goals of one action and requests the results of these goals.
 
-    The object is stored on the node, because the goals of an action share the clients.
+    The clients are replaced if the server does not respond. The object is stored on the node, because all goals of an action share the
+    clients.
 
     Args:
         node: The node.
@@ -114,7 +116,7 @@ class CancelClients:
         self._prober: Client | None = None
 
     def renew_if_silent(self) -> None:
-        """Replace the clients if the server has been silent for too long, because it may not have discovered their readers."""
+        """Replace the clients if no response has arrived for too long: the server may not have discovered them."""
         if self._unheard_since is None or time.monotonic() - self._unheard_since < _RENEWAL_SEC:
             return
         for client in filter(None, (self.canceller, self._prober)):
@@ -132,7 +134,7 @@ class CancelClients:
         return self.canceller.call_async(cancel_request(goal_id))
 
     def prober(self) -> Client | None:
-        """Return the client that requests results; None if there is no such service, or its type is not installed."""
+        """Return the client that requests results; None if the service is missing or its type is not installed."""
         if self._prober is None:
             self._prober = self._result_client()
         return self._prober if self._prober is not None and self._prober.service_is_ready() else None
@@ -151,16 +153,16 @@ class CancelClients:
 
 
 class OrphanedGoal:
-    """A goal that its own process cannot cancel. Another process cancels it until it has ended.
+    """A goal that its own process can no longer cancel, so another process requests its end.
 
-    Three sources can show the goal's end: the status topic, the response to the request for the result, and the response of a server that does
-    not know the goal (because it was restarted, or has never received the goal). Each of these messages can be lost. So all sources are used, and
-    no pending request is abandoned.
+    The cancel requests are repeated until the goal has ended. Three sources can show the goal's end: the status topic, the response to the
+    request for the result, and the response of a server that does not know the goal (because the server was restarted, or has never
+    received the goal). Each of these messages can be lost. So all sources are used, and no pending request is abandoned.
 
     Args:
         node: The node that cancels the goal.
         goal: The goal.
-        on_end: Called with the goal's final status; 0 if the server does not know the goal.
+        on_end: Called with the goal's final status, which is 0 if the server does not know the goal.
         on_request: Called when the first request to cancel the goal was sent.
         patience_sec: The time for which a server must report the goal as unknown, in seconds of the steady clock.
     """
@@ -184,7 +186,7 @@ class OrphanedGoal:
         self._result_requested_by: Client | None = None
 
     def poll(self) -> str | None:
-        """Send the next request to cancel the goal if it is due; return why the goal may be active, None if it has ended."""
+        """Send the next cancel request if it is due; return why the goal may be active, or None if it has ended."""
         status = self._statuses.end_of(self._id)
         if status is not None:
             self._end(status)
@@ -200,10 +202,10 @@ class OrphanedGoal:
             if is_first:
                 self._on_request()
             self._request_result()
-        return f"action {self.action}: the orphaned goal has not ended. The robot may be moving"
+        return f"action {self.action}: the orphaned goal has not ended yet. The robot may be moving"
 
     def _request_result(self) -> None:
-        """Request the goal's result, unless a request of the current client is pending."""
+        """Request the goal's result, unless the current client is already waiting for it."""
         prober = self._clients.prober()
         if prober is None or prober is self._result_requested_by:
             return
@@ -241,7 +243,7 @@ def cancel_goals(goals: Sequence[OrphanedGoal], node: Node, limit_sec: float) ->
 
     Args:
         goals: The goals.
-        node: The node that cancels the goals, which no other code spins.
+        node: The node that cancels the goals. No other code may spin this node.
         limit_sec: The maximum time, in seconds of the steady clock.
     """
     executor = SingleThreadedExecutor(context=node.context)
@@ -254,7 +256,7 @@ def cancel_goals(goals: Sequence[OrphanedGoal], node: Node, limit_sec: float) ->
 
 
 class Canceller:
-    """Cancels goals in a separate ROS context, because the run's executor is blocked or its context is shut down.
+    """Cancels goals in a separate ROS context, for runs whose executor is blocked or whose context is shut down.
 
     Args:
         name: The name of the node in this context.
@@ -299,7 +301,7 @@ class CancelFunction(Protocol):
     """Cancels the goals of a node; may be called from any thread."""
 
     def __call__(self, limit_sec: float) -> Sequence[str]:
-        """Cancel the goals; return the actions of the goals that have not ended within a time limit, in seconds."""
+        """Cancel the goals within a time limit in seconds; return the actions of the goals that have not ended."""
 
 
 def make_separate_canceller(node: Node) -> CancelFunction:

@@ -14,7 +14,7 @@ class DataNode(Node):
     """A node that declares all parameters in parameter files and on the command line.
 
     Args:
-        name: The node's name, unless it is remapped.
+        name: The node's name, if no remap rule changes it.
         context: The node's context; by default the default context.
         cli_args: The node's own ROS arguments (`arguments.node_arguments`).
         options: Further keyword arguments of `rclpy.node.Node`.

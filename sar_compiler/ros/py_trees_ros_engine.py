@@ -1,7 +1,8 @@
 """Tick a tree with `py_trees_ros`, if this package is installed (it is not on PyPI).
 
-Compared to `runner.TreeRunner`, it provides snapshot streams for `py-trees-tree-watcher` and viewers, blackboard streams and statistics.
-But leaves with a new result do not trigger a tick. If the node's clock stops, so do the ticks, and with them the deadlines of leaves.
+Compared to `runner.TreeRunner`, this engine also provides snapshot streams for `py-trees-tree-watcher` and viewers, blackboard streams and
+statistics. But a leaf with a new result does not trigger a tick. If the node's clock stops, the ticks stop, too, and the leaves' deadlines
+are no longer checked.
 """
 
 from typing import Any
@@ -37,7 +38,7 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
     """A `py_trees_ros.trees.BehaviourTree` that always stops its tree, even after an exception.
 
     Attributes:
-        failure: The exception of a leaf or a tick handler that has stopped the tree; None if there is none.
+        failure: The exception of a leaf or tick handler that stopped the tree; None if no exception has stopped the tree.
     """
 
     root: Behaviour
@@ -56,8 +57,8 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
 
         Raises:
             TreeTooDeepError: If the tree is nested too deeply to be ticked.
-            SetupFailedError: If the setup of a behaviour raised an exception. The behaviours that were set up
-                before it are then shut down.
+            SetupFailedError: If the setup of a behaviour raised an exception. In this case, the behaviours whose setup succeeded are shut
+                down.
         """
         require_tickable_depth(self.root, frames_per_level=2)
         given = [name for name in _ITS_PARAMETERS if node.has_parameter(name)]
@@ -74,7 +75,7 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
             insist_on_status(behaviour)
 
     def tick(self, *args: Any, **kwargs: Any) -> None:
-        """Tick once; an exception is stored in `failure`, and the tree is stopped."""
+        """Tick once; after an exception, store the exception in `failure` and stop the tree."""
         if self._stopped:
             return
         try:

@@ -1,4 +1,4 @@
-"""Wait before the first tick until the resources that a tree's leaves declare are available."""
+"""Wait, before the first tick, for the resources that a tree's leaves declare."""
 
 import math
 import time
@@ -53,7 +53,7 @@ class Requirement(ABC):
     """A requirement that must be fulfilled before the first tick.
 
     Attributes:
-        ends_by_itself: Whether the requirement will be fulfilled without intervention, so that no time limit applies to it.
+        ends_by_itself: Whether the requirement will be fulfilled without intervention. No time limit applies to such a requirement.
         title: The requirement's name for operators.
     """
 
@@ -62,7 +62,7 @@ class Requirement(ABC):
 
     @abstractmethod
     def poll(self) -> str | None:
-        """Perform the next step, and describe what is missing; None if the requirement is fulfilled."""
+        """Perform the next step; return a description of the missing item, or None if nothing is missing."""
 
     def close(self) -> None:  # noqa: B027 - most requirements create no entities
         """Destroy the entities that the requirement has created on the node."""
@@ -72,7 +72,7 @@ class RobotMovedError(SarError):
     """The robot is not at the initial pose that the mission would send to the localisation.
 
     Attributes:
-        place: The robot's pose according to the localisation: x, y (m) and yaw (rad), frame `map`; None if it is unknown.
+        place: The robot's pose according to the localisation: x, y (m) and yaw (rad) in the frame `map`; None if the pose is unknown.
         pose: The initial pose of the mission.
         moved: The robot's distance from its start according to the odometry, in metres, if the localisation has no pose; otherwise None.
     """
@@ -108,17 +108,17 @@ class RobotMovedError(SarError):
 
 
 class LocalisationCheck(Requirement):
-    """The requirement that the localisation has a pose: its current pose, or the mission's initial pose.
+    """The requirement that the localisation has a pose: a pose of its own, or the mission's initial pose.
 
-    If the localisation already has a pose, the initial pose is only sent if the two are nearly equal. If they are far apart, the
-    start is refused. If the localisation has no pose, the initial pose is only sent if the odometry shows that the robot has not
-    moved, as during a run (`ros.dependency_monitor`). The initial pose is published until the localisation publishes a new pose.
-    An older pose, which late subscribers receive, does not confirm the initial pose.
+    If the localisation already has a pose, the initial pose is only sent if the two poses are nearly equal. If the two poses are far apart,
+    the start is refused. If the localisation has no pose, the initial pose is only sent if the odometry shows that the robot has not moved.
+    The same rule applies during a run (`ros.dependency_monitor`). The initial pose is published until the localisation publishes a new
+    pose. An older pose, which late subscribers receive, does not confirm the initial pose.
 
     Args:
         node: The node that publishes the initial pose.
         pose: The initial pose, in the frame `map`.
-        restarts: Whether the localisation is known to have no pose, as at the start of a simulation.
+        restarts: Whether the localisation certainly has no pose, as at the start of a simulation.
         can_resume: Whether the journal of an interrupted mission exists.
 
     Attributes:
@@ -144,7 +144,7 @@ class LocalisationCheck(Requirement):
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
 
     def poll(self) -> str | None:
-        """Publish the initial pose if it is due; describe that the localisation's pose is missing, None if it has arrived.
+        """Publish the initial pose if it is due; report the localisation's missing pose, or return None if it arrived.
 
         Raises:
             RobotMovedError: If the localisation has a pose that is far from the initial pose, or the robot has moved.
@@ -200,7 +200,7 @@ class LocalisationCheck(Requirement):
         return True
 
     def _must_wait_for_pose(self, now: float) -> bool:
-        """Return whether to wait until the pose of a localised robot is known, or another robot's transforms are detected."""
+        """Return whether to wait, because the pose or the owner of the received transforms is not known yet."""
         if not self._robot.is_localised:
             return False
         is_placed = self._robot.last_pose() is not None
@@ -210,7 +210,7 @@ class LocalisationCheck(Requirement):
         return now - self._localised_at < (_LISTEN_SEC if is_placed else _PLACE_SEC)
 
     def _keeps_own_yaw(self) -> bool:
-        """Return whether the localisation already has the initial position, but with a different yaw, which it keeps.
+        """Return whether the localisation is at the initial position, but with another yaw, and will keep this yaw.
 
         Raises:
             RobotMovedError: If the localisation has a different position.
@@ -224,29 +224,30 @@ class LocalisationCheck(Requirement):
         turned = abs(math.remainder(place[2] - self._pose[2], math.tau))
         if not turned <= _AGREES_RAD:
             self._node.get_logger().warning(
-                f"The localisation keeps its yaw of {place[2]:.2f} rad, which differs from initial_pose "
+                f"The initial pose is not sent. The localisation keeps its yaw of {place[2]:.2f} rad, which differs from initial_pose "
                 f"({self._pose[2]:.2f})."
             )
         return not turned <= _AGREES_RAD
 
     def _has_listened(self, now: float) -> bool:
-        """Return whether a pose that the localisation has published before would have arrived by now."""
+        """Return whether the node has waited long enough to receive a pose that the localisation published earlier."""
         if self._discovered_at == math.inf and ros_graph(self._node).publishers("amcl_pose"):
             self._discovered_at = now
         return now - self._discovered_at >= _LISTEN_SEC
 
 
 class Nav2Check(Requirement):
-    """The requirement that Nav2's navigator is active; explains why it is not.
+    """The requirement that Nav2's navigator is active. If it is not active, the check explains why.
 
-    Nav2's lifecycle manager activates its nodes in a fixed order, and the navigator as one of the last. If an earlier node cannot
-    be activated, the manager does not try again. The most frequent case is `planner_server`, which waits for the frame `map`, and thus
-    for the initial pose, for at most `initial_transform_timeout`.
+    Nav2's lifecycle manager activates its nodes in a fixed order. The navigator is one of the last. If an earlier node cannot be activated,
+    the manager does not try again. This happens most often with `planner_server`, which waits for the frame `map`, and thus for the initial
+    pose, but for no longer than `initial_transform_timeout`.
 
     Args:
         node: The node that queries the states.
         name: The relative name of the navigator.
-        tells_pose: Whether an initial pose is sent to the localisation during the wait. If not, a missing pose is reported.
+        tells_pose: Whether the mission sends an initial pose to the localisation during the wait. If it does not, a missing pose is
+            reported.
     """
 
     def __init__(self, node: Node, name: str, *, tells_pose: bool) -> None:
@@ -255,7 +256,7 @@ class Nav2Check(Requirement):
         self._manager: PolledService | None = None
 
     def poll(self) -> str | None:
-        """Query the state if a query is due; describe the navigator's state and the reason, None if it is `active`."""
+        """Query the state if a query is due; explain why the navigator is not active, or return None if it is."""
         # The state is queried again after a pose has arrived, because Nav2 may have waited for it.
         line, state = self._lifecycle.poll(self._robot.pose_at), self._lifecycle.state
         if line is None:
@@ -264,7 +265,7 @@ class Nav2Check(Requirement):
         if awaited and not ros_graph(self._node).query(Endpoint("node", awaited)).is_there:
             logged = self._log.quote(awaited)
             return (
-                f"{line}. {MANAGER} waits for {awaited}, whose process was not started or has crashed"
+                f"{line}. {MANAGER} waits for {awaited}, but the process of {awaited} was not started or has crashed"
                 f"{f' ({logged})' if logged else ''}. Restart Nav2"
             )
         return line if state is None else line + self._reason(state) + self._pose()
@@ -275,7 +276,7 @@ class Nav2Check(Requirement):
             self._manager.close()
 
     def _reason(self, state: str) -> str:
-        """Query the lifecycle manager and the nodes that it activates before the navigator; explain the navigator's state."""
+        """Explain the navigator's state: query the lifecycle manager and the nodes activated before the navigator."""
         if self._manager is None:
             self._manager = PolledService(self._node, Trigger, f"{MANAGER}/is_active")
         self._manager.query()
@@ -299,12 +300,12 @@ class Nav2Check(Requirement):
         if self._robot.localisation_conflict():
             pose = ""
         return (
-            f". {MANAGER} has stopped starting Nav2, because {stuck} {what}{f' ({logged})' if logged else ''}. Restart "
+            f". {MANAGER} has given up starting Nav2, because {stuck} {what}{f' ({logged})' if logged else ''}. Restart "
             f"Nav2{pose if (stuck, what) == _WAITS_FOR_POSE else ''}"
         )
 
     def _pose(self) -> str:
-        """Describe that the localisation has no pose, if this run does not send one; otherwise return an empty string."""
+        """Ask the user to set the pose, if the localisation has none and this run sends none; otherwise return ''."""
         if self._tells_pose or self._robot.is_localised or not ros_graph(self._node).publishers("amcl_pose"):
             return ""
         if self._robot.localisation_conflict():
@@ -314,7 +315,7 @@ class Nav2Check(Requirement):
 
 
 def _failed_bringup(states: Mapping[str, str], named: str) -> tuple[str, str]:
-    """Return the node whose bring-up has failed, and a description of the failed step.
+    """Return the node that could not be started, and a description of the failed step.
 
     Args:
         states: The states of the nodes, in the order of the bring-up.
@@ -325,7 +326,7 @@ def _failed_bringup(states: Mapping[str, str], named: str) -> tuple[str, str]:
         others = {state for name, state in states.items() if name != named}
         if states[named] == "active" or (states[named] == "inactive" and "unconfigured" in others):
             done = "activated" if states[named] == "active" else "configured"
-            return named, f"was {done}, but its response was lost"
+            return named, f"was {done}, but the response of this node was lost"
     steps = (("unconfigured", "failed to configure"), ("inactive", "failed to activate"))
     for state, what in steps:
         if named in states and states[named] == state:
@@ -351,7 +352,7 @@ class NotReadyError(SarError):
 
     Attributes:
         missing: A line for each missing resource.
-        waited_sec: The duration of the wait, in seconds; None if waiting cannot help.
+        waited_sec: The duration of the wait, in seconds; None if the run did not wait because waiting cannot help.
         hint: A common remedy for all missing resources; empty if there is none.
     """
 
@@ -366,7 +367,7 @@ class NotReadyError(SarError):
 
 
 class Readiness:
-    """The requirements of a tree, and whether they are fulfilled.
+    """Checks whether the requirements of a tree are fulfilled.
 
     The methods do not block: `poll` performs the next step between two spins of the executor.
 
@@ -378,12 +379,12 @@ class Readiness:
         restarts: Whether the localisation is known to have no pose yet.
         can_resume: Whether the journal of an interrupted mission exists.
         endpoints: The types and QoS profiles of the actions, services and topics that leaves use; a resource that is not listed may have any type.
-        first: Further requirements, which are checked before all others, and which the caller closes.
-        report: Called with all requirements in words for operators whenever one of them changes.
+        first: Further requirements, which are checked before all others. The caller must close them.
+        report: Called whenever a requirement changes, with a description of all requirements for operators.
 
     Attributes:
         uses_nav2: Whether a leaf requires Nav2 to be localised and active.
-        ends_by_itself: Whether one of the further requirements is missing, and will be fulfilled by itself.
+        ends_by_itself: Whether one of the further requirements is not fulfilled yet, but will be without intervention.
     """
 
     def __init__(
@@ -427,7 +428,7 @@ class Readiness:
 
     @property
     def _is_robot_elsewhere(self) -> bool:
-        """Whether the localisation only exists under a different name, which explains all other missing resources."""
+        """Whether the localisation has a different name. This name explains why the other resources are missing."""
         return bool(self._graph.query(Endpoint("node", NAV2_NODES[0])).elsewhere)
 
     def _localisation_conflict(self) -> str | None:
@@ -456,7 +457,7 @@ class Readiness:
 
     @property
     def is_nav2_absent(self) -> bool:
-        """Whether Nav2 is required, and the ROS graph contains none of its nodes under any name."""
+        """Whether Nav2 is required, but the ROS graph contains no Nav2 node under any name."""
         nodes = [self._graph.query(Endpoint("node", name)) for name in NAV2_NODES]
         return self.uses_nav2 and not any(each.is_there or each.elsewhere for each in nodes)
 
@@ -500,11 +501,11 @@ class Readiness:
         advice = self._graph.advice(self._endpoints) if lines and not first else ""
         # The parameters are queried last, because Nav2's nodes declare most parameters while they are configured.
         if not lines and self.uses_nav2 and self._parameters.are_awaited():
-            return ["the parameters of Nav2: no response yet"]
+            return ["the parameters of Nav2's nodes (no response yet)"]
         return [*lines, advice] if advice else lines
 
     def warn(self) -> None:
-        """Log problems that do not prevent the start, such as several sources."""
+        """Log problems that do not prevent the start, such as a topic with several sources."""
         topics = [each.name for each in self._endpoints if each.kind == "topic"]
         lines = [self._graph.unused_clock_problem()]
         if self.uses_nav2 and not self._is_robot_elsewhere:
@@ -534,12 +535,13 @@ def wait_until_ready(
     Args:
         executor: The executor of the node.
         readiness: The requirements to wait for.
-        timeout_sec: The time limit, in seconds of the steady clock. It starts when no missing requirement will be fulfilled by itself.
+        timeout_sec: The time limit, in seconds of the steady clock. The limit does not run while a missing requirement will be fulfilled
+            without intervention.
         should_stop: Returns whether to stop waiting. The function then returns normally.
 
     Raises:
-        NotReadyError: If the time limit expires, if two servers share a name for longer than a killed
-            server stays in the ROS graph, or if the robot is not at the initial pose of the mission.
+        NotReadyError: If the time limit expires, if the robot is not at the initial pose of the mission, or if two servers share a name for
+            longer than a killed server stays in the ROS graph.
     """
     start = time.monotonic()
     reported_at, contested_since = start, None

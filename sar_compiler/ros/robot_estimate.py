@@ -1,7 +1,6 @@
 """The state estimate of a robot: pose, motion, localisation, and states of lifecycle nodes.
 
-Leaves, the monitor of a running tree, the readiness check, the journal and the end of a run share one estimate for each node, so that the node has only one
-subscription to each topic.
+All parts of a run that use a node share the node's estimate, so that the node has only one subscription to each topic.
 """
 
 import math
@@ -63,9 +62,9 @@ class RobotEstimate:
         odometry_at_pose: The value of `odometry` when `pose` arrived.
         speed: The speeds in the latest odometry, in m/s and rad/s.
         settle_timeout_sec: The maximum wait until the robot stands still, in seconds.
-        arrival_tolerance_m: The maximum distance between the robot and its goal at which it has arrived, in metres; None for Nav2's tolerance
+        arrival_tolerance_m: The robot has arrived if its distance from the goal is at most this value, in metres; None for Nav2's tolerance
             plus half a metre.
-        lacks: The reason why the robot cannot drive, in words, which `ros.dependency_monitor` sets; empty if the robot can drive.
+        lacks: The reason why the robot cannot drive, in words; empty if the robot can drive. `ros.dependency_monitor` sets this attribute.
         transform_at: The time of arrival of the latest transform from `map`, in seconds of awake time; None if no such transform has arrived.
     """
 
@@ -133,7 +132,7 @@ class RobotEstimate:
         self._awaiting.append(listener)
 
     def cancel_call(self, listener: Callable[[], None]) -> None:
-        """Cancel the call that `call_at_standstill` has requested, if it has not happened yet."""
+        """Cancel a call that was requested with `call_at_standstill`, if the call has not happened yet."""
         with suppress(ValueError):
             self._awaiting.remove(listener)
 
@@ -143,9 +142,10 @@ class RobotEstimate:
         return self.pose is not None or self.transform_at is not None
 
     def lost_transforms(self) -> str:
-        """Describe that transforms from `map` have stopped; empty if they arrive, or have never arrived.
+        """Describe the problem if transforms from `map` have stopped arriving; otherwise return ''.
 
-        The time for which simulated time stands still does not count, because only the clock is reported then.
+        The result is also empty if no transform has ever arrived. Time during which simulated time stands still is not counted, because
+        only the stopped clock is reported then.
         """
         silent_sec = self._clocked.now() - self._transform_clocked_at
         if self.transform_at is None or silent_sec <= TRANSFORM_SEC:
@@ -226,7 +226,7 @@ class RobotEstimate:
                 listener()
 
     def localisation_conflict(self) -> str:
-        """Explain why the localisation may belong to another robot; empty if there is no sign of this.
+        """Explain why the localisation may belong to another robot; return '' if nothing indicates this.
 
         While there is a conflict, no initial pose is sent or requested, because another robot could receive it.
         """
@@ -245,7 +245,7 @@ class RobotEstimate:
 
     @property
     def hears_other_robots(self) -> bool:
-        """Whether other robots are present, and no transform from `map` leads to a frame of this robot's odometry."""
+        """Whether other robots are present, and no transform from `map` to a frame of this robot has arrived."""
         knows = self.odometry is not None and self.transform_at is not None
         return knows and not self._has_own_transforms and bool(ros_graph(self._node).other_robots())
 
@@ -255,13 +255,13 @@ class RobotEstimate:
             self._transform_clocked_at, self._transform_at_sec = self._clocked.now(), node_sec(self._node)
 
     def _is_of_another_robot(self, message: bytes) -> bool:
-        """Return whether a message with transforms belongs to another robot, because only other messages lead to a frame of this robot's odometry."""
+        """Return whether transforms belong to another robot: only other messages contain this robot's frames."""
         is_own = not {*child_frames(message)}.isdisjoint(filter(None, self._frames))
         self._has_own_transforms = self._has_own_transforms or is_own
         return self._has_own_transforms and not is_own
 
     def _place_by_transforms(self) -> PlanarPose | None:
-        """Return the robot's pose from the latest transforms from `map`, combined with the odometry if necessary; None if unknown."""
+        """Compute the robot's pose from the latest transforms from `map` and the odometry; None if unknown."""
         from rclpy.serialization import deserialize_message
         from tf2_msgs.msg import TFMessage
 
@@ -275,7 +275,7 @@ class RobotEstimate:
         return None
 
     def _pose_from_transform(self, message: Any) -> PlanarPose | None:
-        """Return the robot's pose from a transform; None if the transform does not lead from `map` to a frame of the odometry.
+        """Compute the robot's pose from a transform; None if it does not connect `map` to a frame of the odometry.
 
         Raises:
             UnusableValueError: If the transform's numbers are invalid, or it is outdated.
@@ -301,12 +301,12 @@ def robot_estimate(node: "Node") -> RobotEstimate:
 
 
 class Standstill:
-    """The wait of a leaf until the robot stands still according to the odometry, for at most `settle_timeout_sec`.
+    """Lets a leaf wait until the odometry shows that the robot stands still, for at most `settle_timeout_sec`.
 
     Without odometry, the leaf does not wait.
 
     Args:
-        leaf: The leaf, after its setup. It shows the wait as its feedback message, and logs a warning after the time limit.
+        leaf: The leaf, after its setup. The leaf shows the wait as its feedback message, and logs a warning after the time limit.
         wake: Requests a tick.
         since: The event after which the robot must stand still, in words.
         with_goals: Whether to wait until all goals of the leaf's node have ended, too.

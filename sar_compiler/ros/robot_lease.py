@@ -22,7 +22,7 @@ from sar_compiler.ros.readiness import SHADOW_SEC, Requirement
 # The share of the settling time for discovery in which the claims of nodes that are already discovered arrive.
 _SHARE = 0.5
 CLAIMS = "/_mission"
-"""The suffix that is appended to the name of an action to form the topic for claims to the action."""
+"""The suffix of the topic for claims to an action. The name of the topic is the action's name with this suffix."""
 
 # Maximum length of a string from another node in a message, in characters.
 _SHOWN = 80
@@ -72,14 +72,15 @@ class LeaseClaim(NamedTuple):
         return f"node {node} (process {self.pid} on {host})"
 
     def has_priority_over(self, other: "LeaseClaim") -> bool:
-        """Return whether this claim has priority: a running mission precedes others, and an older mission precedes a younger one."""
+        """Return whether this claim has priority: running missions come first, then the mission that started first."""
         return (not self.runs, self.since, self.key) < (not other.runs, other.since, other.key)
 
 
 class RobotLease(Requirement):
-    """The requirement that no other mission uses the robot: the mission's claims to the robot's actions, and the claims of other missions.
+    """The requirement that no other mission uses the robot, which is checked by exchanging claims.
 
-    A claim is a latched message, so late subscribers receive it as long as the process of the mission exists.
+    Each mission claims the robot's actions. A claim is a latched message, so late subscribers receive it as long as the process of the
+    mission exists.
 
     Args:
         node: The mission's node.
@@ -123,7 +124,7 @@ class RobotLease(Requirement):
         discovery.extend(_SHARE)
 
     def poll(self) -> str | None:
-        """Describe the search for other missions while it continues; None when it has ended.
+        """Describe the search for other missions while it continues; return None when the search has ended.
 
         Raises:
             AnotherMissionError: If another mission has priority.
@@ -135,12 +136,12 @@ class RobotLease(Requirement):
         return "looking for another mission on this robot" if looks else None
 
     def run(self) -> None:
-        """Publish that the mission's tree is ticked from now on."""
+        """Publish in the claims that the mission's tree is now being ticked."""
         self._mine = self._mine._replace(runs=True)
         self._publish()
 
     def conflict(self) -> str:
-        """Return why this running mission must end in favour of another mission; empty if it need not. Other missions are logged once."""
+        """Return why this mission must end in favour of another mission, or '' if it can continue; log other missions."""
         for key in self._others.keys() - self._reported:
             self._reported.add(key)
             self._node.get_logger().warning(

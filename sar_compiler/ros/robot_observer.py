@@ -1,4 +1,4 @@
-"""Record a robot's pose, plan, map, battery and log in the mission's journal."""
+"""Record a robot's pose, plan, map, battery charge and log messages in the mission's journal."""
 
 import base64
 import math
@@ -95,8 +95,8 @@ class RobotObserver:
       is rotated by `yaw` (rad). From the topic `map`, if the map has changed
     - `battery`: `share`, the charge from 0 to 1, rounded to 0.01, from the topic `battery_state`, if it has changed
     - `lacks`: `text`, the reason why the robot cannot drive (Nav2 is not active, or transforms have stopped); empty when it can drive again
-    - `log`: `node`, `level` (as in `rcl_interfaces/msg/Log`), `text`, and `stamp`, the time at which the line was logged (s since 1970), which is
-      earlier than the entry's time. Of other nodes than the mission's node, only warnings and errors are recorded
+    - `log`: `node`, `level` (as in `rcl_interfaces/msg/Log`), `text`, and `stamp`, the time at which the line was logged (s since 1970),
+    which is earlier than the entry's time. For nodes other than the mission's node, only warnings and errors are recorded
 
     Args:
         node: The mission's node.
@@ -147,7 +147,7 @@ class RobotObserver:
         self._record(kind)
 
     def _record_postponed(self) -> None:
-        """Record postponed messages that are due, changes of the reason why the robot cannot drive, and the number of omitted log lines."""
+        """Record due messages, changes of the reason why the robot cannot drive, and the number of omitted log lines."""
         for kind in tuple(self._newest):
             self._record(kind)
         # If the localisation stops, Nav2 usually fails, too. The lost localisation is then recorded, because it is the cause and more urgent: the

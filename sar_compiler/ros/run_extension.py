@@ -20,7 +20,7 @@ class UnfitLeavesError(SarError):
 class RunExtension:
     """Base class of run extensions, with optional callbacks that are called in the thread that ticks the tree.
 
-    An extension is created before the mission restores its state from the journal. An extension that defines `on_entry` then becomes a
+    An extension is created before the mission restores its state from the journal. If the extension defines `on_entry`, it becomes a
     listener of the journal.
     """
 
@@ -32,7 +32,7 @@ class RunExtension:
         """
 
     def on_awaited(self, items: "Sequence[AwaitedItem]") -> None:
-        """Handle a change of the requirements that the start waits for; a requirement with a problem is not fulfilled yet."""
+        """Handle a change of the requirements that the start waits for. An unfulfilled requirement has a problem."""
 
     def on_begin(self) -> None:
         """Handle the start of the run, before the setup of the leaves; the journal is called first.
@@ -52,11 +52,11 @@ class RunExtension:
         """Handle an entry of the run's journal, from `run_began` to `run_ended`, without blocking."""
 
     def on_last_tick(self, *, is_over: bool) -> None:
-        """Handle the last tick, before the tree is stopped; *is_over* tells whether the run has met its end condition."""
+        """Handle the last tick, before the tree is stopped; *is_over* is True if the run has met its end condition."""
 
     def cause_of_failure(self) -> str:
         """Return the most likely cause of a failure on one line; empty if no cause is known."""
         return ""
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Close the extension; *has_begun* tells whether the run has started, so that there is a result to report."""
+        """Close the extension; *has_begun* is True if the run has started and thus has a result to report."""

@@ -65,7 +65,7 @@ class TickScheduler:
         self._check_clock()
 
     def destroy(self) -> None:
-        """Destroy the timers, even if the context is already shut down."""
+        """Destroy the timers, even if the ROS context is already shut down."""
         timers, self._timers = self._timers, []
         for timer in timers:
             self._destroy(timer)
@@ -78,7 +78,7 @@ class TickScheduler:
             self._node.get_logger().debug(f"a timer could not be destroyed: {error_text(error)}")
 
     def _check_clock(self) -> bool:
-        """Create or destroy the simulated timer if the use of simulated time has changed; return whether neither a tick nor a change of the clock has happened since the last call."""
+        """Adapt the timers to the use of simulated time; return whether clock and ticks stood still since the last call."""
         clock = self._node.get_clock()
         if clock.ros_time_is_active != self._is_simulated:
             self._is_simulated = not self._is_simulated
@@ -90,10 +90,10 @@ class TickScheduler:
         return seen == self._seen
 
     def _on_timer(self) -> None:
-        """Tick the tree if simulated time is not used, or stands still.
+        """Tick the tree if the node does not use simulated time, or if simulated time stands still.
 
-        Even then, the leaves' deadlines for servers must be checked, because they use the machine's time. A slow simulation gets no additional
-        ticks.
+        The tree must be ticked while simulated time stands still, because the leaves' deadlines for servers use the machine's time. A slow
+        simulation does not cause additional ticks.
         """
         if self._check_clock() or not self._is_simulated:
             self._tick()
@@ -104,7 +104,7 @@ TickHandler = Callable[[py_trees.trees.BehaviourTree], None]
 
 
 class SetupTimeoutError(SarError, RuntimeError):
-    """The setup of a tree took too long (also a `RuntimeError`, as in py_trees).
+    """The setup of a tree took too long. As in py_trees, the exception is a `RuntimeError`.
 
     Attributes:
         behaviour: The name of the behaviour whose setup exceeded the time limit.
@@ -135,8 +135,8 @@ class _TaskGuard:
 class TreeRunner(py_trees.trees.BehaviourTree):
     """Ticks a tree on a node.
 
-    All methods except `wake` and `interrupt` must be called in the thread of the node's executor. If many trees share a process,
-    rclpy's `EventsExecutor` takes a fraction of the time. The node must be added to this executor before `setup`.
+    All methods except `wake` and `interrupt` must be called in the thread of the node's executor. If many trees share a process, rclpy's
+    `EventsExecutor` needs only a fraction of the time that other executors need. The node must be added to this executor before `setup`.
 
     Args:
         tree: The compiled tree, or its root.
@@ -144,8 +144,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
 
     Attributes:
         node: The node; None before `setup`.
-        last_status: The root's status after the last tick, which is kept when the tree is stopped.
-        failure: The exception of a leaf or a tick handler that has stopped the tree; None if there is none.
+        last_status: The root's status after the last tick. The value is kept when the tree is stopped.
+        failure: The exception of a leaf or tick handler that stopped the tree; None if no exception has stopped the tree.
         failed_behaviour: The behaviour that raised `failure`; None if other code raised it.
     """
 
@@ -187,8 +187,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         Args:
             node: The node whose executor ticks the tree; by default, a node is created, which `shutdown` destroys.
             node_name: The name of the created node.
-            timeout: The time limit of the whole setup, in seconds. It is checked after the setup of each behaviour, because a signal
-                (as in py_trees) would only work in the main thread.
+            timeout: The time limit of the whole setup, in seconds. The limit is checked after the setup of each behaviour. py_trees uses a
+                signal instead, which only works in the main thread.
             visitor: Visits each behaviour after the behaviour's setup.
             kwargs: Further arguments for the setup of every behaviour.
 
@@ -196,8 +196,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             TypeError: If *node* is not a node.
             TreeTooDeepError: If the tree is nested too deeply to be ticked.
             SetupTimeoutError: If the setup exceeds the time limit.
-            SetupFailedError: If the setup of a behaviour raised an exception. As after a `SetupTimeoutError`, the behaviours that were set up
-                before it are then shut down.
+            SetupFailedError: If the setup of a behaviour raised an exception. After this error, and after a `SetupTimeoutError`, the
+                behaviours whose setup succeeded are shut down.
         """
         if node is not None and not isinstance(node, Node):
             raise TypeError(f"the node of a tree must be an rclpy node, but is {node!r}")
@@ -251,8 +251,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             number_of_iterations: The maximum number of ticks, including ticks that leaves trigger; by default, there is no limit.
             pre_tick_handler: Called before every tick, before handlers that were added to the tree.
             post_tick_handler: Called after every tick, after handlers that were added to the tree.
-            until: The root's statuses at which ticking ends: `is_running` is then False, and `last_status` keeps the status. By default,
-                ticking does not end: the tree starts over in the next tick, which changes `last_status`.
+            until: Ticking ends when the root returns one of these statuses. Afterwards, `is_running` is False, and `last_status` keeps the
+                status. By default, ticking does not end: the tree starts over in the next tick, which changes `last_status`.
 
         Raises:
             RuntimeError: If `setup` was not called, or the tree was already stopped.
@@ -297,7 +297,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             self.stop()
 
     def use_breakpoints(self, breakpoints: Breakpoints) -> None:
-        """Enable breakpoints, at which a tick is paused.
+        """Enable breakpoints. A tick pauses at each breakpoint.
 
         While a tick is paused, the node's executor continues with all other callbacks. The tick is continued, if possible, at the times of scheduled
         ticks and when the tree is woken.
@@ -390,8 +390,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     def shutdown(self) -> None:
         """Stop the tree and release its resources, without raising exceptions. This method may be called repeatedly.
 
-        If ROS is already shut down, for example by rclpy's signal handlers, active goals are canceled in a separate ROS context,
-        and their ends are awaited for some seconds.
+        If ROS is already shut down, for example by rclpy's signal handlers, this method cancels active goals in a separate ROS context, and
+        waits some seconds for the goals to end.
         """
         self.stop()
         atexit.unregister(self._shut_down_at_exit)
@@ -422,7 +422,9 @@ class TreeRunner(py_trees.trees.BehaviourTree):
 
         self._try(cancel, "active goals could not be canceled. The robot may still be moving")
         for action in active:
-            log_error(self.node, f"{action} does not end its goal. The robot may still be moving")
+            log_error(
+                self.node, f"the server of {action} has not ended the goal. The robot may still be moving"
+            )
 
     def _try(self, action: Callable[[], object], complaint: str) -> None:
         """Execute a step of the shutdown; an exception is logged, so that the remaining steps are executed."""

@@ -41,7 +41,7 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
     """Run a node as a command until SIGINT or SIGTERM arrives.
 
     Args:
-        make_node: Creates the node. It should import ROS modules itself, so that signals are handled during the import.
+        make_node: Creates the node. This function should import the ROS modules itself, so that signals are handled during the import.
         prog: The command's name.
         description: The description in `--help`.
         argv: The command line without the command, including `--ros-args`; by default the command line of the process.

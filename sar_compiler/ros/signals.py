@@ -20,20 +20,20 @@ _LAST_WORDS_SEC = 1.0
 
 
 class StopSignals:
-    """Receives the signals that request to stop the process, from the creation of this object on.
+    """Receives the signals that request to stop the process, as soon as this object is created.
 
     rclpy's handlers would shut ROS down during a callback, before active goals are cancelled. Python's handler would raise a
     `KeyboardInterrupt` at an arbitrary point. A signal that was ignored at the start of the process (`nohup`) stays ignored.
 
-    The first signal requests a graceful end. A second SIGINT or SIGTERM ends the process even if the main thread is busy, because
-    a separate thread receives it. Only code that holds Python's interpreter lock prevents this.
+    The first signal requests a graceful end. A second SIGINT or SIGTERM ends the process even if the main thread is busy, because a
+    separate thread receives the signal. Only code that holds Python's interpreter lock can prevent this.
 
     Attributes:
-        came_at: The time of the first request to stop, in seconds of the steady clock; None before.
+        came_at: The time of the first request to stop, in seconds of the steady clock; None if no request has arrived.
         is_noticed: Whether the program has noticed the request by reading `came`.
-        ends_unnoticed: Whether a request that is not noticed within 1 s ends the process, as during the start.
-        last_words: Called in the separate thread before an immediate end, which it can delay by at most 1 s. It returns the exit
-            status, or None for the signal's exit status.
+        ends_unnoticed: Whether a request ends the process if the program does not notice it within 1 s, as during the start.
+        last_words: Called in the separate thread before an immediate end of the process. This function can delay the end by at most 1 s. It
+            returns the exit status, or None for the signal's exit status.
     """
 
     def __init__(self) -> None:
@@ -64,15 +64,15 @@ class StopSignals:
 
     @property
     def exit_status(self) -> int:
-        """The exit status of a process that the received signal has ended (129, 130 or 143)."""
+        """The exit status that stands for the received signal (129, 130 or 143)."""
         return 128 + self._number
 
     def wait(self, timeout_sec: float) -> bool:
-        """Wait for a request to stop, for at most *timeout_sec*; return whether it has arrived."""
+        """Wait at most *timeout_sec* for a request to stop; return whether a request has arrived."""
         return self._came.wait(timeout_sec)
 
     def interrupt_main(self) -> None:
-        """Raise `KeyboardInterrupt` in the main thread, even if it does not spin an executor."""
+        """Raise `KeyboardInterrupt` in the main thread, even if that thread does not spin an executor."""
         number = next(iter(self._before), None)
         if number is not None:
             self._interrupts, self._own = True, number
@@ -101,7 +101,7 @@ class StopSignals:
         self._receiver.close()
 
     def _read_signals(self) -> bytes:
-        """Wait for the next signals and return their numbers; empty when the handlers are restored."""
+        """Wait for the next signals and return their numbers; return no numbers when the handlers are restored."""
         try:
             return self._receiver.recv(64)
         except TimeoutError:
@@ -115,7 +115,7 @@ class StopSignals:
         end_at_once(self.exit_status, self.last_words or (lambda: None), _LAST_WORDS_SEC)
 
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
-        """Raise `KeyboardInterrupt` if `interrupt_main` has requested it; otherwise the separate thread handles the signal."""
+        """Raise `KeyboardInterrupt` if `interrupt_main` requests it; leave other signals to the separate thread."""
         if self._interrupts:
             self._interrupts = False
             raise KeyboardInterrupt

@@ -3,8 +3,8 @@
 A leaf that waits in `update()` blocks the thread that executes all callbacks. Meanwhile, time limits, responses, commands and Ctrl-C
 have no effect, and the robot continues to drive. A timer of the node sends heartbeats. A separate thread detects that the heartbeats
 stop, and finds the blocking code in the stack of the blocked thread. A leaf that holds the interpreter lock also blocks this separate
-thread. In this case, the guardian (`ros.guardian`), a process that receives the heartbeats, takes its place. It reads the stack that
-Python's fault handler has written, which does not need the lock.
+thread. In this case, the guardian (`ros.guardian`), a process that also receives the heartbeats, detects the blocked leaf. The guardian
+reads the stack that Python's fault handler has written. The fault handler does not need the lock.
 """
 
 import faulthandler
@@ -45,7 +45,8 @@ class TickWatch:
         cancel: Cancels the node's goals if the executor is blocked for *cancel_sec*; None to cancel no goals, as in a simulation.
         cancel_sec: The time for which the executor may be blocked before the goals are cancelled, in seconds of the steady clock.
         signals: The requests to stop; None if the program handles signals itself.
-        end: Called in the checking thread after a request to stop, if the ticking thread is blocked, with a description of the blocking code.
+        end: Called in the checking thread if the ticking thread is blocked after a request to stop. The argument is a description of the
+            blocking code.
         settle_sec: The time for which the ticking thread may be blocked after it has noticed the request, in seconds of the steady clock.
         on_beat: Called in the executor's thread with each heartbeat.
 
@@ -100,7 +101,7 @@ class TickWatch:
         self._on_beat()
 
     def _on_alive(self) -> None:
-        """Store that the executor is not blocked, and send a heartbeat; called in the executor's thread."""
+        """Record that the executor is not blocked, and send a heartbeat; called in the executor's thread."""
         self._beat_at, self._thread = time.monotonic(), threading.get_ident()
         if self._stack is None:
             return
@@ -128,7 +129,9 @@ class TickWatch:
             self._is_reported = True
             self._heartbeats.send(Heartbeat(self._cancel_sec, is_reported=True))
             self._logger.error(
-                f"The tree was not ticked for {silent_sec:.0f} s: {escape_to_one_line(self.blocking_location())}. Meanwhile, time limits, responses and commands have no effect. Send a request in initialise(), and check for its response in update()."
+                f"The tree was not ticked for {silent_sec:.0f} s: {escape_to_one_line(self.blocking_location())}. While the tree is not "
+                f"ticked, time limits, responses and commands have no effect. Send a request in initialise(), and check for its response "
+                f"in update()."
             )
         if self._must_end(silent_sec):
             self.end(self.blocking_location())
@@ -148,17 +151,19 @@ class TickWatch:
             return
         self._logger.error(f"The tree was not ticked for {self._cancel_sec:g} s. Canceling the goals.")
         for action in cancel(_TRYING_SEC):
-            self._logger.error(f"{action} does not end its goal. The robot may still be moving.")
+            self._logger.error(
+                f"The server of {action} has not ended the goal. The robot may still be moving."
+            )
 
     def blocking_location(self) -> str:
         """Describe the blocking code: the blocking leaf with its source lines, or the line that the program is executing."""
         if (leaf := self.blocking_leaf()) is not None:
             return f"{behaviour_title(leaf)} blocks{source_locations(leaf, self._frames())}"
         place = thread_location(self._thread)
-        return f"the program is executing {place}" if place else "the executor does not run"
+        return f"the program is executing {place}" if place else "the program does not spin the executor"
 
     def blocking_leaf(self) -> Behaviour | None:
-        """Return the innermost behaviour whose method the ticking thread is executing; None if there is none."""
+        """Return the innermost behaviour whose method the ticking thread is executing; None for other code."""
         owners = (each.f_locals.get("self") for each, _ in self._frames())
         return next((each for each in owners if isinstance(each, Behaviour)), None)
 

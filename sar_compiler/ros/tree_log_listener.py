@@ -24,7 +24,7 @@ class TreeLogListener:
         node.create_subscription(BehaviorTreeLog, topic, self._on_message, _DEPTH, raw=True)
 
     def messages(self) -> list[bytes]:
-        """Return the messages since the last call."""
+        """Return the messages that have arrived since the last call."""
         return [self._messages.popleft() for _ in range(len(self._messages))]
 
     def _on_message(self, message: bytes) -> None:

@@ -1,1 +1,1 @@
-"""Nodes, scripts, the blackboard and clocks: everything that ticks a tree with py_trees, without ROS."""
+"""The modules that are needed to tick a tree without ROS: nodes, scripts, the blackboard and clocks."""

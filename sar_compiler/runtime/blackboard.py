@@ -1,8 +1,8 @@
-"""The blackboard entries of a compiled tree, which py_trees' blackboard stores.
+"""The entries of a compiled tree on py_trees' blackboard.
 
 py_trees' blackboard is one table for the whole process. Each compiled tree has a unique prefix in this table, and each
-instance of a subtree has a path below the prefix. So the entry of a key is determined when the tree is compiled:
-`Scope.resolve` follows the remapping of subtrees up to the scope that owns the entry.
+instance of a subtree has a path below the prefix. So each key is resolved to an entry when the tree is compiled: `Scope.resolve` follows
+the remappings of subtrees up to the scope that owns the entry.
 """
 
 import functools
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.entry_cells import Memo
 
 ROOT_SIGN = "@"
-"""The prefix of a key that belongs to the root scope."""
+"""The prefix that marks a key of the root scope."""
 _PRIVATE = "_"
 STROKE = "%2F"
-"""The replacement of `/` in keys and subtree names that are part of an entry's absolute name."""
+"""The character that replaces `/` when a key or subtree name becomes part of an entry's absolute name."""
 
 _instances = itertools.count()
 
@@ -50,9 +50,9 @@ class Board:
         name: The prefix of the entries' names on py_trees' blackboard; a suffix makes it unique in this process.
 
     Attributes:
-        is_numbered: Whether entries contain numbers instead of values; see `NumberedBoard`.
+        is_numbered: Whether the entries store numbers that stand for values, instead of the values; see `NumberedBoard`.
         stamps: The number of writes of each existing entry, by absolute name.
-        kinds: The type of each declared entry, which may not exist yet, by absolute name; None if it may have any type.
+        kinds: The type of each declared entry, by absolute name; None if the entry may have any type. A declared entry may not exist yet.
             `stamps` and `kinds` are never replaced, because compiled scripts have these dictionaries as arguments.
     """
 
@@ -67,7 +67,7 @@ class Board:
 
     @functools.cached_property
     def storage(self) -> dict[str, Any]:
-        """The dictionary of py_trees' blackboard, which is imported only when a tree is run."""
+        """The dictionary of py_trees' blackboard. py_trees is imported only when a tree is run."""
         return _storage()
 
     @functools.cached_property
@@ -85,12 +85,12 @@ class Board:
         return self.storage[name]
 
     def set(self, name: str, value: object) -> None:
-        """Write an entry, which is created if it does not exist."""
+        """Write an entry; create the entry if it does not exist."""
         self.storage[name] = value
         self.stamps[name] = self.stamps.get(name, 0) + 1
 
     def declare(self, name: str, kind: type | None) -> None:
-        """Declare an entry, which has no value until it is written; a second declaration has no effect."""
+        """Declare an entry without a value; a second declaration has no effect."""
         if name not in self.kinds:
             self.kinds[name] = kind
 
@@ -127,21 +127,21 @@ class Board:
         return {name[begin:]: self.get(name) for name in self.names()}
 
     def watch_entry(self, name: str) -> None:
-        """Count the writes of an entry from now on, because the behaviour of a node depends on this number."""
+        """Count the writes of an entry from now on, for a node whose behaviour depends on this number."""
         self._watched.add(name)
 
     def memo(self, entries: "Sequence[Entry]") -> "Memo | None":  # noqa: ARG002 - used by numbered boards
-        """Return a cache for the effects of code on the given entries; None unless the board is numbered."""
+        """Return a cache for the results of code that uses the entries; None if the board stores values."""
         return None
 
     def restamp(self, name: str, stamp: int) -> None:
-        """Set the number of writes of an entry, if it exists."""
+        """Set the number of writes of an entry, if the entry exists."""
         if self.stamps.get(name, stamp) != stamp:
             self.stamps[name] = stamp
 
 
 class Entry(NamedTuple):
-    """An entry of the blackboard, which may not have been written yet.
+    """A reference to an entry of the blackboard, which may not have a value yet.
 
     Attributes:
         board: The board that contains the entry.
@@ -167,7 +167,7 @@ class Entry(NamedTuple):
 
     @property
     def kind(self) -> type | None:
-        """The declared type, to which strings are converted: `bool`, `int`, `float` or `str`; None if there is none."""
+        """The declared type (`bool`, `int`, `float` or `str`), to which strings are converted; None if undeclared."""
         return self.board.kind_of(self.name)
 
     @property
@@ -218,7 +218,7 @@ class Scope:
         parent: The scope of the tree that contains the `SubTree` node; None for the main tree.
         remapping: The parent scope's key for each remapped key.
         autoremap: Whether every other key is remapped to the parent scope's key of the same name.
-        own: Keys that always belong to this scope, because a constant is passed for each.
+        own: Keys that always belong to this scope, because the `SubTree` node passes a constant for each of them.
     """
 
     def __init__(
@@ -256,7 +256,7 @@ class Scope:
         return f"{self.board.prefix}/{self.path}" if self.path else self.board.prefix
 
     def entries(self) -> Iterator[tuple[str, Entry]]:
-        """Yield the keys of this scope's existing entries and the remapped keys, with their entries."""
+        """Yield each key of this scope with its entry: keys of existing entries, and remapped keys."""
         for name in self.board.names():
             folder, _, key = name.rpartition("/")
             if folder == self._folder:

@@ -1,4 +1,4 @@
-"""Breakpoints: nodes before which a tick waits until the user continues it."""
+"""Breakpoints: a tick pauses before a node with a breakpoint until the user continues the tick."""
 
 import threading
 import time
@@ -15,13 +15,13 @@ class Breakpoints:
     """The breakpoints of a tree, set in one thread while another thread ticks the tree.
 
     Args:
-        log: Function for messages about breakpoints, called in the thread that ticks.
+        log: Called with messages about breakpoints, in the thread that ticks the tree.
         patience_sec: The time without a call of `keep_alive`, in seconds of the steady clock, after which breakpoints
             have no effect, because a closed browser must not block a robot's tree.
 
     Attributes:
         held_at: The behaviour at which a tick waits; None if no tick waits.
-        wake: Function called in the thread that sets breakpoints, when a waiting tick may continue.
+        wake: Called in the thread that sets breakpoints when a waiting tick may continue.
     """
 
     def __init__(self, log: Callable[[str], object], patience_sec: float) -> None:
@@ -59,11 +59,11 @@ class Breakpoints:
         self.wake()
 
     def keep_alive(self) -> None:
-        """Record that a user still watches the tree."""
+        """Record that a user is still watching the tree."""
         self._alive_at = time.monotonic()
 
     def release_if_abandoned(self) -> None:
-        """Continue a waiting tick if no user watches the tree any more; called regularly."""
+        """Continue a waiting tick if no user is watching the tree any more; called regularly."""
         if self.held_at is not None and self._is_abandoned():
             self.wake()
 
@@ -87,12 +87,13 @@ class Breakpoints:
 def tick_with_breakpoints(
     tree: LiveTree, breakpoints: Breakpoints, visits: list[Visit]
 ) -> Generator[None, None, None]:
-    """Tick a tree once, and yield while the tick has to wait; closing the generator aborts the tick.
+    """Tick a tree once; yield while the tick waits at a breakpoint. Closing the generator aborts the tick.
 
     Args:
         tree: The tree.
         breakpoints: The breakpoints. They have no effect at nodes below a foreign control or decorator.
-        visits: Receives the ticked nodes, in the order in which their ticks end. The caller may clear it between steps.
+        visits: A list to which the ticked nodes are added, in the order in which their ticks end. The caller may clear the list between
+            steps.
     """
     ticker = tree.ticker
     ticker.enter()

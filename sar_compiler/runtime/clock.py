@@ -29,7 +29,7 @@ class ManualClock:
         return self._now
 
     def advance(self, seconds: float) -> None:
-        """Move the clock forward, or backward by a negative number of seconds, as when a simulator is reset."""
+        """Move the clock forward; a negative number of seconds moves the clock backward, like a simulator's reset."""
         self._now += seconds
 
 
@@ -43,7 +43,7 @@ class Clock(Protocol):
 
 
 def clock_text(seconds: float) -> str:
-    """Format a duration in seconds as minutes and seconds, with hours if there are any: `1:05`, `2:00:00`."""
+    """Format a duration in seconds as minutes and seconds (`1:05`), or with hours if necessary (`2:00:00`)."""
     whole = max(0, int(seconds))
     hours, minutes = divmod(whole // 60, 60)
     return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"

@@ -1,9 +1,8 @@
-"""Conditions with the same result for all values of their variables: `x != 'A' || x != 'B'`, `x < 1 && x > 2`.
+"""Find conditions that have the same result for all values of their variables, such as `x < 1 && x > 2`.
 
-A comparison of a variable with literals changes its result only at these literals. So it is enough to evaluate the
-condition with one value of each interval between the literals, for all combinations of the variables. Any other
-comparison, such as `x < y + 1`, is replaced by a Boolean variable. Equal comparisons are replaced by the same variable,
-and opposite comparisons by its negation.
+A comparison of a variable with literals changes its result only at these literals. So it is enough to evaluate the condition with the
+literals and one value between each two of them, for all combinations of the variables. Any other comparison, such as `x < y + 1`, is
+replaced by a Boolean variable. Equal comparisons are replaced by the same variable, and opposite comparisons by its negation.
 """
 
 import functools
@@ -53,7 +52,7 @@ def constant_truth(script: Script) -> bool | None:
 
 
 def constant_clauses(script: Script) -> Iterator[tuple[Expression, bool]]:
-    """Yield the largest subexpressions of a condition that contain variables but always have the same truth value, with it.
+    """Yield the largest parts of a condition that are constant although they contain variables, with their truth.
 
     Args:
         script: The condition. Its parts are the operands of `&&`, `||` and `!`.
@@ -99,7 +98,7 @@ class _SampledCondition:
         self._script = replace(script, statements=(self._rewrite(script.statements[-1]),))
 
     def constant_truth(self) -> bool | None:
-        """Return the truth if it is the same for all values without an error; otherwise None."""
+        """Return the condition's truth if it is the same for all values that cause no error; otherwise None."""
         choices = [{0, 1, *_representatives(literals)} for literals in self._literals.values()]
         if math.prod(map(len, choices)) > _MOST_COMBINATIONS:
             return None
@@ -134,7 +133,7 @@ class _SampledCondition:
         return self._unknown(node) if any(isinstance(part, Name) for part in parts(node)) else node
 
     def _compare(self, left: Expression, step: OperatorTerm) -> Expression:
-        """Return the rewritten comparison of two neighbours in a chain."""
+        """Return the rewritten comparison of two neighbouring operands in a chain of comparisons."""
         operator, right = step.operator, step.operand
         if not any(isinstance(part, Name) for side in (left, right) for part in parts(side)):
             return _comparison(left, operator, right)

@@ -1,4 +1,4 @@
-"""The mission context: objects injected into leaves by type."""
+"""The mission context: objects that a mission passes to the constructors of leaves, selected by type."""
 
 from collections.abc import Callable
 from typing import TypeVar, overload
@@ -42,7 +42,7 @@ def mission_context(
 
 
 def is_mission_context(cls: type) -> bool:
-    """Return whether the mission provides the objects of a class, so that they are not attributes in a tree file."""
+    """Return whether objects of a class come from the mission instead of an attribute in the tree file."""
     return hasattr(cls, _MARK)
 
 
@@ -58,5 +58,5 @@ def preview_of(cls: type) -> object:
     except Exception as error:
         raise PreviewError(
             f"a placeholder for the context object {cls.__name__} cannot be created ({type(error).__name__}: {error}). "
-            "Mark its class with a function that creates one: @mission_context(preview=make)"
+            "Mark the class with a function that creates a placeholder: @mission_context(preview=make)"
         ) from error

@@ -1,4 +1,4 @@
-"""Conversion of values that are written to blackboard entries to the entries' types."""
+"""Convert values that are written to blackboard entries to the types of these entries."""
 
 import enum
 from collections.abc import Mapping
@@ -74,8 +74,7 @@ def value_to_assign(old: object, kind: type | None, value: ScriptValue, enums: M
         enums: The named constants.
 
     Returns:
-        The value with the entry's type. A string for an entry with a number and without a declared type becomes a real
-            number.
+        The value with the entry's type. If the entry contains a number and has no declared type, a string is converted to a real number.
 
     Raises:
         RefusedValueError: If the value cannot be converted.
@@ -89,7 +88,7 @@ def value_to_assign(old: object, kind: type | None, value: ScriptValue, enums: M
 
 
 def value_to_write(old: object, value: object) -> object:
-    """Return the value to store when a port writes to an entry; a number gets the entry's type if this is exact."""
+    """Return the value to store when a port writes to an entry; numbers are converted if nothing is lost."""
     numbers = type(old) in _NUMBERS and type(value) in _NUMBERS
     if numbers and type(old) is not type(value) and old is not None:
         with suppress(RefusedValueError):

@@ -1,4 +1,4 @@
-"""Evaluation of scripts, which are compiled once to functions that are called in each tick."""
+"""Evaluate scripts: each script is compiled once to functions, which are called in each tick."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
@@ -39,8 +39,8 @@ class EvaluationError(SarError):
 
     Attributes:
         message: The description of the error.
-        start: The offset of the failed expression's start in the script's text.
-        end: The offset after the failed expression.
+        start: The offset, in the script's text, at which the failed expression starts.
+        end: The offset directly after the failed expression.
         hint: A short instruction; None if there is no remedy.
     """
 
@@ -231,7 +231,7 @@ def chain_error(
     left: ScriptValue,
     right: ScriptValue,
 ) -> EvaluationError:
-    """Return the error of an operator in a chain, located from the chain's start to the operator's right operand."""
+    """Return the error of an operator in a chain; its location ends at the operator's right operand."""
     following = next((later.start for later in node.steps if later.start > step.start), None)
     end = node.end if following is None else len(text[:following].rstrip())
     one_text = isinstance(left, str) != isinstance(right, str)
@@ -246,7 +246,9 @@ def _assignment_failure(node: Assignment, error: VariableError) -> EvaluationErr
         hint = _creation_hint(target.name) if isinstance(error, UnknownVariableError) else None
         return EvaluationError(str(error), target.start, target.end, hint)
     message = f"this value cannot be assigned to '{target.name}': {error}"
-    return EvaluationError(message, node.start, node.end, "a variable keeps the type of its first value")
+    return EvaluationError(
+        message, node.start, node.end, "a variable keeps the type of the first value that was assigned to it"
+    )
 
 
 def failure(text: str, node: Expression, error: VariableError) -> EvaluationError:

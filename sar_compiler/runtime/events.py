@@ -1,4 +1,4 @@
-"""Events of a tree at the level of leaf outcomes, shared by runs, proofs and journals.
+"""The events of a tree, described by the outcomes of leaves. Runs, proofs and journals use the same events.
 
 An event contains the action of a leaf and its outcome, so that the consumers of events need not derive outcomes from
 statuses. The last event of a tick is the end of the tick.
@@ -13,10 +13,12 @@ STARTED, RETURNED, HALTED, TICKED = "started", "returned", "halted", "ticked"
 """The kinds of events: a leaf starts, returns an outcome, or is halted while it runs, or a tick of the tree ends."""
 
 DECIDED = "decided"
-"""A node with children has ended by itself, for example at a time limit or because of a condition; only in recorded runs."""
+"""The kind of event for a node with children that has ended by itself, for example at a time limit or because of a condition. It only
+occurs in recorded runs."""
 
 RESET = "reset"
-"""A leaf that had ended was reset; only in recorded runs, which omit outcomes that are equal to the previous tick's."""
+"""The kind of event for a reset of a leaf that had ended. It only occurs in recorded runs, because these omit outcomes that are equal to
+the outcome in the previous tick."""
 
 
 FactChanges = tuple[tuple[str, object], ...]
@@ -28,7 +30,7 @@ class Event(NamedTuple):
 
     Attributes:
         path: The names of the leaf's ancestors, from the root, and of the leaf; for the end of a tick, the root's name.
-        number: The leaf's number in pre-order, from 0, as in journals. For the end of a tick, it is the root's number.
+        number: The leaf's number in pre-order, from 0, as in journals. For the end of a tick, this is the root's number.
         what: The kind of event: `STARTED`, `RETURNED`, `HALTED`, `DECIDED`, `RESET` or `TICKED`.
         status: The status of the leaf, the node that has decided, or the root; empty if the tick was not finished.
         label: The label of the outcome, or the reason of the node; empty if there is only a status.
@@ -37,7 +39,7 @@ class Event(NamedTuple):
         time_sec: The time since the start of the run, in seconds; None if any time may have passed.
         ran_sec: The run time of a node that has ended by itself, in seconds; 0 for other events.
         statuses: For the end of a recorded tick, pairs of a node's number and status, in the order of the records.
-        is_unsure: Whether a condition of the leaf may have decided instead of the leaf; only in imported runs.
+        is_unsure: Whether a condition of the leaf, and not the leaf itself, may have determined the status. True only in imported runs.
     """
 
     path: tuple[str, ...]
@@ -93,7 +95,7 @@ class TickRecord(NamedTuple):
         facts: The changed facts, by name.
         keys: The changed blackboard keys, by name.
         statuses: The status of each ticked node, by the id of its behaviour; empty if not known.
-        error: The message of the error that the tick raised; empty if there was none, or it is not known.
+        error: The message of the error that the tick raised; empty if no error is known.
     """
 
     events: tuple[Event, ...]
@@ -121,7 +123,7 @@ class TickRecord(NamedTuple):
 def append_end(
     events: Iterable[Event], root: str, status: str, tick: int = 0, time_sec: float | None = None
 ) -> tuple[Event, ...]:
-    """Return a tick's events with the end of the tick appended, each with the tick's number and time.
+    """Append the end of the tick to a tick's events; set the tick's number and time in each event.
 
     Args:
         events: The events of leaves.

@@ -58,7 +58,7 @@ class Prefix(ScriptPart):
 
 @dataclass(slots=True, eq=False, repr=False)
 class OperatorTerm(ScriptPart):
-    """An operator with its right operand; `start` and `end` are the location of the operator."""
+    """An operator and the operand on its right; `start` and `end` are the location of the operator."""
 
     operator: str
     operand: "Expression"
@@ -91,7 +91,7 @@ class Conditional(ScriptPart):
 
 @dataclass(slots=True, eq=False, repr=False)
 class Assignment(ScriptPart):
-    """An assignment to a variable, with one of the operators `:= = += -= *= /=`."""
+    """An assignment to a variable with one of the operators `:=`, `=`, `+=`, `-=`, `*=` and `/=`."""
 
     operator: str
     target: Name
@@ -146,7 +146,7 @@ class Script:
 
 
 class Access(enum.Enum):
-    """The kind of access by a name in a script."""
+    """The kinds of access to a variable in a script."""
 
     READ = "read"
     CREATE = "create"
@@ -163,8 +163,8 @@ class NameUse(NamedTuple):
         access: The kind of access.
         start: The offset of the name's start in the script's text.
         end: The offset after the name.
-        certain: Whether every run of the script evaluates the name. If not, the name is in a branch of `?:`, or after
-            the second operand of a chain of comparisons.
+        certain: Whether every run of the script evaluates the name. False if the name is in a branch of `?:`, or after the second operand
+            of a chain of comparisons.
     """
 
     name: str
@@ -221,7 +221,7 @@ def _uses(expression: Expression, *, certain: bool) -> Iterator[NameUse]:
 
 
 def _always_evaluated(expression: Expression, parts: int) -> int:
-    """Return how many of an expression's parts, from the first, every evaluation reaches."""
+    """Return how many parts of an expression, counted from the first, are reached in every evaluation."""
     if isinstance(expression, Conditional):
         return 1
     if isinstance(expression, ComparisonChain):

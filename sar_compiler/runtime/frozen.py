@@ -8,7 +8,7 @@ from typing import Any
 from sar_compiler.errors import UndecidableError
 
 PLAIN = (bool, int, str, bytes, type(None))
-"""The types of immutable values, which are stored with their type instead of being copied."""
+"""The types of immutable values. Such a value is not copied, but stored together with its type."""
 # The types other than dictionaries that are copied item by item.
 _COLLECTIONS = (list, tuple, deque, set, frozenset)
 _NAN = "nan"
@@ -21,8 +21,8 @@ class FrozenValueError(UndecidableError):
 def freeze(value: object) -> Hashable:
     """Return a hashable copy of a value; copies of equal values of the same type are equal.
 
-    Lists, tuples, sets, dictionaries and deques are copied with their content. Other values are not copied. They must
-    not be changed in place while states are compared.
+    Lists, tuples, sets, dictionaries and deques are copied with their content. Other values are not copied. Such values must not be changed
+    in place while states are compared.
 
     Raises:
         FrozenValueError: If the value cannot be hashed.
@@ -46,14 +46,14 @@ def freeze(value: object) -> Hashable:
         hash(value)
     except TypeError:
         raise FrozenValueError(
-            f"a value of type {kind.__name__}, which can neither be copied nor hashed. "
-            "Store lists, dictionaries, numbers and strings on the blackboard, or add a __hash__ to its class"
+            f"a value of type {kind.__name__}, which can neither be copied nor hashed. Store lists, dictionaries, numbers and strings on "
+            f"the blackboard, or add a __hash__ method to the class of the value"
         ) from None
     return kind, value
 
 
 def thaw(frozen: Any) -> Any:
-    """Return the value that was frozen; a new copy if values of its type can be changed in place."""
+    """Return the original value of a frozen copy; a value that can be changed in place is returned as a new copy."""
     kind, content, *others = frozen
     if kind is float:
         return math.nan if content == _NAN else content
@@ -67,6 +67,6 @@ def thaw(frozen: Any) -> Any:
 
 
 def can_change(value: object) -> bool:
-    """Return whether a value has one of the copied types and can be changed in place."""
+    """Return whether a value can be changed in place and is of a type that `freeze` copies."""
     kind = type(value)
     return kind is dict or (kind in _COLLECTIONS and kind is not frozenset)

@@ -46,7 +46,9 @@ def test_it_waits_for_the_end_of_the_goal_that_it_has_cancelled(driving):
 def test_a_goal_that_does_not_end_is_told_to_be_under_way(driving, manner):
     server, run = driving(cancel=manner)
     run.send(signal.SIGKILL)
-    run.wait_for(f"{GONE}, and /navigate_to_pose does not end its goal. The robot may still be moving")
+    run.wait_for(
+        f"{GONE}, and the server of /navigate_to_pose has not ended the goal. The robot may still be moving"
+    )
     assert server.active == 1
     assert "was requested to cancel" not in run.output
 

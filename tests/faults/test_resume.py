@@ -130,7 +130,7 @@ def test_a_goal_whose_server_does_not_cancel_it_is_waited_for(mortal):
     journal = open_journal(mission.place, resume=True)
     left = OrphanedGoals(mission.stage.node, journal)
     mission.stage.until(lambda: left.poll() and mission.nav.cancels > 1, "the second request to cancel")
-    assert "has not ended. The robot may be moving" in str(left.poll())
+    assert "has not ended yet. The robot may be moving" in str(left.poll())
     mission.nav.order("abort")
     mission.stage.until(lambda: left.poll() is None, "the end of the goal")
     journal.close()

@@ -36,7 +36,7 @@ def asked(ros: Ros, node: Any) -> Nav2Parameters:
 def test_time_outs_that_abort_goals_are_named_with_the_line_to_write(ros: Ros) -> None:
     nav2_node(ros, "bt_navigator", default_server_timeout=20, wait_for_service_timeout=499, other=1)
     assert asked(ros, ros.node()).advice() == [
-        f"{key} of bt_navigator is {value} ms, so it aborts a goal if another Nav2 node responds later. "
+        f"{key} of bt_navigator is {value} ms. So bt_navigator aborts a goal if another Nav2 node takes longer than that to respond. "
         f"Write `{key}: 1000` under `bt_navigator: ros__parameters:` {FILE}"
         for key, value in (("default_server_timeout", 20), ("wait_for_service_timeout", 499))
     ]
@@ -144,7 +144,7 @@ def test_odometry_that_only_the_mission_finds_is_named_with_the_line_to_write(ro
     odometry(ros, mission, "odometry/filtered")
     assert asked(ros, mission).advice() == [
         (
-            "bt_navigator reads odometry from /odom, on which no node publishes. "
+            "bt_navigator reads odometry from /odom, but no node publishes on this topic. "
             f"Write `odom_topic: odometry/filtered` under `bt_navigator: ros__parameters:` {FILE}"
         )
     ]

@@ -356,7 +356,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'inactive', must be 'active'. lifecycle_manager_navigation has stopped starting Nav2, because planner_server failed to activate. Restart Nav2, and set the initial pose within its "
+            "node bt_navigator: state 'inactive', must be 'active'. lifecycle_manager_navigation has given up starting Nav2, because planner_server failed to activate. Restart Nav2, and set the initial pose within its "
             "initial_transform_timeout",
         )
 
@@ -379,7 +379,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            f"node bt_navigator: state '{navigator}', must be 'active'. lifecycle_manager_navigation has stopped starting Nav2, because {failed}. Restart Nav2",
+            f"node bt_navigator: state '{navigator}', must be 'active'. lifecycle_manager_navigation has given up starting Nav2, because {failed}. Restart Nav2",
         )
 
     @pytest.mark.parametrize(
@@ -388,12 +388,12 @@ class TestTheBringUpOfNav2:
             (
                 ("active", "active", "inactive"),
                 "planner_server",
-                "planner_server was activated, but its response was lost",
+                "planner_server was activated, but the response of this node was lost",
             ),
             (
                 ("inactive", "inactive", "unconfigured"),
                 "planner_server",
-                "planner_server was configured, but its response was lost",
+                "planner_server was configured, but the response of this node was lost",
             ),
             (("inactive", "inactive", "inactive"), "bt_navigator", "bt_navigator failed to activate"),
             (
@@ -414,7 +414,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            f"node bt_navigator: state '{navigator}', must be 'active'. lifecycle_manager_navigation has stopped starting Nav2, because {failed}. Restart Nav2",
+            f"node bt_navigator: state '{navigator}', must be 'active'. lifecycle_manager_navigation has given up starting Nav2, because {failed}. Restart Nav2",
         )
 
     @pytest.mark.parametrize(
@@ -433,7 +433,7 @@ class TestTheBringUpOfNav2:
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: missing (no service /bt_navigator/get_state). lifecycle_manager_navigation waits for "
-            "bt_navigator, whose process was not started or has crashed. Restart Nav2",
+            "bt_navigator, but the process of bt_navigator was not started or has crashed. Restart Nav2",
         )
 
     @pytest.mark.parametrize(
@@ -449,7 +449,7 @@ class TestTheBringUpOfNav2:
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: state 'unconfigured', must be 'active'. lifecycle_manager_navigation waits for planner_server, "
-            'whose process was not started or has crashed (planner_server: "Failed to create global planner."). Restart Nav2',
+            'but the process of planner_server was not started or has crashed (planner_server: "Failed to create global planner."). Restart Nav2',
         )
 
     def test_quotes_the_node_that_has_failed_even_if_it_was_the_first(self, ros: Ros) -> None:
@@ -458,7 +458,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'unconfigured', must be 'active'. lifecycle_manager_navigation has stopped starting Nav2, because "
+            "node bt_navigator: state 'unconfigured', must be 'active'. lifecycle_manager_navigation has given up starting Nav2, because "
             'controller_server failed to configure (controller_server: "Failed to create controller. No plugin."). '
             "Restart Nav2",
         )
@@ -817,7 +817,7 @@ class TestNav2:
         nav2.publisher.publish(located(0.1, 0.0))
         wait(ros, readiness(ros.node(), Use.nav2(), initial_pose=(0.0, 0.0, 3.0)))
         assert nav2.poses == []
-        assert said.has("The localisation keeps its yaw of 0.00 rad")
+        assert said.has("The initial pose is not sent. The localisation keeps its yaw of 0.00 rad")
 
     def test_a_localisation_of_a_simulation_that_begins_is_told_without_waiting(self, ros: Ros) -> None:
         from sar_compiler.ros.readiness import LocalisationCheck

@@ -3,9 +3,9 @@
 A tree in flat form is a list of nodes whose state is in vectors of cells. Between two ticks, the cells are the whole
 state of the tree, except for the blackboard and the private state of leaves.
 
-mypyc compiles the modules of this package and of `sar_compiler.analysis.state_search` if a C compiler is available. A
-compiled module behaves like its source, and is used only if it was compiled from the source in the same folder. In the
-environment, `SAR_KERNEL=python` selects the Python sources, and `SAR_KERNEL=compiled` rejects them.
+mypyc compiles the modules of this package and of `sar_compiler.analysis.state_search` if a C compiler is available. A compiled module
+behaves like its Python source, and is used only if it was compiled from the source in the same folder. The environment variable
+`SAR_KERNEL=python` selects the Python sources. `SAR_KERNEL=compiled` makes the import fail if the compiled modules cannot be used.
 """
 
 import hashlib
@@ -25,7 +25,7 @@ _FOLDERS = {
     f"{_PACKAGE.name}.{name}": _PACKAGE.joinpath(*name.split("."))
     for name in ("runtime.kernel", "analysis.state_search")
 }
-"""The folders of the packages whose modules are compiled; the folder of `state_search` may be missing."""
+"""The folders of the packages whose modules are compiled. The folder of `state_search` may not exist."""
 _RECORD = _FOLDERS[__name__] / "compiled.json"
 """The file in which `setup.py` stores the digests of the compiled modules' sources."""
 
@@ -60,7 +60,8 @@ def _state() -> str:
 
 
 STATE = _state()
-"""`compiled` if the modules are usable; else `stale` (changed sources), `apart` (missing libraries) or `absent`."""
+"""The state of the compiled modules: `compiled` (usable), `stale` (the sources have changed), `apart` (a library is missing) or `absent`
+(no module is compiled)."""
 _WANTED = os.environ.get("SAR_KERNEL", "")
 IS_COMPILED = STATE == "compiled" and _WANTED != "python"
 """Whether the compiled modules are in use."""
@@ -71,7 +72,7 @@ if _WANTED == "compiled" and not IS_COMPILED:
 
 
 class _Sources:
-    """Finder of the Python sources, because the import system would prefer compiled modules."""
+    """An import finder that returns the Python sources. Without it, Python would prefer the compiled modules."""
 
     @staticmethod
     def find_spec(name: str, path: object = None, target: ModuleType | None = None) -> ModuleSpec | None:  # noqa: ARG004

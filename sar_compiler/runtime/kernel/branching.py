@@ -1,4 +1,4 @@
-"""Branching controls of BehaviorTree.CPP: the result of a child, or a value, selects the child to tick."""
+"""The branching controls of BehaviorTree.CPP: the status of a child, or a value, selects the child to tick."""
 
 from typing import Any, Final
 
@@ -22,7 +22,7 @@ class IfThenElseNode(ControlNode):
     """Ticks its condition until it has ended, then one of the branches.
 
     Attributes:
-        chosen: The cell with the index of the branch; 0 while the condition has not ended.
+        chosen: The cell that stores the index of the branch, or 0 while the condition has not ended.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -51,7 +51,7 @@ class WhileDoElseNode(ControlNode):
     """Ticks its condition in each tick, then one of the branches.
 
     Attributes:
-        branch: The cell with the index of the current branch; 0 for the condition.
+        branch: The cell that stores the index of the current branch, or 0 for the condition.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
