@@ -78,7 +78,7 @@ class CommandAuthors:
         seen: SeenObjects = _NOTHING_SEEN,
         refuse: Callable[[str], object] = _ignore,  # noqa: ARG002 - an announcement in this process cannot fail
     ) -> None:
-        """Store the author of a command and the objects that the author saw; then call *then*, which calls the command's service."""
+        """Store a command's author and the objects that the author saw; then call *then* to send the command."""
         self._store(verb, author, seen)
         then()
 

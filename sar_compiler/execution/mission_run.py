@@ -102,7 +102,10 @@ def _approval(options: RunOptions, loaded: ProjectTree) -> "ApprovalCheck":
 
 
 def _world(options: RunOptions) -> "World | None":
-    """Return the world to simulate, or None for a run on a robot. Call this early, to report a wrong name before slow steps."""
+    """Return the world to simulate, or None for a run on a robot.
+
+    Call this function early, so that a wrong name is reported before slow steps.
+    """
     if options.sim is None:
         return None
     from sar_compiler.sim.world import find_world

@@ -87,7 +87,9 @@ class RunStarter(Protocol):
 
 
 def parameters_of(payload: str) -> Mapping[str, object]:
-    """Return the parameters in a goal's payload by full name. For example, `{"speed": {"limit": 0.5}}` sets `speed.limit`.
+    """Return the parameters in a goal's payload by full name.
+
+    For example, `{"speed": {"limit": 0.5}}` sets `speed.limit`.
 
     Args:
         payload: A JSON object, or an empty string.

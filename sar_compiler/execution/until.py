@@ -1,4 +1,7 @@
-"""The conditions that end a run. They are in a module of their own, so that `sar-run --help` does not need to import other modules."""
+"""The conditions that end a run.
+
+They are in a module of their own, so that `sar-run --help` does not need to import other modules.
+"""
 
 from enum import Enum
 

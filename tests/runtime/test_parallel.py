@@ -55,9 +55,7 @@ def test_after_a_halt_it_counts_from_zero():
 @pytest.mark.parametrize("counts", [{"success_count": 3}, {"failure_count": 3}])
 def test_a_count_that_cannot_be_reached_is_an_error_before_anything_is_ticked(counts):
     stage = Stage()
-    with pytest.raises(
-        ThresholdError, match=f"'p' can never count 3 .*Write at most 2 as {next(iter(counts))}"
-    ):
+    with pytest.raises(ThresholdError, match=f"'p' waits for 3 .*Write at most 2 as {next(iter(counts))}"):
         parallel(stage, a="S", b="S", **counts).tick_once()
     assert stage.told() == ""
 

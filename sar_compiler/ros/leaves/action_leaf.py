@@ -52,9 +52,10 @@ class ActionLeaf(GoalSender):
 
     A navigation goal that has succeeded does not prove that the robot has arrived. If the localisation places the robot farther from the
     goal than the run's `arrival_tolerance_m`, the robot has not arrived (`has_not_arrived`). If the localisation provides no pose, a
-    succeeded goal counts as an arrival. When the robot has not arrived, or Nav2 aborts a goal without an error code (0), the target is not
-    the cause, because every failure that the target causes has an error code. A leaf that uses Nav2 then calls `on_hold`, and sends the
-    goal again after a pause. The pause doubles with each such failure in a row. From the third failure on, the leaf tries for at most
+    succeeded goal counts as an arrival.
+
+    When the robot has not arrived, or Nav2 aborts a goal without an error code (0), the target is not the cause, because every failure
+    that the target causes has an error code. A leaf that uses Nav2 then calls `on_hold`, and sends the goal again after a pause. The pause doubles with each such failure in a row. From the third failure on, the leaf tries for at most
     `hold_timeout_sec`, and then calls `on_unavailable`. The count of failures starts again when the robot has driven half a metre on a
     goal, or a goal has ended in another way.
 

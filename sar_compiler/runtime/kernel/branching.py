@@ -65,7 +65,7 @@ class WhileDoElseNode(ControlNode):
         return self.tick_child(self.children[_NONE], ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the condition or a branch."""
+        """Continue the tick after the condition or a branch was ticked."""
         cells, count = ticker.cells, len(self.children)
         if cells[self.branch] == _NONE and outcome in (SUCCESS, FAILURE):
             branch = 1 if outcome == SUCCESS else 2
@@ -81,11 +81,11 @@ class WhileDoElseNode(ControlNode):
 
 
 class SwitchNode(ControlNode):
-    """Ticks the child whose case equals the variable, or the last child if no case does.
+    """Ticks the child whose case equals the variable, or the last child if no case equals the variable.
 
     Attributes:
         cases: The ports with the cases.
-        running: The cell with the number of the running or current child, counted from 1; 0 if there is none.
+        running: The cell that stores the number of the running or current child, counted from 1; 0 if there is no such child.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -109,7 +109,7 @@ class SwitchNode(ControlNode):
         return self.tick_child(self.children[selected], ticker)
 
     def select(self) -> int:
-        """Return the index of the child to tick. A variable or case without a value is equal to nothing."""
+        """Return the index of the child to tick. A variable or case without a value is not equal to anything."""
         variable = self.variable.get(None)
         if variable is not None:
             for index, case in enumerate(self.cases):
@@ -121,7 +121,7 @@ class SwitchNode(ControlNode):
         return len(self.cases)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Pass on the outcome of the child."""
+        """Return the outcome of the child."""
         cells = ticker.cells
         if outcome != RUNNING:
             cells[self.running] = _NONE
@@ -132,11 +132,11 @@ class SwitchNode(ControlNode):
 
 
 class TryCatchNode(OneChildNode):
-    """Ticks all children except the last in order. If one of them fails, ticks the last child.
+    """Ticks all children except the last one in order. If one of these children fails, ticks the last child.
 
     Attributes:
-        skips: The cell with the number of children that were skipped.
-        catching: The cell with 1 while the last child is the current child.
+        skips: The cell that stores the number of children that were skipped.
+        catching: The cell that contains 1 while the last child is the current child.
         catches: Whether the last child is ticked once when the node is halted.
     """
 
@@ -178,12 +178,12 @@ class TryCatchNode(OneChildNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """End because no child has failed."""
+        """End the node, because no child has failed."""
         all_skipped = ticker.cells[self.skips] == self.last
         return self.finish(ticker, SKIPPED if all_skipped else SUCCESS)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the running children, without the last child if it must be ticked once."""
+        """Return the running children, but not the last child if this child must be ticked once."""
         cells = ticker.cells
         self.catches = False
         try:
@@ -198,7 +198,7 @@ class TryCatchNode(OneChildNode):
         return running_children(self.children[: self.last] if self.catches else self.children, ticker)
 
     def stop_last(self, ticker: Ticker) -> None:
-        """Tick the last child once, if `catch_on_halt` requires it and it was not the current child."""
+        """Tick the last child once, if `catch_on_halt` is set and the last child was not the current child."""
         if self.catches:
             try:
                 ticker.run_unseen(self.children[self.last])

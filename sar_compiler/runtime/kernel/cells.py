@@ -12,16 +12,17 @@ FAILURE: Final = 3
 SKIPPED: Final = 4
 """The outcome of a skipped tick, which is never a status."""
 CALLED: Final = 5
-"""A marker instead of an outcome: another node has to be ticked first."""
+"""A marker that is returned instead of an outcome. It means that another node has to be ticked first."""
 
 WORDS: Final[tuple[str, ...]] = ("", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
 """The names of the outcomes, by number; empty for INVALID."""
 
 ENDED: Final = 2
-"""The common bit of SUCCESS and FAILURE: `outcome & ENDED` is nonzero only for these outcomes."""
+"""The bit that SUCCESS and FAILURE have in common: `outcome & ENDED` is nonzero only for these outcomes."""
 
 STATUSES: Final[tuple[Any, ...]] = (Status.INVALID, Status.RUNNING, Status.SUCCESS, Status.FAILURE)
-"""py_trees' statuses, by number; of variable length, because mypyc would box a tuple of fixed length at every access."""
+"""py_trees' statuses, by number. The tuple is typed with variable length, because mypyc would box a tuple of fixed length at every
+access."""
 
 # Stored in variables, because access to a member of an enumeration is slow.
 _RUNNING: Final[Any] = Status.RUNNING
@@ -30,7 +31,7 @@ _FAILURE: Final[Any] = Status.FAILURE
 
 
 IS_2_3: Final = not hasattr(decorators, "ForEach")
-"""Whether this is py_trees 2.3, which behaves slightly differently."""
+"""Whether the installed py_trees has version 2.3, which behaves slightly differently."""
 
 
 def number_of(status: Any) -> int:

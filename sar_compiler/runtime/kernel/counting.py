@@ -19,10 +19,10 @@ class CountingNode(ControlNode):
 
     Attributes:
         through: The first of the cells that have a bit for each child that has ended.
-        successes: The cell with the number of children that have succeeded.
-        failures: The cell with the number of children that have failed.
-        current: The cell with the index of the current child, in a tick.
-        skips: The cell with the number of children that were skipped, in a tick.
+        successes: The cell that stores the number of children that have succeeded.
+        failures: The cell that stores the number of children that have failed.
+        current: The cell that stores the index of the current child; used only during a tick.
+        skips: The cell that stores the number of children that were skipped; used only during a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -34,17 +34,17 @@ class CountingNode(ControlNode):
         self.current, self.skips = part.cell(of_tick=True), part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Begin with the first child that has not ended."""
+        """Begin the tick with the first child that has not ended."""
         ticker.cells[self.status_cell] = RUNNING
         ticker.cells[self.current] = ticker.cells[self.skips] = 0
         return self.tick_unfinished(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the current child."""
+        """Continue the tick after the current child was ticked."""
         return self.tick_unfinished(ticker, self.count_child(ticker, outcome))
 
     def tick_unfinished(self, ticker: Ticker, decision: int) -> int:
-        """Tick the unfinished children from the current child on, until *decision* is not INVALID."""
+        """Tick the unfinished children, starting with the current child, until *decision* is not INVALID."""
         cells, children = ticker.cells, self.children
         while decision == INVALID:
             index = cells[self.current]
@@ -73,7 +73,7 @@ class CountingNode(ControlNode):
         return self.decide_early(ticker)
 
     def threshold(self, port: str, wanted: int) -> int:
-        """Return the number of children that an attribute's value means; a negative value counts from the end.
+        """Convert an attribute's value to a number of children; a negative value counts from the end.
 
         Raises:
             ThresholdError: If the value exceeds the number of children.
@@ -81,8 +81,8 @@ class CountingNode(ControlNode):
         count = len(self.children)
         if wanted > count:
             message = (
-                f"'{self.behaviour.name}' can never count {wanted} children, because it has {count}. "
-                f"Write at most {count} as {port}, or a negative number to count from the end (-1: all)"
+                f"'{self.behaviour.name}' waits for {wanted} children, but has only {count}. Write at most {count} as {port}, or a "
+                f"negative number to count from the end (-1: all)"
             )
             raise ThresholdError(message, self.behaviour.name)
         return wanted if wanted >= 0 else max(count + wanted + 1, 0)
@@ -107,12 +107,12 @@ class CountingNode(ControlNode):
 
 
 class ParallelNode(CountingNode):
-    """A parallel node that may end after every child.
+    """A parallel node that may end after each child's tick, without ticking the other children.
 
     Attributes:
-        enough: The cell with the required number of successes, in a tick.
-        too_many: The cell with the number of failures after which the node fails, in a tick.
-        counts_skips: The cell with 1 if skipped children are counted as successes, in a tick.
+        enough: The cell that stores the required number of successes; used only during a tick.
+        too_many: The cell that stores the number of failures after which the node fails; used only during a tick.
+        counts_skips: The cell that contains 1 if skipped children are counted as successes; used only during a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -153,7 +153,7 @@ class ParallelAllNode(CountingNode):
     """A parallel node that ends when all children have ended.
 
     Attributes:
-        too_many: The cell with the number of failures from which the node fails, in a tick.
+        too_many: The cell that stores the number of failures with which the node fails; used only during a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:

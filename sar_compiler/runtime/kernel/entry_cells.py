@@ -1,6 +1,6 @@
-"""Numbers that represent the contents of blackboard entries in states, millions of which are stored and compared.
+"""Numbers that represent the contents of blackboard entries, so that millions of states can be compared.
 
-An entry has few different contents in all runs of a tree. Each content gets a number at its first occurrence. So the
+An entry has only a few different contents in all runs of a tree. Each content gets a number when it first occurs. So the
 state of all entries is a list of numbers, and the effects of a script are cached by these numbers.
 """
 
@@ -11,7 +11,7 @@ from librt.vecs import append, vec
 from mypy_extensions import i32, i64
 
 NOTHING: Final = 0
-"""The content's number for an entry that does not exist."""
+"""The number that represents an entry that does not exist."""
 
 
 class EntryCells:
@@ -21,8 +21,8 @@ class EntryCells:
         now: The number of each entry's current content, by the entry's index.
         names: The names of the entries, by index.
         known: The number of known entries and contents.
-        lent: The values that were read and can be changed in place, by the index of the entry.
-        freeze: Function that converts the index of an entry and a value that was read to the entry's content.
+        lent: By entry index, the values that were read and can be changed in place.
+        freeze: Function that is given the index of an entry and a value read from it, and returns the entry's content.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class EntryCells:
         self._numbers: list[dict[Any, int]] = []
 
     def place_of(self, name: str) -> int:
-        """Return the index of an entry, which is assigned if the name is new."""
+        """Return the index of an entry; a new name gets the next index."""
         place = self._places.get(name, -1)
         if place < 0:
             place = self._places[name] = len(self.names)
@@ -89,17 +89,17 @@ class EntryCells:
 
 _UNKNOWN: Final[Any] = object()
 _FEW: Final = 1 << 10
-"""The content number of a single entry below which results are stored in a list."""
+"""If the code uses a single entry, results for content numbers below this limit are stored in a list."""
 _BITS: Final = 15
-"""The bits for a content's number in a key; four such numbers fit into a machine word."""
+"""The number of bits for a content's number in a key. Four such numbers fit into a machine word."""
 
 
 class Memo:
-    """A cache of the effects of code, by the contents of the entries that the code uses.
+    """A cache of the results and effects of code. The key is the contents of the entries that the code uses.
 
     Args:
         cells: The contents of all entries.
-        places: The indices of all entries that the code can read or write. It must have no other inputs or effects.
+        places: The indices of all entries that the code can read or write. The code must have no other inputs or effects.
     """
 
     def __init__(self, cells: EntryCells, places: list[int]) -> None:
@@ -111,7 +111,7 @@ class Memo:
         self._answers: list[Any] = []
 
     def _key(self, now: vec[i32]) -> Any:
-        """Return the numbers of the entries' contents, combined to one number unless one of them is large."""
+        """Return the numbers of the entries' contents, combined to one number if none of them is large."""
         key = 0
         for place in self._places:
             number = now[place]
@@ -159,9 +159,10 @@ class Memo:
 
 
 class OutcomeMemo:
-    """A cache of the outcome of code without effects, by the content of the only entry that the code reads.
+    """A cache of the outcome of code that reads only one entry and has no effects.
 
-    It needs only one byte for each content: a tree may have a thousand conditions on an entry with a thousand contents.
+    The cache needs only one byte for each content of the entry, because a tree may have a thousand conditions on an entry with a thousand
+    contents.
 
     Args:
         cells: The contents of all entries.

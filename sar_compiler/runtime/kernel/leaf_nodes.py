@@ -1,4 +1,4 @@
-"""Nodes of leaves, which call the methods of their behaviours at the same points as py_trees."""
+"""The kernel's nodes for leaves. They call the methods of behaviours at the same points as py_trees."""
 
 from typing import Any, Final
 
@@ -69,7 +69,7 @@ class LeafNode(ChildlessNode):
         return now
 
     def status_before_tick(self, ticker: Ticker) -> int:
-        """Return the leaf's status before the tick, after synchronising the behaviour with its cell."""
+        """Synchronise the behaviour with its cell, and return the leaf's status before the tick."""
         before, status = ticker.cells[self.status_cell], self.behaviour.status
         if status is STATUSES[before]:
             return before
@@ -80,7 +80,7 @@ class LeafNode(ChildlessNode):
         return before
 
     def end_without(self, ticker: Ticker, answer: Any) -> int:
-        """End after a result other than SUCCESS, FAILURE and RUNNING, which counts as INVALID, as in py_trees."""
+        """End the leaf after a result that is not SUCCESS, FAILURE or RUNNING; treat the result as INVALID, as py_trees does."""
         behaviour = self.behaviour
         ticker.number_of(behaviour, answer)
         if self.terminates:
@@ -100,7 +100,7 @@ class LeafNode(ChildlessNode):
 
 
 class SkippableLeafNode(LeafNode):
-    """A leaf that may return INVALID to be skipped, which does not end the leaf."""
+    """A leaf that can return INVALID to be skipped. Being skipped does not end the leaf."""
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the leaf, and record whether it was skipped."""
@@ -118,7 +118,7 @@ class StrictUpdate:
     """A replacement for a behaviour's `update` that raises an error if the result is not a status.
 
     Args:
-        behaviour: The behaviour, which its own methods tick.
+        behaviour: A behaviour that is ticked by its own methods.
     """
 
     def __init__(self, behaviour: Any) -> None:
@@ -126,7 +126,7 @@ class StrictUpdate:
         self._update = behaviour.update
 
     def __call__(self) -> Any:
-        """Call the original `update`, and return its status.
+        """Call the original `update`, and return the status that it returns.
 
         Raises:
             NoStatusError: If the result is not a status.
@@ -140,8 +140,8 @@ class StrictUpdate:
 def insist_on_status(behaviour: Any) -> None:
     """Make a behaviour raise an error if its `update` does not return a status; py_trees would only log an error.
 
-    Only the method of this object is wrapped. py_trees' Success, Failure and Running are not changed, because they
-    always return a status.
+    Only the `update` method of this object is wrapped, not the method of its class. py_trees' Success, Failure and Running are not changed,
+    because they always return a status.
     """
     if type(behaviour) not in _CONSTANTS and not isinstance(behaviour.update, StrictUpdate):
         behaviour.update = StrictUpdate(behaviour)
@@ -154,7 +154,7 @@ class ForeignNode(ChildlessNode):
     """
 
     def require_statuses(self) -> None:
-        """Make the behaviour and its descendants raise an error if their `update` returns no status."""
+        """Make the behaviour and its descendants raise an error if their `update` does not return a status."""
         for each in self.behaviour.iterate():
             if not isinstance(each, EngineBehaviour):
                 insist_on_status(each)
@@ -184,10 +184,10 @@ class ForeignNode(ChildlessNode):
 
 
 class RememberingNode(LeafNode):
-    """A leaf of py_trees with state between two ticks, which a cell stores unless the tree is live.
+    """A leaf of py_trees that has state between two ticks. A cell stores this state, unless the tree is live.
 
     Attributes:
-        kept: The cell with the leaf's state.
+        kept: The cell that stores the leaf's state.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -222,7 +222,7 @@ class RememberingNode(LeafNode):
 
 
 class StatusQueueNode(RememberingNode):
-    """A StatusQueue of py_trees, whose remaining queue is always the end of its `queue`."""
+    """The node for a StatusQueue of py_trees. The statuses not returned yet are always the end of the queue."""
 
     def save(self) -> Any:
         """Return the length of the remaining queue."""
@@ -235,7 +235,7 @@ class StatusQueueNode(RememberingNode):
 
 
 class PeriodicNode(RememberingNode):
-    """A Periodic of py_trees."""
+    """The node for a Periodic of py_trees."""
 
     def save(self) -> Any:
         """Return the leaf's count and current response."""
@@ -247,7 +247,7 @@ class PeriodicNode(RememberingNode):
 
 
 class SuccessEveryNNode(RememberingNode):
-    """A SuccessEveryN of py_trees."""
+    """The node for a SuccessEveryN of py_trees."""
 
     def save(self) -> Any:
         """Return the number of ticks since the last success."""
@@ -259,10 +259,10 @@ class SuccessEveryNNode(RememberingNode):
 
 
 class TickCounterNode(RememberingNode):
-    """A TickCounter of py_trees."""
+    """The node for a TickCounter of py_trees."""
 
     def save(self) -> Any:
-        """Return the number of ticks since the start; 0 if the leaf does not run."""
+        """Return the number of ticks since the leaf's start, or 0 if the leaf does not run."""
         return int(self.behaviour.counter) if self.behaviour.status is _RUNNING else 0
 
     def load(self, kept: Any) -> None:
@@ -271,11 +271,11 @@ class TickCounterNode(RememberingNode):
 
 
 class ConstantNode(ChildlessNode):
-    """A Success, Failure or Running of py_trees, whose `update` is not called because its result is constant.
+    """The node for a Success, Failure or Running of py_trees. Its `update` is never called: the result is constant.
 
     Attributes:
         outcome: The constant outcome.
-        tells: Whether the behaviour already has the feedback message.
+        tells: Whether the behaviour's feedback message is already set.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -303,10 +303,10 @@ class ConstantNode(ChildlessNode):
 
 
 class UpdateCheckNode(ChildlessNode):
-    """A leaf that succeeds if an entry was written since the leaf's last check, otherwise fails.
+    """A leaf that succeeds if an entry was written since the leaf's last check, and otherwise fails.
 
     Attributes:
-        seen: The cell with the entry's number of writes at the last check.
+        seen: The cell that stores the entry's number of writes at the last check.
     """
 
     def __init__(self, part: NodeBuilder) -> None:

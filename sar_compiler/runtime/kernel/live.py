@@ -1,8 +1,8 @@
-"""Live trees, whose behaviours and cells have the same statuses between ticks.
+"""Live trees: between two ticks, their behaviours have the same statuses as their cells.
 
-The state of a tree is in its cells, and `verify` copies nothing else. A live tree also has behaviours, which other code
-uses: py_trees' visitors and displays read `status` and `feedback_message`, a runner stops the root, a test or a sibling
-stops a single leaf, and a user's class may set its own status. So this module synchronises both copies of a status.
+The state of a tree is in its cells, and `verify` copies nothing else. A live tree also has py_trees behaviours, which other code reads and
+stops: py_trees' visitors and displays read `status` and `feedback_message`, a runner stops the root, a test or a sibling stops a single
+leaf, and a user's class may set its own status. So this module synchronises both copies of a status.
 
 Why a node is synchronised when it is reached: parents read cells, because reading an attribute of a Python object would
 cost a dictionary lookup. So a behaviour is compared with its cell when a tick first starts or stops its node
@@ -11,10 +11,10 @@ So the cost of a tick depends on the nodes that it reaches: under a sequence wit
 Plain leaves are exempt: their nodes read and write the behaviour's status directly, because `update` may read it.
 
 Why a changed status resets a node: code that stops a running behaviour calls `stop(INVALID)`, as py_trees does from its
-generators. For a node of this project this is a halt, so its position and its counts are no longer valid. Only a node
-that had ended and is now INVALID was not halted: its parent has reset it before a restart, and state that outlasts an
-end (the turn of a RoundRobin) remains. After any change, the cells of all nodes that this tick has not reached yet are
-read again, because `stop` reaches descendants, too. Before the whole tree is stopped, all nodes are compared.
+generators. A node of this project is halted by this call, so its position and its counts are no longer valid. The only exception is a node
+that had ended and is now INVALID: it was not halted, but reset by its parent before a restart. State that outlasts an end (the turn of a
+RoundRobin) then remains. After any change, the cells of all nodes that this tick has not reached yet are read again, because `stop` reaches
+descendants, too. Before the whole tree is stopped, all nodes are compared.
 
 Why visits are stored and shown afterwards: py_trees' `tick()` is a generator, so a visitor sees each node directly
 after its tick, with its status and message at that time. A node of this project may be ticked twice in a tick (Repeat),
@@ -43,7 +43,7 @@ from sar_compiler.runtime.parents import Children, EngineBehaviour
 
 
 class LiveTicker(Ticker):
-    """The ticker of a tree whose behaviours other code reads and stops.
+    """The ticker of a live tree, whose behaviours are also read and stopped by other code.
 
     Args:
         flat: The tree.
@@ -72,7 +72,7 @@ class LiveTicker(Ticker):
             node.write_status(self.cells)
 
     def reach(self, node: TreeNode) -> None:
-        """Copy a node's status from its behaviour, unless the tick has already reached it."""
+        """Copy a node's status from its behaviour, unless the tick has already reached the node."""
         if node.reached == self._number:
             return
         if not node.shows_itself:
@@ -87,7 +87,7 @@ class LiveTicker(Ticker):
     def copy_statuses(self) -> None:
         """Copy the statuses of all behaviours to the cells, except for nodes that the tick has reached.
 
-        A node whose status has changed is reset, unless it had ended and its parent has reset it.
+        If a node's status has changed, the node is reset, unless it had ended and was reset by its parent.
         """
         cells, changed = self.cells, False
         nodes = [node for node in self._nodes if node.reached != self._number]
@@ -108,14 +108,14 @@ class LiveTicker(Ticker):
 class LiveTree:
     """A tree of behaviours, with the nodes that tick them.
 
-    If other code stops a behaviour or sets its status between two ticks, this applies to the tree's node as well. A
+    If other code stops a behaviour or sets its status between two ticks, the tree's node is changed accordingly. A
     behaviour of an unknown class is ticked by its own methods.
 
     Args:
         root: The root behaviour.
-        is_strict: Whether a result that is not a status raises a `NoStatusError` instead of being logged.
-        former: The tree before its nodes got other children. A node continues from its state in this tree if its old
-            children are still its first children.
+        is_strict: Whether a `NoStatusError` is raised if a result is not a status. Otherwise the result is only logged.
+        former: The earlier tree, if the children of some nodes have changed. A node keeps its state from this tree if its old children are
+            still its first children.
     """
 
     def __init__(self, root: Any, *, is_strict: bool = False, former: "LiveTree | None" = None) -> None:
@@ -163,7 +163,7 @@ class LiveTree:
         """Tick once.
 
         Args:
-            visits: Receives the visits of the ticked descendants, in the order in which their ticks end.
+            visits: A list to which the visits of the ticked descendants are added, in the order in which their ticks end.
             index: The index of the node to tick; by default the root.
 
         Returns:
@@ -186,7 +186,8 @@ class LiveTree:
         """Tick the root, and record all ticked nodes.
 
         Args:
-            visits: Receives the visits of the ticked nodes, in the order in which their ticks end, the root last.
+            visits: A list to which the visits of the ticked nodes are added, in the order in which their ticks end. The root is the last
+                one.
 
         Returns:
             The outcome, as for `tick`.
@@ -207,7 +208,7 @@ class LiveTree:
             ticker.write_statuses()
 
     def _copy_state(self, former: "LiveTree") -> None:
-        """Copy the state of the nodes whose behaviours were part of another tree."""
+        """Copy the state of nodes from another tree that has the same behaviours."""
         there, here = former.ticker, self.ticker
         known = {id(node.behaviour): node for node in former._flat.nodes}
         for node in self._flat.nodes:
@@ -224,7 +225,7 @@ class LiveTree:
 
 
 def _node_of(part: NodeBuilder) -> TreeNode:
-    """Create the node of a behaviour; a `ForeignNode` if the behaviour's class is unknown."""
+    """Create the node of a behaviour, or a `ForeignNode` if the kernel does not know the behaviour's class."""
     known = node_class_of(part.behaviour)
     if known is not None:
         return known(part)
@@ -235,7 +236,7 @@ def _node_of(part: NodeBuilder) -> TreeNode:
 
 
 def _ticked_children(behaviour: Any) -> list[Any]:
-    """Return the children that the kernel ticks; none for a behaviour that is ticked by its own methods."""
+    """Return the children that the kernel ticks. A behaviour that is ticked by its own methods has none."""
     return [] if node_class_of(behaviour) is None else children_of(behaviour)
 
 

@@ -18,16 +18,16 @@ _USUAL_RETRIES: Final = 1
 
 
 class Nav2ControlError(NodeError):
-    """A control does not accept a child's outcome or a port's value."""
+    """A Nav2 control cannot continue with a child's outcome or a port's value."""
 
 
 class RecoveringNode(ControlNode):
-    """Ticks its first child, and if it fails the second child as a recovery, then the first child again.
+    """Ticks its first child; if this child fails, ticks the second child as a recovery, then the first again.
 
     Attributes:
-        current: The cell with the index of the current child.
-        retries: The cell with the number of recoveries, which remains when a recovery is skipped.
-        wanted: The cell with the allowed number of recoveries, in a tick.
+        current: The cell that stores the index of the current child.
+        retries: The cell that stores the number of recoveries. The number is not reset when a recovery is skipped.
+        wanted: The cell that stores the allowed number of recoveries; used only during a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -45,7 +45,7 @@ class RecoveringNode(ControlNode):
         return self.tick_child(self.children[cells[self.current]], ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the current child."""
+        """Continue the tick after the current child was ticked."""
         if outcome == RUNNING:
             ticker.cells[self.wanted] = 0
             return RUNNING
@@ -83,11 +83,11 @@ class RecoveringNode(ControlNode):
 
 
 class PipelineNode(OneChildNode):
-    """Ticks its children from the first one again in each tick, up to the furthest child that has run.
+    """In each tick, ticks its children again, from the first one up to the furthest child that has run.
 
     Attributes:
-        furthest: The cell with the index of the furthest child that has run.
-        skips: The cell with the number of children that were skipped, in a tick.
+        furthest: The cell that stores the index of the furthest child that has run.
+        skips: The cell that stores the number of children that were skipped; used only during a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -100,7 +100,7 @@ class PipelineNode(OneChildNode):
         return self.resume(ticker, INVALID)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Fail if the current child failed, run if the furthest child runs, otherwise continue with the next child."""
+        """Fail if the current child has failed, return RUNNING if the furthest child runs, else tick the next child."""
         cells, index = ticker.cells, ticker.cells[self.position]
         if outcome == FAILURE:
             return self.finish(ticker, FAILURE)
@@ -113,19 +113,19 @@ class PipelineNode(OneChildNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """Succeed, or be skipped if all children were skipped; running children are halted."""
+        """Halt running children; return SUCCESS, or SKIPPED if all children were skipped."""
         all_skipped = ticker.cells[self.skips] == len(self.children)
         return self.finish(ticker, SKIPPED if all_skipped else SUCCESS)
 
 
 class RoundRobinNode(OneChildNode):
-    """Ticks its children in turn until one succeeds. The next start continues with the child after that.
+    """Ticks its children in turn until one succeeds. The next start begins with the child after that one.
 
     If `wrap_around` is false, the node ends without success after the last child.
 
     Attributes:
-        failures: The cell with the number of children that have failed.
-        skips: The cell with the number of children that were skipped, in a tick.
+        failures: The cell that stores the number of children that have failed.
+        skips: The cell that stores the number of children that were skipped; used only during a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -144,7 +144,7 @@ class RoundRobinNode(OneChildNode):
         return -1 if is_over else cells[self.position]
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Succeed or run with the current child, otherwise continue with the next child, if there is one."""
+        """Return SUCCESS or RUNNING if the current child did; otherwise tick the next child, if there is one."""
         cells = ticker.cells
         if outcome == RUNNING:
             cells[self.skips] = 0
@@ -161,17 +161,17 @@ class RoundRobinNode(OneChildNode):
         return SUCCESS if outcome == SUCCESS else INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """Fail, or be skipped if all children were skipped."""
+        """Return FAILURE, or SKIPPED if all children were skipped."""
         all_skipped = ticker.cells[self.skips] == len(self.children)
         ticker.cells[self.status_cell] = INVALID
         return self.finish(ticker, SKIPPED if all_skipped else FAILURE)
 
 
 class NonblockingNode(OneChildNode):
-    """Ticks all children in every tick, including children that have succeeded, until no child runs or one fails.
+    """Ticks all children in every tick, even those that have succeeded, until no child runs or one has failed.
 
     Attributes:
-        runs: The cell with 1 if a child runs, in a tick.
+        runs: The cell that contains 1 if a child runs; used only during a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -194,7 +194,7 @@ class NonblockingNode(OneChildNode):
             return self.finish(ticker, FAILURE)
         if outcome == SKIPPED:
             name = self.children[index].behaviour.name
-            message = f"'{name}' was skipped, which '{self.behaviour.name}' treats as an error"
+            message = f"'{name}' was skipped, but '{self.behaviour.name}' does not accept skipped children"
             raise Nav2ControlError(message, self.behaviour.name)
         cells[self.runs] |= int(outcome == RUNNING)
         cells[self.position] = index + 1
@@ -209,7 +209,7 @@ class NonblockingNode(OneChildNode):
 
 
 class PersistentNode(OneChildNode):
-    """A sequence whose current index is an entry of the blackboard, which remains after a halt."""
+    """A sequence that stores the index of its current child on the blackboard, where it remains after a halt."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, of_tick=True)
@@ -222,13 +222,13 @@ class PersistentNode(OneChildNode):
         """
         place: int = self.behaviour.current_child_idx.get()
         if place < 0:
-            message = f"'{self.behaviour.name}' cannot begin with child {place}, because children are counted from 0"
+            message = f"'{self.behaviour.name}' cannot begin with child {place}. The index of a child must be at least 0"
             raise Nav2ControlError(message, self.behaviour.name)
         ticker.cells[self.position] = place
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Fail or run with the current child, otherwise continue with the next child."""
+        """Return FAILURE or RUNNING if the current child did; otherwise tick the next child."""
         cells = ticker.cells
         if outcome == RUNNING:
             cells[self.position] = 0
@@ -244,7 +244,7 @@ class PersistentNode(OneChildNode):
         return self.start_over(ticker, SUCCESS)
 
     def start_over(self, ticker: Ticker, outcome: int) -> int:
-        """End with an outcome; the next start begins with the first child."""
+        """End the node with an outcome, so that the next start begins with the first child."""
         self.finish(ticker, outcome)
         self.behaviour.current_child_idx.set(0)
         return outcome
@@ -258,15 +258,15 @@ _NEXT: Final = (_RESUMED, _PAUSED, _PAUSED, _RESUMED)
 
 
 class PauseResumeNode(ControlNode):
-    """Ticks the child of its current mode: resumed, paused, or one of the transitions between these modes.
+    """Ticks the child that belongs to its current mode: resumed, paused, pausing or resuming.
 
-    The node's first child is a leaf, which returns the request in every tick: FAILURE to pause, RUNNING to resume. A
-    request to pause is accepted unless the node is paused, and a request to resume only if it is paused. SKIPPED means
-    both requests, after which the node pauses.
+    The node's first child is a leaf whose status is the request: FAILURE to pause, RUNNING to resume. A request to pause is accepted unless
+    the node is paused, and a request to resume is accepted only if the node is paused. SKIPPED stands for both requests. The node then
+    pauses.
 
     Attributes:
-        asking: The cell with 1 while the leaf with the request is ticked.
-        mode: The cell with the current mode, which is also the index of the mode's child.
+        asking: The cell that contains 1 while the leaf with the request is ticked.
+        mode: The cell that stores the current mode, which is also the index of the mode's child.
     """
 
     asks_whether_it_starts = True
@@ -300,7 +300,7 @@ class PauseResumeNode(ControlNode):
         return self.next_mode(ticker)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Change the mode as the leaf's outcome requests, and tick the child of the mode."""
+        """Change the mode if the leaf's outcome requests this, and tick the child of the mode."""
         cells = ticker.cells
         is_paused = cells[self.mode] == _PAUSED
         pauses = (outcome == SKIPPED) if is_paused else (outcome in (FAILURE, SKIPPED))

@@ -1,4 +1,4 @@
-"""The decorators of Nav2, which tick their child again depending on time or on events in the world."""
+"""The decorators of Nav2. Time or events in the world determine when they tick their child again."""
 
 import math
 from typing import Final
@@ -14,7 +14,7 @@ class RateNode(DecoratorNode):
     """Ticks its child at the start, while the child runs, and one period after the child's last success.
 
     Attributes:
-        period: The cell with the period in seconds, which is read at each start.
+        period: The cell that stores the period in seconds. The period is read at each start.
     """
 
     asks_whether_it_starts = True
@@ -51,7 +51,7 @@ class RateNode(DecoratorNode):
         return self.set_outcome(ticker, outcome)
 
     def wait(self, ticker: Ticker) -> None:
-        """Begin a period; an infinite period never ends."""
+        """Begin a waiting period; an infinite period never ends."""
         period: float = ticker.values[self.period]
         if period == math.inf:
             self.timer.stop(ticker)
@@ -68,7 +68,7 @@ class SingleTriggerNode(DecoratorNode):
     """Ticks its child until the child has ended once, and then fails until the node's parent resets it.
 
     Attributes:
-        done: The cell with 1 once the child has ended.
+        done: The cell that contains 1 once the child has ended.
     """
 
     asks_whether_it_starts = True
@@ -96,12 +96,12 @@ class SingleTriggerNode(DecoratorNode):
 
 
 class AskingNode(OwnNode):
-    """A decorator that first ticks a leaf that represents the world, and then decides whether to tick its child.
+    """A decorator that ticks a leaf representing the world, and then decides whether to tick its child.
 
     Attributes:
         asked: The leaf that represents the world.
         child: The child.
-        asking: The cell with 1 while the leaf is ticked.
+        asking: The cell that contains 1 while the leaf is ticked.
         waits: Whether the leaf waits for an event, and therefore is not reset when it returns RUNNING.
     """
 
@@ -128,7 +128,7 @@ class AskingNode(OwnNode):
         return self.set_outcome(ticker, outcome)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return the decorator's outcome after the leaf's outcome, or CALLED if the child is ticked."""
+        """Process the leaf's outcome; return the decorator's outcome, or CALLED if the child is ticked."""
         raise NotImplementedError
 
     def reset_cells(self, ticker: Ticker) -> None:
@@ -138,7 +138,7 @@ class AskingNode(OwnNode):
 
 
 class WhenDueNode(AskingNode):
-    """Ticks its child at the start, while the child runs, and when the leaf succeeds, which is otherwise not ticked."""
+    """Ticks its child at the start, while the child runs, and when the leaf succeeds."""
 
     asks_whether_it_starts = True
 
@@ -147,7 +147,7 @@ class WhenDueNode(AskingNode):
         self.waits = True
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child at the start or if it runs, otherwise the leaf."""
+        """Tick the child at the start and while the child runs; otherwise tick the leaf."""
         cells, starts = ticker.cells, self.starts(ticker)
         cells[self.status_cell] = RUNNING
         if starts or cells[self.child.status_cell] == RUNNING:
@@ -165,7 +165,7 @@ class DistanceNode(AskingNode):
     The node ticks the leaf in every tick, and fails without halting the child if the robot's position is unknown.
 
     Attributes:
-        is_first: The cell with 1 in the first tick of an activation, while the leaf is ticked.
+        is_first: The cell that contains 1 in the first tick of an activation, while the leaf is ticked.
     """
 
     asks_whether_it_starts = True
@@ -175,13 +175,13 @@ class DistanceNode(AskingNode):
         self.is_first = part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the leaf, which compares the robot's position with an earlier one."""
+        """Tick the leaf, which compares the robot's position with an earlier position."""
         ticker.cells[self.is_first] = int(self.starts(ticker))
         ticker.cells[self.status_cell] = RUNNING
         return self.tick_query(ticker)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the child at the start, if it runs, or if the robot has driven far enough."""
+        """Tick the child at the start, while the child runs, and when the robot has driven far enough."""
         cells = ticker.cells
         starts, cells[self.is_first] = cells[self.is_first], 0
         if outcome == FAILURE:
@@ -192,12 +192,12 @@ class DistanceNode(AskingNode):
 
 
 class LongerPathNode(AskingNode):
-    """Ticks its child if the path has become longer close to the goal, otherwise succeeds.
+    """Ticks its child if the path has become longer close to the goal, and otherwise succeeds.
 
-    A running child is not halted when the path does not become longer any more.
+    If the path does not become longer any more, a running child is not halted.
 
     Attributes:
-        seen: The cell with 1 after the first path, which remains after every end and halt.
+        seen: The cell that contains 1 after the first path. The value remains when the node ends or is halted.
     """
 
     def __init__(self, part: NodeBuilder) -> None:

@@ -5,7 +5,7 @@ from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, OneChildNode, Ti
 
 
 class OrderedNode(OneChildNode):
-    """Ticks its children in order; it continues after the outcome `hands_over` and ends after the other.
+    """Ticks its children in order: the outcome `hands_over` leads to the next child, the other ends the node.
 
     Attributes:
         hands_over: The outcome after which the next child is ticked.
@@ -27,7 +27,7 @@ class ResumingNode(OrderedNode):
     """A sequence or fallback that continues with the running child in the next tick.
 
     Attributes:
-        skips: The cell with the number of children that were skipped.
+        skips: The cell that stores the number of children that were skipped.
         goes_back: Whether the node begins with the first child after an end or a halt.
     """
 
@@ -45,7 +45,7 @@ class ResumingNode(OrderedNode):
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the outcomes `hands_over` and SKIPPED; the other ended outcome decides."""
+        """Tick the next child after the outcomes `hands_over` and SKIPPED; after the opposite outcome, end the node."""
         if outcome == RUNNING:
             return RUNNING
         cells = ticker.cells
@@ -75,10 +75,10 @@ class ResumingNode(OrderedNode):
 
 
 class PausingNode(ResumingNode):
-    """Also returns RUNNING after each child that returns `hands_over` in its first tick, except the last child.
+    """Like `ResumingNode`, but pauses with RUNNING after a child that returns `hands_over` in its first tick.
 
     Attributes:
-        before: The cell with the status of the current child before its tick.
+        before: The cell that stores the status of the current child before its tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -108,7 +108,7 @@ class ReactiveNode(OrderedNode):
     """A sequence or fallback that begins with the first child in each tick.
 
     Attributes:
-        so_far: The cell with the outcome of the last child in this tick that was not skipped.
+        so_far: The cell that stores the outcome of the last child that was ticked and not skipped in this tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -125,7 +125,7 @@ class ReactiveNode(OrderedNode):
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Halt the other children if the current child runs; continue after `hands_over` and SKIPPED."""
+        """If the current child runs, halt the other children; after `hands_over` or SKIPPED, tick the next child."""
         cells, children = ticker.cells, self.children
         index = cells[self.position]
         if outcome == RUNNING:

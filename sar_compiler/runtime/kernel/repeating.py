@@ -13,20 +13,20 @@ _ENDLESS: Final = -1
 
 
 class RepeatingNode(DecoratorNode):
-    """Restarts its child after the outcome `goes_on`, up to a maximum number of times; the other outcome ends the node.
+    """Restarts its child after the outcome `goes_on`, up to a maximum number of times; ends after other outcomes.
 
     Args:
         part: The builder of the node.
         times: The port with the maximum number of repetitions; -1 for no limit.
-        goes_on: The outcome of the child after which it is restarted.
+        goes_on: The outcome after which the child is restarted.
         noun: The noun for a repetition in the feedback message.
 
     Attributes:
-        done: The cell with the number of repetitions so far.
-        wanted: The cell with the maximum number of repetitions plus 2, in a tick.
-        before: The cell with the status of the child before it was ticked, in a tick.
+        done: The cell that stores the number of repetitions so far.
+        wanted: The cell that stores the maximum number of repetitions plus 2; used only during a tick.
+        before: The cell that stores the status of the child before it was ticked; used only during a tick.
         fixed: The maximum number if it is a constant; otherwise `times` is read in each tick.
-        shown: The number of repetitions of a node without a limit, which only the message shows; it is in no cell.
+        shown: The number of repetitions of a node without a limit. It is only shown in the message, and not stored in a cell.
     """
 
     def __init__(self, part: NodeBuilder, times: Any, goes_on: int, noun: str) -> None:
@@ -123,21 +123,21 @@ class RetryNode(RepeatingNode):
         super().__init__(part, part.behaviour.num_attempts, FAILURE, "attempt")
 
     def read_again(self, wanted: int) -> int:
-        """Return the maximum number of attempts, which the child may have changed in the last attempt."""
+        """Return the maximum number of attempts. The child may have changed it in the last attempt."""
         again: int = wanted if self.is_fixed else self.times.get(wanted)
         return again
 
 
 _UNSEEN: Final = 0
-"""A marker instead of a queue that was not read yet."""
+"""A marker that stands for a queue that was not read yet."""
 
 
 class LoopNode(DecoratorNode):
-    """Ticks its child until the child has ended once for each item of a queue; the tag determines the items' type.
+    """Runs its child to the end once for each item of a queue; the tag determines the type of the items.
 
     Attributes:
-        left: The cell with the remaining items.
-        child_runs: The cell with 1 while the child runs.
+        left: The cell that stores the remaining items.
+        child_runs: The cell that contains 1 while the child runs.
     """
 
     asks_whether_it_starts = True
@@ -159,7 +159,7 @@ class LoopNode(DecoratorNode):
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Fail if the child failed, otherwise run."""
+        """Return FAILURE if the child has failed, otherwise RUNNING."""
         ticker.cells[self.child_runs] = int(outcome == RUNNING)
         return self.set_outcome(ticker, FAILURE if outcome == FAILURE else RUNNING)
 
@@ -205,7 +205,7 @@ class LoopNode(DecoratorNode):
         behaviour.feedback_message = f"item {excerpt(str(item))}, {left} left"
 
     def shared_queue(self, ticker: Ticker) -> Any:
-        """Return a queue from which other nodes remove items, too; None if the node has its own copy of the items."""
+        """Return the queue if other nodes also remove items from it; None if the node has its own copy of the items."""
         if self.literal != _UNSEEN:
             return None
         queue = self.behaviour.queue.get()

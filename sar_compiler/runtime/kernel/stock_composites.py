@@ -1,4 +1,4 @@
-"""The nodes of py_trees' own composites."""
+"""The kernel's nodes for py_trees' own composites."""
 
 from typing import Any, Final
 
@@ -11,12 +11,12 @@ _NOWHERE: Final = -2
 
 
 class StockNode(TreeNode):
-    """A composite of py_trees, whose children keep their statuses until they are restarted or stopped.
+    """The base class for composites of py_trees: children keep their statuses until they are restarted or stopped.
 
-    It depends on the statuses of its children, not on the outcomes of their ticks.
+    The composite's status depends on the statuses of its children, not on the outcomes of their ticks.
 
     Attributes:
-        pointed: The index of py_trees' current child; `_NOWHERE` if it is not known.
+        pointed: The index of py_trees' current child; `_NOWHERE` if this index is not known.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -29,7 +29,7 @@ class StockNode(TreeNode):
         self.pointed = _NOWHERE
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the children that are not idle, the last child first."""
+        """Return the children that are not idle, in reverse order."""
         self.behaviour.current_child = None
         cells = ticker.cells
         return [child for child in reversed(self.children) if cells[child.status_cell] != INVALID]
@@ -40,17 +40,17 @@ class StockNode(TreeNode):
         ticker.cells[self.status_cell] = INVALID
 
     def point_at(self, ticker: Ticker, index: int) -> None:
-        """Make the child at an index py_trees' current child; -1 means the last child."""
+        """Set py_trees' current child to the child at an index; -1 means the last child."""
         if index != self.pointed and ticker.tells:
             self.pointed = index
             self.behaviour.current_child = self.children[index].behaviour if self.children else None
 
 
 class StockSequenceNode(StockNode):
-    """A Sequence of py_trees, with or without memory.
+    """The node for a Sequence of py_trees, with or without memory.
 
     Attributes:
-        position: The cell with the index of the current child.
+        position: The cell that stores the index of the current child.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -70,7 +70,7 @@ class StockSequenceNode(StockNode):
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue while children succeed; the outcome INVALID means that the current child has to be ticked."""
+        """Continue with the next child after a success; INVALID means that the current child has to be ticked."""
         cells, children = ticker.cells, self.children
         index, count = cells[self.position], len(children)
         status = SUCCESS
@@ -100,16 +100,16 @@ class StockSequenceNode(StockNode):
         return SKIPPED if status == INVALID else status
 
     def break_off(self, ticker: Ticker) -> None:
-        """Make the child at the current index py_trees' current child after an aborted tick."""
+        """After an aborted tick, set py_trees' current child to the child at the current index."""
         self.point_at(ticker, ticker.cells[self.position])
 
 
 class StockSelectorNode(StockNode):
-    """A Selector of py_trees, with or without memory.
+    """The node for a Selector of py_trees, with or without memory.
 
     Attributes:
-        position: The cell with the index of the running child.
-        current: The cell with the index of the current child, in a tick.
+        position: The cell that stores the index of the running child.
+        current: The cell that stores the index of the current child; used only during a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -132,7 +132,7 @@ class StockSelectorNode(StockNode):
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue until a child does not fail; the outcome INVALID means that the current child has to be ticked."""
+        """Continue with the next child after a failure; INVALID means that the current child has to be ticked."""
         cells, children = ticker.cells, self.children
         index, count = cells[self.current], len(children)
         while index < count:
@@ -162,10 +162,10 @@ class StockSelectorNode(StockNode):
 
 
 class StockParallelNode(StockNode):
-    """A Parallel of py_trees, with any policy.
+    """The node for a Parallel of py_trees, with any policy.
 
     Attributes:
-        current: The cell with the index of the current child, in a tick.
+        current: The cell that stores the index of the current child; used only during a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -186,7 +186,7 @@ class StockParallelNode(StockNode):
         self.current = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Begin with the first child."""
+        """Begin the tick with the first child."""
         cells = ticker.cells
         if cells[self.status_cell] != RUNNING:
             stop_all(self.children, ticker)
@@ -199,12 +199,12 @@ class StockParallelNode(StockNode):
         return self.tick_unfinished(ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - the status is used
-        """Continue after the current child."""
+        """Continue the tick after the current child was ticked."""
         ticker.cells[self.current] += 1
         return self.tick_unfinished(ticker)
 
     def tick_unfinished(self, ticker: Ticker) -> int:
-        """Tick the children from the current child on, then set the node's status."""
+        """Tick the current child and all later children, and then set the node's status."""
         cells = ticker.cells
         index = cells[self.current]
         for child in self.children[index:]:
@@ -223,7 +223,7 @@ class StockParallelNode(StockNode):
         return status
 
     def decide(self, ticker: Ticker) -> int:
-        """Return the node's status after all children were ticked, and make the decisive child the current child."""
+        """Return the node's status after all children were ticked; set the current child to the decisive child."""
         cells, children = ticker.cells, self.children
         for index, child in enumerate(children):
             if cells[child.status_cell] == FAILURE:
@@ -245,7 +245,7 @@ class StockParallelNode(StockNode):
         return SUCCESS
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the children that are not idle in reverse order, the running children, which are stopped first, last."""
+        """Return the children that are not idle in reverse stopping order; running children are stopped first."""
         cells = ticker.cells
         children = super().stop_first(ticker)
         ended = [child for child in children if cells[child.status_cell] != RUNNING]

@@ -1,6 +1,6 @@
-"""The nodes of py_trees' own decorators, whose `update` methods convert the status of the child.
+"""The kernel's nodes for py_trees' own decorators. Their `update` methods convert the status of the child.
 
-Cells store the state of such a decorator between two ticks. A tick copies it to the decorator's attributes and back.
+Cells store the state of such a decorator between two ticks. Each tick copies the state to the decorator's attributes and back.
 """
 
 from collections.abc import Iterable
@@ -41,11 +41,11 @@ TURNING: tuple[type, ...] = (
 
 
 class StockDecoratorNode(TreeNode):
-    """A decorator of py_trees.
+    """The node for a decorator of py_trees.
 
     Attributes:
         turns: Whether the decorator only converts the status of the child.
-        turned: The result of the conversion, by the child's status; CALLED if it is not known yet.
+        turned: The result of the conversion for each status of the child; CALLED if the result is not known yet.
         heard_status: The child's status at the last call of `update`; CALLED before the first call.
         heard_message: The child's feedback message at the last call of `update`.
         made: The status that the last call of `update` returned.
@@ -93,10 +93,10 @@ class StockDecoratorNode(TreeNode):
         ticker.cells[self.status_cell] = INVALID
 
     def start(self, ticker: Ticker) -> None:
-        """Do the work of the py_trees class's `initialise`; nothing by default."""
+        """Do the work of the `initialise` method of the py_trees class; by default, do nothing."""
 
     def update(self, ticker: Ticker) -> int:
-        """Return the result of the py_trees class's `update` for the child's status."""
+        """Return the status that the `update` method of the py_trees class returns for the child's status."""
         status = ticker.cells[self.child.status_cell]
         if not self.turns:
             return self.call_update(ticker, status)
@@ -122,16 +122,16 @@ class StockDecoratorNode(TreeNode):
         return ticker.number_of(self.behaviour, self.behaviour.update())
 
     def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
-        """Do the work of the py_trees class's `terminate`."""
+        """Do the work of the `terminate` method of the py_trees class."""
         if self.terminates:
             self.behaviour.terminate(STATUSES[status])
 
 
 class StockCountingNode(StockDecoratorNode):
-    """A decorator of py_trees that counts outcomes of its child.
+    """The node for a decorator of py_trees that counts outcomes of its child.
 
     Attributes:
-        count: The cell with the count, which a node without a limit does not use.
+        count: The cell that stores the count. A node without a limit does not use this cell.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -140,7 +140,7 @@ class StockCountingNode(StockDecoratorNode):
         self.known: dict[int, int] = {}
 
     def attribute(self) -> str:
-        """Return the name of the behaviour's attribute with the count; empty if no count is needed."""
+        """Return the name of the behaviour's attribute that stores the count; empty if no count is needed."""
         raise NotImplementedError
 
     def start(self, ticker: Ticker) -> None:
@@ -177,23 +177,23 @@ class StockCountingNode(StockDecoratorNode):
 
 
 class StockRepeatNode(StockCountingNode):
-    """A Repeat of py_trees."""
+    """The node for a Repeat of py_trees."""
 
     def attribute(self) -> str:
-        """Return the name of the attribute with the count; empty if there is no limit."""
+        """Return the name of the attribute that stores the count; empty if the number of repetitions has no limit."""
         return "success" if self.behaviour.num_success > 0 else ""
 
 
 class StockRetryNode(StockCountingNode):
-    """A Retry of py_trees."""
+    """The node for a Retry of py_trees."""
 
     def attribute(self) -> str:
-        """Return the name of the attribute with the count."""
+        """Return the name of the attribute that stores the count."""
         return "failures"
 
 
 class StockGuardNode(StockDecoratorNode):
-    """An EternalGuard of py_trees."""
+    """The node for an EternalGuard of py_trees."""
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child if the condition is true."""
@@ -216,10 +216,10 @@ class StockGuardNode(StockDecoratorNode):
 
 
 class StockOneShotNode(StockDecoratorNode):
-    """A OneShot of py_trees.
+    """The node for a OneShot of py_trees.
 
     Attributes:
-        final: The cell with the final status of the child, which is never reset.
+        final: The cell that stores the final status of the child. The status is never reset.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -239,7 +239,7 @@ class StockOneShotNode(StockDecoratorNode):
         return final
 
     def update(self, ticker: Ticker) -> int:
-        """Return the child's status, as the py_trees class does before there is a final status."""
+        """Return the child's status, like the py_trees class while the child has no final status."""
         return super().update(ticker) if ticker.tells else ticker.cells[self.child.status_cell]
 
     def terminate(self, ticker: Ticker, status: int) -> None:
@@ -252,11 +252,11 @@ class StockOneShotNode(StockDecoratorNode):
 
 
 class StockForEachNode(StockDecoratorNode):
-    """A ForEach of py_trees, which copies the items of its list at its start.
+    """The node for a ForEach of py_trees. It copies the items of the list when it starts.
 
     Attributes:
-        waiting: The cell with the remaining items.
-        has_item: The cell with 1 while there is a current item.
+        waiting: The cell that stores the remaining items.
+        has_item: The cell that contains 1 while there is a current item.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -269,7 +269,7 @@ class StockForEachNode(StockDecoratorNode):
         items: Any = behaviour.blackboard.get(behaviour.source_key) or []
         if not isinstance(items, Iterable):
             message = (
-                f"'{behaviour.name}': '{behaviour.source_key}' has the value {items!r}, which is not a list"
+                f"'{behaviour.name}': '{behaviour.source_key}' must be a list, but has the value {items!r}"
             )
             raise TypeError(message)
         ticker.values[self.waiting] = tuple(freeze(item) for item in items)
@@ -287,7 +287,7 @@ class StockForEachNode(StockDecoratorNode):
             cells[self.has_item] = int(item is not None)
 
     def update(self, ticker: Ticker) -> int:
-        """Succeed if no item is left, run after the success of an item, otherwise return the child's status."""
+        """Return SUCCESS if no item is left, RUNNING after the success of an item, otherwise the child's status."""
         cells = ticker.cells
         if not cells[self.has_item]:
             return SUCCESS
@@ -303,7 +303,7 @@ class StockForEachNode(StockDecoratorNode):
 
 
 class StockTimeoutNode(StockDecoratorNode):
-    """A Timeout of py_trees that uses the mission's clock."""
+    """The node for a Timeout of py_trees, which uses the mission's clock."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
@@ -315,7 +315,7 @@ class StockTimeoutNode(StockDecoratorNode):
         self.behaviour.feedback_message = ""
 
     def update(self, ticker: Ticker) -> int:
-        """Fail if the child runs and the time has expired."""
+        """Return FAILURE if the child is still running after the time limit."""
         behaviour, status = self.behaviour, ticker.cells[self.child.status_cell]
         if status != RUNNING:
             behaviour.feedback_message = ""

@@ -43,7 +43,7 @@ if not IS_2_3:
 
 
 class NotFlatError(UndecidableError):
-    """A tree has a behaviour whose children the kernel cannot tick, because it does not know the behaviour's class.
+    """The kernel cannot tick the children of a behaviour, because the behaviour's class is unknown.
 
     Attributes:
         behaviour: The behaviour.
@@ -53,8 +53,8 @@ class NotFlatError(UndecidableError):
         self.behaviour = behaviour
         cls = type(behaviour)
         message = (
-            f"'{behaviour.name}' is a {cls.__module__}.{cls.__qualname__}, and only its own methods define when it "
-            "ticks and stops its children. Replace it by registered controls and decorators, or by a leaf"
+            f"'{behaviour.name}' is a {cls.__module__}.{cls.__qualname__}, and only the methods of this class define when children are "
+            f"ticked and stopped. Replace it by registered controls and decorators, or by a leaf"
         )
         super().__init__(message)
 
@@ -91,7 +91,7 @@ def node_class_of(behaviour: Behaviour) -> NodeClass | None:
 
 
 def is_known_class(cls: type[Behaviour]) -> bool:
-    """Return whether the kernel knows how controls or decorators of a class tick and stop their children."""
+    """Return whether the kernel knows how a class of controls or decorators ticks and stops children."""
     if not issubclass(cls, EngineBehaviour):
         return cls in STOCK
     # A class derived from a class of this project ticks its children alike, unless it overrides `tick` or `stop`.

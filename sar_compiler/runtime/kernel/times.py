@@ -5,7 +5,10 @@ from typing import Any
 
 
 class Times:
-    """The interface for the timers of a tree's nodes. The state of a timer is its token, which a cell stores."""
+    """The interface for the timers of a tree's nodes.
+
+    The state of a timer is a number, its token. A cell stores the token.
+    """
 
     def branch_count(self) -> int:
         """Return the number of possible results of `is_up` for a running timer."""
@@ -33,7 +36,7 @@ class Times:
 
 
 class _SteadyClock:
-    """A clock that does not go back when the underlying clock does."""
+    """A clock that never goes back, even if the underlying clock goes back."""
 
     def __init__(self, clock: Any) -> None:
         self._clock = clock
@@ -51,9 +54,8 @@ class _SteadyClock:
 class ClockTimes(Times):
     """Timers that use the nodes' clocks, which may stop, go back or jump forward.
 
-    When a clock goes back, elapsed time remains elapsed, so that no time has to be waited for twice. Time by which a
-    clock jumps forward counts as elapsed. The token of a timer is the time at which it expires, in seconds of the clock
-    without its steps back.
+    When a clock goes back, the time that a timer has already waited is not lost. When a clock jumps forward, the skipped time counts as
+    elapsed. The token of a timer is the time at which the timer expires, in seconds of the clock without its backward steps.
 
     Args:
         clock_of: Function that returns the clock of a node, by the node's index.

@@ -34,7 +34,7 @@ def seconds_of(behaviour: Any, port: str) -> float:
 
 
 class Countdown:
-    """The timer of a node, with a cell for its state, and a cell for its token while it runs.
+    """The timer of a node. One cell stores the timer's state, and another cell its token while the timer runs.
 
     A timer that has expired is not checked again.
 
@@ -63,7 +63,7 @@ class Countdown:
         return ticker.cells[self.state] == UP
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return the number of possible results of the next `is_up`."""
+        """Return the number of possible results of the next call of `is_up`."""
         return ticker.times.branch_count() if ticker.cells[self.state] == COUNTING else 1
 
     def remaining_message(self, ticker: Ticker) -> str:
@@ -96,7 +96,7 @@ class TimedNode(DecoratorNode):
 
 
 class DelayNode(TimedNode):
-    """Waits for a time before it ticks its child for the first time."""
+    """Waits for a given time before it ticks its child for the first time."""
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child if the timer has expired."""
@@ -123,7 +123,7 @@ class TimeoutNode(TimedNode):
     """Halts its child and fails if the child is still running after a time limit."""
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child, unless it runs and the time limit has expired."""
+        """Tick the child, unless the child is running and the time limit has expired."""
         cells, timer = ticker.cells, self.timer
         if cells[timer.state] == OFF:
             self.start(ticker)
@@ -160,18 +160,18 @@ class TimeoutNode(TimedNode):
 
 
 class SleepNode(ChildlessNode):
-    """A leaf that waits, then succeeds; its message is cleared when it is stopped."""
+    """A leaf that waits and then succeeds. When the leaf is stopped, its feedback message is cleared."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.timer = Countdown(part)
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return the number of possible results of the timer check, which also follows the start."""
+        """Return the number of possible results of the timer check, which also takes place in the first tick."""
         return ticker.times.branch_count()
 
     def begin(self, ticker: Ticker) -> int:
-        """Start the timer if the leaf does not run, and succeed if it has expired."""
+        """Start the timer if the leaf does not run yet; return SUCCESS if the timer has expired."""
         cells, timer = ticker.cells, self.timer
         if cells[self.status_cell] != RUNNING:
             timer.start(self.seconds(), ticker)
@@ -194,7 +194,7 @@ class SleepNode(ChildlessNode):
         return seconds_of(self.behaviour, "msec")
 
     def set_message(self, ticker: Ticker, left: str) -> None:
-        """Set the feedback message, if it is read; *left* is the remaining time, or empty at the end."""
+        """Set the feedback message if messages are read; *left* is the remaining time, or empty at the end."""
         if ticker.tells:
             self.behaviour.feedback_message = left
 
@@ -204,18 +204,18 @@ class SleepNode(ChildlessNode):
 
 
 class TimerNode(SleepNode):
-    """A Timer of py_trees that uses the mission's clock, with py_trees' messages, which remain when it is stopped."""
+    """The node for a Timer of py_trees. It uses the mission's clock, and keeps its message when it is stopped."""
 
     def seconds(self) -> float:
         """Return the duration, in seconds."""
         return float(self.behaviour.duration)
 
     def set_message(self, ticker: Ticker, left: str) -> None:
-        """Set py_trees' feedback message, if it is read; *left* is empty at the end."""
+        """Set the same feedback message as py_trees, if messages are read; *left* is empty at the end."""
         if not ticker.tells:
             return
         behaviour = self.behaviour
         behaviour.feedback_message = "still running" if left else f"timer ran out [{behaviour.duration}]"
 
     def clear_message(self) -> None:
-        """Do not clear the message, like py_trees' Timer."""
+        """Keep the message, like py_trees' Timer."""

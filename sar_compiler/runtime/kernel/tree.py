@@ -1,4 +1,4 @@
-"""Trees in flat form, which consist of nodes and the cells with their state."""
+"""Trees in flat form: a list of nodes, and cells that store the state of the nodes."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -10,7 +10,8 @@ from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree_nodes import CellLayout, NodeBuilder, Ticker, TreeNode
 
 _MANY: Final = 2
-"""The number of writes that represents all larger numbers. It is not 1, which an entry has again after a removal."""
+"""The number of writes that represents all larger numbers. It must not be 1, because an entry that is removed and written again has been
+written once."""
 _LONG_AGO: Final = -1
 """A stored number of writes that no entry will have again."""
 
@@ -18,7 +19,7 @@ _LONG_AGO: Final = -1
 class FlatTree:
     """A tree whose whole state is in cells that can be copied.
 
-    It calls the leaves in the same order as the py_trees tree from which it was made, and uses the same behaviours.
+    The flat tree is made from a tree of py_trees. It uses the same behaviours, and calls the leaves in the same order.
 
     Attributes:
         nodes: The nodes, in pre-order.
@@ -40,7 +41,7 @@ class FlatTree:
         return Ticker(vec[i32](self._layout.cells), list(self._layout.values), times)
 
     def renumber(self, ticker: Ticker) -> None:
-        """Reduce the numbers of writes to entries, so that equivalent states are equal.
+        """Reduce the stored numbers of writes to entries, so that equivalent states become equal.
 
         A node that waits for a write compares the entry's number of writes with a stored number. Both grow without
         limit, but only their equality matters.
@@ -81,7 +82,7 @@ def flat_tree(
     Args:
         root: The root of the tree, after its setup.
         node_of: Function that creates the node of a behaviour.
-        below: Function that returns the children of a behaviour that the kernel ticks.
+        below: Function that returns the children of a behaviour, if the kernel ticks them.
     """
     behaviours: list[Any] = []
     parents: list[int] = []

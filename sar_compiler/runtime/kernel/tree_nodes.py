@@ -25,7 +25,7 @@ class CellLayout:
     Attributes:
         cells: The initial values of the numeric cells; the first cells are the statuses of the nodes.
         values: The initial values of the other cells.
-        watched: Pairs of an entry and a cell with which a node compares the entry's number of writes.
+        watched: Pairs of an entry and a cell. A node compares the entry's number of writes with the number in the cell.
     """
 
     def __init__(self, count: int) -> None:
@@ -39,7 +39,7 @@ class NodeBuilder:
 
     Args:
         index: The node's index in the tree.
-        at: The cell with the node's status.
+        at: The cell that stores the node's status.
         behaviour: The node's behaviour.
         children: The nodes of the children.
         layout: The cells of the tree, to which the node adds its own cells.
@@ -93,18 +93,18 @@ class NodeBuilder:
 
 
 class TreeNode:
-    """A node, which defines how its behaviour is ticked and stopped.
+    """A node of the kernel. It defines how its behaviour is ticked and stopped.
 
     Args:
         part: The builder.
 
     Attributes:
         index: The node's index in the tree.
-        status_cell: The cell with the node's status.
+        status_cell: The cell that stores the node's status.
         behaviour: The node's behaviour.
         children: The nodes of the children.
         parent: The parent's node; None for the root.
-        is_skippable: Whether the behaviour has an attribute `skipped`, which states whether it was skipped.
+        is_skippable: Whether the behaviour has the attribute `skipped`, which is True if the behaviour was skipped.
         heeds_end: Whether the node's next start depends on its last outcome.
         shows_itself: Whether the node updates its behaviour's status on every change.
         reached: The number of the tick in which the node was last reached; see `Ticker.reach`.
@@ -135,7 +135,7 @@ class TreeNode:
         return CALLED
 
     def branch_count(self, ticker: "Ticker") -> int:  # noqa: ARG002
-        """Return the number of possible continuations of the next tick, if known in advance; only an optimisation."""
+        """Return the number of possible continuations of the next tick, if known in advance. This saves time only."""
         return 1
 
     def begin(self, ticker: "Ticker") -> int:
@@ -155,7 +155,7 @@ class TreeNode:
         raise NotImplementedError
 
     def break_off(self, ticker: "Ticker") -> None:
-        """Reset the cells that are used only in a tick, because an error has aborted the tick."""
+        """Reset the cells that are used only during a tick, after an error has aborted the tick."""
         cells = ticker.cells
         for cell in self._of_tick:
             cells[cell] = 0
@@ -194,7 +194,7 @@ class TreeNode:
 
 
 class ChildlessNode(TreeNode):
-    """A node without children, which is ticked in one call unless all nodes are ticked step by step."""
+    """A node without children. It is ticked in one call, unless all nodes are ticked step by step."""
 
     def tick(self, ticker: "Ticker") -> int:
         """Tick the node."""
@@ -246,12 +246,12 @@ class Ticker:
         times: The timers of the nodes.
 
     Attributes:
-        called: The node whose tick was requested, if a tick returns CALLED.
-        is_live: Whether the behaviours have the statuses in the cells, because only ticks change the cells.
-        is_strict: Whether a result that is not a status raises a `NoStatusError` instead of being logged.
-        by_step: Whether each tick of a leaf is requested, like that of any other node, instead of one call.
+        called: The node whose tick is requested when a tick returns CALLED.
+        is_live: Whether the behaviours have the same statuses as the cells, because only ticks change the cells.
+        is_strict: Whether a `NoStatusError` is raised if a result is not a status. Otherwise the result is only logged.
+        by_step: Whether a leaf is ticked by request, like any other node, instead of in one call.
         tells: Whether the behaviours' messages and current children are read.
-        visits: Receives the visits of ticked nodes, in the order in which their ticks end; None if they are not needed.
+        visits: A list to which the visits of ticked nodes are added, in the order in which their ticks end; None if no visits are needed.
     """
 
     def __init__(self, cells: vec[i32], values: list[Any], times: Times) -> None:
@@ -315,7 +315,7 @@ class Ticker:
                 child.stop(self)
 
     def run_unseen(self, node: TreeNode) -> int:
-        """Tick a node as `run` does, but record no visits; for a `TryCatch` that is halted."""
+        """Tick a node like `run`, but do not record visits. A `TryCatch` uses this method when it is halted."""
         visits, self.visits = self.visits, None
         try:
             return self.run(node)
@@ -323,7 +323,7 @@ class Ticker:
             self.visits = visits
 
     def number_of(self, behaviour: Any, result: Any) -> int:
-        """Return the number of the status that `update()` has returned; log any other result, and return INVALID.
+        """Convert the result of `update()` to the number of a status; log a result that is not a status as INVALID.
 
         Raises:
             NoStatusError: If the ticker is strict, and the result is not a status.
@@ -347,7 +347,7 @@ class Ticker:
 
 
 def reset(child: TreeNode, ticker: Ticker) -> None:
-    """Halt a child if it is running, otherwise only reset its outcome."""
+    """Halt a child that is running; only reset the outcome of any other child."""
     status = ticker.cells[child.status_cell]
     if status == RUNNING:
         child.stop(ticker)
@@ -375,10 +375,10 @@ def running_children(children: list[TreeNode], ticker: Ticker) -> list[TreeNode]
 
 
 class OwnNode(TreeNode):
-    """A node that follows BehaviorTree.CPP's rules, and therefore resets its children when it has ended.
+    """A node that follows BehaviorTree.CPP's rules: it resets its children when it has ended.
 
     In BehaviorTree.CPP, only a running node can be halted, and an ended node keeps some state, such as the turn of a
-    RoundRobin. py_trees' composites stop ended children before a restart, which only resets the outcome of such a node.
+    RoundRobin. py_trees' composites stop ended children before a restart. For a node of this class, this only resets the outcome.
 
     Attributes:
         asks_whether_it_starts: Whether the first tick of an activation differs from later ticks; see `starts`.
@@ -431,7 +431,7 @@ class ControlNode(OwnNode):
     """A node with several children, which sets py_trees' current child."""
 
     def tick_child(self, child: TreeNode, ticker: Ticker) -> int:
-        """Tick a child, which becomes the current child; return the outcome of the node, or CALLED."""
+        """Make a child the current child and tick it; return the outcome of the node, or CALLED."""
         if ticker.tells:
             self.behaviour.current_child = child.behaviour
         return super().tick_child(child, ticker)
@@ -443,7 +443,7 @@ class ControlNode(OwnNode):
 
 
 class OneChildNode(ControlNode):
-    """A control that ticks one child at a time: `next_child` chooses it, and `on_child_outcome` handles its outcome.
+    """A control that ticks one child at a time: `next_child` selects it, `on_child_outcome` handles the outcome.
 
     Args:
         part: The builder.
@@ -451,7 +451,7 @@ class OneChildNode(ControlNode):
         of_tick: Whether the node needs the current index only within a tick.
 
     Attributes:
-        position: The cell with the index of the current child.
+        position: The cell that stores the index of the current child.
     """
 
     def __init__(self, part: NodeBuilder, *, keeps: bool = False, of_tick: bool = False) -> None:
@@ -508,25 +508,25 @@ class DecoratorNode(OwnNode):
         return self.tick_child(self.child, ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the child, which is reset if it has ended."""
+        """Continue the tick after the child was ticked; reset the child if it has ended."""
         if outcome & ENDED:
             self.child.reset_outcome(ticker)
         return self.on_child_outcome(ticker, outcome)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return the node's outcome after an outcome of the child, by default the same."""
+        """Convert the child's outcome to the node's outcome; by default, return the same outcome."""
         return self.set_outcome(ticker, outcome)
 
 
 def is_reset(behaviour: Any) -> bool:
     """Return whether a node's parent resets the node to INVALID before a restart; parents of py_trees do not.
 
-    This determines which ticks start a node, because the status alone does not. BehaviorTree.CPP starts a node that is
-    IDLE, and its controls and decorators reset their children to IDLE (here INVALID) when they have ended. A child with
-    SUCCESS or FAILURE below such a parent was therefore ticked earlier in the same activation and continues:
-    WhileDoElse ticks its condition again without resetting it. py_trees never resets a child that has ended, but starts
-    any child that is not RUNNING. So below a parent of py_trees, and at the root, a node with SUCCESS or FAILURE
-    starts. If a parent is one node with its child (`is_its_child`), its own parent decides.
+    A node's status alone does not show whether a tick starts the node; the parent matters, too. BehaviorTree.CPP starts a node that is
+    IDLE. Its controls and decorators reset their children to IDLE (here INVALID) when they themselves have ended. A child with SUCCESS or
+    FAILURE below such a parent was therefore ticked earlier in the same activation and continues: WhileDoElse ticks its condition again
+    without resetting it. py_trees never resets a child that has ended, but starts any child that is not RUNNING. So below a parent of
+    py_trees, and at the root, a node with SUCCESS or FAILURE starts. If a parent shares its status with its child (`is_its_child`), the
+    grandparent determines the result.
     """
     parent = behaviour.parent
     while getattr(parent, "is_its_child", False):

@@ -14,7 +14,7 @@ class TurningNode(DecoratorNode):
     """Replaces the outcome of its child.
 
     Attributes:
-        turned: The replacement of each outcome. The behaviour defines those of SUCCESS, FAILURE and SKIPPED by name.
+        turned: The replacement of each outcome. Attributes of the behaviour define the replacements of SUCCESS, FAILURE and SKIPPED.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -41,7 +41,7 @@ class RunOnceNode(DecoratorNode):
     """Ticks its child until the child has ended once.
 
     Attributes:
-        final: The cell with the final outcome of the child, which is never reset.
+        final: The cell that stores the final outcome of the child. The outcome is never reset.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -64,10 +64,10 @@ class RunOnceNode(DecoratorNode):
 
 
 class GuardedNode(DecoratorNode):
-    """A decorator that checks whether its child may start, but not while the child runs.
+    """A decorator that checks whether its child may start. There is no check while the child runs.
 
     Attributes:
-        child_runs: The cell with 1 while the child runs.
+        child_runs: The cell that contains 1 while the child runs.
         why_not: The feedback message if the child may not start.
     """
 
@@ -78,7 +78,7 @@ class GuardedNode(DecoratorNode):
         self.child_runs = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child if it runs or may start."""
+        """Tick the child if the child is running or may start."""
         if ticker.cells[self.child_runs] or self.may_start(ticker):
             self.behaviour.feedback_message = ""
             return self.tick_child(self.child, ticker)
@@ -123,7 +123,7 @@ class UpdateGuardNode(GuardedNode):
     """A decorator whose child may start if an entry was written since the last check.
 
     Attributes:
-        seen: The cell with the entry's number of writes at the last check.
+        seen: The cell that stores the entry's number of writes at the last check.
         unless_written: The outcome if the entry was not written.
     """
 
@@ -146,17 +146,17 @@ class UpdateGuardNode(GuardedNode):
 
 
 def watched_entry(behaviour: Any) -> Any:
-    """Return the entry that a behaviour checks: its port's entry, or the entry whose key is the port's constant."""
+    """Return the entry that a behaviour checks: the port's entry, or the entry whose key is the port's constant."""
     port = behaviour.entry
     return port.entry or behaviour.scope.resolve(str(port.get()))
 
 
 def is_news(entry: Any, seen: int, ticker: Ticker) -> bool:
-    """Return whether an entry was written since the last check, and store its number of writes.
+    """Return whether an entry was written since the last check; store the entry's current number of writes.
 
     Args:
         entry: The entry.
-        seen: The cell with the entry's number of writes at the last check.
+        seen: The cell that stores the entry's number of writes at the last check.
         ticker: The ticker.
     """
     if not entry.exists:
@@ -167,7 +167,7 @@ def is_news(entry: Any, seen: int, ticker: Ticker) -> bool:
 
 
 class ConditionsNode(DecoratorNode):
-    """The pre- and postconditions of its child, with which it shares one status.
+    """A node for the pre- and postconditions of its child; both nodes share one status.
 
     Attributes:
         runs_after: Whether there are postconditions.
@@ -205,7 +205,7 @@ class ConditionsNode(DecoratorNode):
         )
 
     def check_preconditions(self, ticker: Ticker) -> int:
-        """Return the outcome that the preconditions decide; INVALID if the child has to be ticked."""
+        """Return the outcome that a precondition determines; return INVALID if the child has to be ticked."""
         behaviour, status = self.behaviour, ticker.cells[self.status_cell]
         if status == RUNNING:
             if self.goes_on is None or self.goes_on.holds():
@@ -229,7 +229,7 @@ class ConditionsNode(DecoratorNode):
         return outcome
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the child, which is not reset because it has the same status."""
+        """Continue the tick after the child was ticked. The child is not reset, because it has the same status."""
         return self.on_child_outcome(ticker, outcome)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:

@@ -66,7 +66,7 @@ class UserNode(OwnNode):
     node ends or is halted, its children are reset and its cells get their initial values again.
 
     Attributes:
-        in_hand: The cell with the index of the child that was ticked last.
+        in_hand: The cell that stores the index of the child that was ticked last.
         own: The cells that the behaviour has added.
         claim: The checks against the class's declaration; None if they are not required.
     """
