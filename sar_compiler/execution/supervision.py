@@ -54,7 +54,7 @@ class Supervision(NamedTuple):
         self._write(DEAF)
 
     def send_end(self) -> None:
-        """Tell the supervisor that the run has ended; only the reports and the shutdown of ROS are left to do."""
+        """Report that the run has ended, and that only the reports and the shutdown of ROS follow."""
         self._write(ENDING)
 
     def summary_text(self) -> str:

@@ -1,7 +1,7 @@
 """The executor that runs the callbacks of a mission's node.
 
 An executor with a wait set checks every entity of its nodes after every event. rclpy's `EventsExecutor` takes a fraction of this time,
-because ROS tells it which entity has an event. In Jazzy, the `EventsExecutor` rejects guard conditions. It also does not await a service
+because ROS reports which entity has an event. In Jazzy, the `EventsExecutor` rejects guard conditions. It also does not await a service
 callback that is a coroutine, but sends the coroutine object as the response.
 """
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from sar_compiler.ros.orphaned_goals import OrphanedGoal
 
 MAY_MOVE_SIGN = b"!"
-"""The message with which the guardian tells the mission's supervisor that it has not observed the end of a goal."""
+"""The message with which the guardian reports to the supervisor of the mission that it has not observed the end of a goal."""
 
 # The first characters of the lines to the guardian: a goal was sent, a goal has ended, a heartbeat.
 _SENT, _OVER, _BEAT = "+", "-", "."

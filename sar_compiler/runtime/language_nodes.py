@@ -1,4 +1,4 @@
-"""Leaves of the tree language for scripts and blackboard entries, and the pre- and postconditions of nodes.
+"""Leaves that run scripts and change blackboard entries, and the pre- and postconditions of nodes.
 
 py_trees has leaves that check or set a single blackboard variable, but no expressions.
 """
@@ -50,7 +50,7 @@ class _ScriptLeaf(Behaviour):
         self._quick: Callable[[], Status] | None = None
 
     def update(self) -> Status:
-        """Run the script; if it has a compiled form, this replaces the method at the first call."""
+        """Run the script. If the script has a compiled form, the first call replaces this method by that form."""
         if self._quick is None:
             self._quick = self.script.fast_update(_SUCCESS, _FAILURE if self.is_condition else None)
         quick = self._quick
@@ -70,13 +70,13 @@ class RunScript(_ScriptLeaf):
 
 
 class ScriptCondition(_ScriptLeaf):
-    """Runs a script, and succeeds if its value is true (1), fails if it is false (0)."""
+    """Runs a script; succeeds if the script's value is true (1), and fails if it is false (0)."""
 
     is_condition = True
 
 
 class SetBlackboard(Behaviour):
-    """Copies a string, or another entry's value with its type, to an entry; fails if the other entry has no value.
+    """Copies a string, or the value of another entry, to an entry; fails if the other entry has no value.
 
     An entry keeps the type that a port, a literal or the mission has declared. An entry without a type gets the type of
     the new value. py_trees' SetBlackboardVariable supports neither scopes nor ports.
@@ -84,7 +84,8 @@ class SetBlackboard(Behaviour):
     Args:
         name: The node's name.
         value: The string or the other entry.
-        output_key: The key of the written entry, without braces. In braces, it is the key of an entry that contains it.
+        output_key: The key of the entry to write, without braces. A key in braces names another entry, which contains the key of the entry
+            to write.
         scope: The scope in which the key is looked up.
         enums: The named constants.
     """
@@ -159,7 +160,7 @@ def _is_kept(value: object, kind: type, current: object) -> bool:
 
 
 class UnsetBlackboard(Behaviour):
-    """Removes an entry that belongs to the node's own tree instance; entries of outer trees remain.
+    """Removes an entry of the tree that contains the node; entries of outer trees remain.
 
     py_trees' UnsetBlackboardVariable does not support scopes.
 
@@ -179,9 +180,7 @@ class UnsetBlackboard(Behaviour):
         """Remove the entry, if it exists."""
         key = self._key.get()
         if key.startswith(ROOT_SIGN):
-            self.feedback_message = (
-                f"'{key}' is not removed, because a tree can remove only its own keys, without {ROOT_SIGN}"
-            )
+            self.feedback_message = f"'{key}' is not removed, because a tree can only remove its own keys, which are written without {ROOT_SIGN}"
             return _SUCCESS
         if self._known is None or self._known.key != key:
             # The scope of the same instance, but without remapping.
@@ -233,13 +232,13 @@ class Conditions(Decorator):
         return self._while is not None
 
     def run_after(self, outcome: int) -> None:
-        """Run the postconditions for an outcome; INVALID means that the node was halted while it ran."""
+        """Run the postconditions for an outcome; INVALID means that the node was halted while it was running."""
         for script in (self._after[outcome], self._post[outcome]):
             if script is not None:
                 script.run()
 
     def omit_post_after_halts(self) -> None:
-        """Do not run `_post` after a halt, like BehaviorTree.CPP, which contradicts its documentation."""
+        """Do not run `_post` after a halt. BehaviorTree.CPP does the same, contrary to its documentation."""
         self._post[INVALID] = None
 
     def ignore(self) -> None:

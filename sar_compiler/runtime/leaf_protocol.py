@@ -18,7 +18,7 @@ Wake = Callable[[], None]
 
 
 def ignore_wake() -> None:
-    """Do nothing; the default `Wake` for runners that do not pass one."""
+    """Do nothing. This function is the default `Wake` if a runner does not pass a `Wake`."""
 
 
 @runtime_checkable

@@ -1,6 +1,6 @@
 """The operators of scripts, which apply BehaviorTree.CPP's rules to Python's numbers and strings.
 
-Every numeric result is a real number. A `RefusedValueError` names the invalid operand.
+Every numeric result is a real number. If an operand is invalid, a `RefusedValueError` names this operand.
 """
 
 import functools
@@ -19,7 +19,7 @@ from sar_compiler.runtime.variables import (
 )
 
 EPSILON = 2.0**-23
-"""The tolerance of equality: the difference between 1 and the next 32-bit floating-point number."""
+"""The tolerance when numbers are tested for equality: the difference between 1 and the next 32-bit floating-point number."""
 
 LONGEST_TEXT = 4096
 """The maximum length of a joined string. A script that joins a string to itself in each tick would fill the memory."""
@@ -33,7 +33,10 @@ def add(left: ScriptValue, right: ScriptValue) -> ScriptValue:
 
 
 def divide(left: ScriptValue, right: ScriptValue) -> ScriptValue:
-    """Divide two numbers. Division by zero returns infinity with the sign of the quotient, and NaN for zero by zero."""
+    """Divide two numbers.
+
+    Division of a number by zero returns infinity with the sign of the quotient. Division of zero by zero returns NaN.
+    """
     dividend, divisor = as_real(left), as_real(right)
     if divisor:
         return dividend / divisor
@@ -97,10 +100,10 @@ def is_chosen(condition: ScriptValue) -> bool:
 
 
 def as_condition(value: ScriptValue) -> bool:
-    """Convert a script's value to the result of a condition: an integer must be 1 or 0, a real number 0 or more.
+    """Convert a script's value to a condition's result; valid are the integers 0 and 1, and real numbers from 0 on.
 
     Raises:
-        RefusedValueError: If it is another integer, a negative number or a string.
+        RefusedValueError: If the value is another integer, a negative number or a string.
     """
     if not isinstance(value, (int, float)):
         raise RefusedValueError(f"{describe_value(value)} is neither true (1) nor false (0)")
@@ -160,7 +163,7 @@ def _is_true(value: ScriptValue) -> bool:
 
 
 def equal_texts(first: str, second: str, names: Mapping[str, int]) -> bool:
-    """Return whether a Switch treats two strings as equal: as strings, named constants, integers or real numbers."""
+    """Return whether a Switch treats two strings as equal: same text, named constant, integer or real number."""
     if first == second:
         return True
     one, other = (float(names[text]) if text in names else _number_in(text) for text in (first, second))

@@ -1,4 +1,4 @@
-"""The possible outcomes of a leaf's tick, as plain data, for runs without a robot."""
+"""The possible outcomes of a leaf's tick, described as plain data for runs without a robot."""
 
 import enum
 from collections import defaultdict
@@ -14,7 +14,7 @@ Fact: TypeAlias = bool | int | float | str
 
 
 class ReturnedStatus(enum.Enum):
-    """A status that a tick returns, as an attribute in a tree file names it."""
+    """A status that a tick returns, as it is written in the attributes of tree files."""
 
     SUCCESS = "SUCCESS"
     FAILURE = "FAILURE"
@@ -45,8 +45,8 @@ class Outcome:
 
     Attributes:
         status: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
-        label: The meaning in one or two words, such as "found" or "refused"; empty for the name of the status.
-        when: A condition on facts with which the outcome is possible; empty if it is always possible.
+        label: The meaning in one or two words, such as "found" or "refused"; empty if the name of the status is used.
+        when: The condition on facts under which the outcome is possible; empty if the outcome is always possible.
         then: A script that changes facts when the outcome occurs.
         p: The minimum and maximum probability that a run of the leaf ends with this outcome; None if not known.
         sec: The minimum and maximum run time of the leaf in seconds, uniformly distributed.
@@ -75,8 +75,9 @@ def nominal(options: Sequence[Outcome]) -> Outcome:
 def probabilities(outcomes: Sequence[Outcome]) -> list[tuple[float, float]]:
     """Return the minimum and maximum probability of each outcome, given that one of them occurs.
 
-    If all outcomes have a probability, they are normalised, because other outcomes of the leaf may be impossible now.
-    Otherwise, outcomes without a probability share the rest. If all probabilities are zero, each may be from 0 to 1.
+    If all outcomes have a probability, the probabilities are normalised, because other outcomes of the leaf may be impossible now.
+    Otherwise, the outcomes without a probability share the remaining probability. If all probabilities are zero, each outcome may have any
+    probability.
     """
     known = [outcome.p for outcome in outcomes if outcome.p is not None]
     low, high = sum(p[0] for p in known), sum(p[1] for p in known)
@@ -92,7 +93,7 @@ def probabilities(outcomes: Sequence[Outcome]) -> list[tuple[float, float]]:
 
 
 def middle(bounds: Sequence[tuple[float, float]]) -> list[float]:
-    """Return one probability within each pair of bounds, all at the same relative position, so that their sum is 1."""
+    """Choose a probability between each pair of bounds, at the same relative position, so that the sum is 1."""
     room = sum(high - low for low, high in bounds)
     part = (1.0 - sum(low for low, _ in bounds)) / room if room else 0.0
     return [low + part * (high - low) for low, high in bounds]
@@ -103,7 +104,7 @@ def _probability(weight: float, others: float) -> float:
 
 
 class DeclaredOutcomes:
-    """The declared outcomes of a running leaf, in which its status and `outcome_label` are looked up.
+    """The declared outcomes of a running leaf. The leaf's status and `outcome_label` are looked up here.
 
     Args:
         outcomes: The outcomes.
@@ -117,7 +118,7 @@ class DeclaredOutcomes:
         self._all = {label for labels in self._labels.values() for label in labels}
 
     def label(self, status: str, given: str) -> str:
-        """Return the label of a leaf's outcome; empty if it is not known.
+        """Return the label of a leaf's outcome; return an empty string if the label is not known.
 
         If only one outcome has the status, its label is returned, and any other label is ignored.
 
@@ -136,4 +137,4 @@ class DeclaredOutcomes:
         if given in ("", *labels) or (given in self._all and len(labels) == 1):
             return ""
         known = ", ".join(filter(None, labels)) or "none"
-        return f"its outcome_label '{given}' is not declared for {status} (declared: {known})"
+        return f"its outcome_label '{given}' is not a declared label for {status} (declared labels: {known})"

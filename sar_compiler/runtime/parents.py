@@ -1,11 +1,11 @@
 """The base classes of behaviours that follow BehaviorTree.CPP's rules.
 
-The classes of py_trees do not support SKIPPED, and keep the statuses of ended children until these are restarted.
-Derived classes of this module use the outcome of a child's tick, and reset children like BehaviorTree.CPP: a running
-child is halted, and an ended child only loses its status.
+The classes of py_trees do not support SKIPPED, and keep the statuses of ended children until these children are restarted. Classes derived
+from this module use the outcome of a child's tick, and reset children like BehaviorTree.CPP: a running child is halted, and an ended child
+only loses its status.
 
-The node class in the kernel (`node_class`) defines the effect of a tick and of a halt, whether py_trees or the kernel
-ticks the node.
+The node class in the kernel (`node_class`) defines the effect of a tick and of a halt. This is the case for ticks by py_trees as well as by
+the kernel.
 """
 
 from collections.abc import Callable, Hashable, Iterator
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Children(list[Behaviour]):
-    """The children of a behaviour, in a list that counts its changes.
+    """A list of the children of a behaviour, which counts how often children are added or removed.
 
     Attributes:
         changes: The number of changes of all lists of this class so far.
@@ -59,7 +59,7 @@ for _name in (*_PLAIN, "__delitem__", "__iadd__", "__imul__", "__setitem__"):
 
 
 class TickedTree(Protocol):
-    """The part of a kernel tree's interface that the behaviours of its nodes use; see `LiveTree`."""
+    """The methods of a kernel tree that behaviours call; see `LiveTree`."""
 
     def is_whole(self) -> bool:
         """Return whether all nodes still have the same children."""
@@ -75,7 +75,7 @@ class KernelTicking(NamedTuple):
     """The functions with which py_trees ticks a behaviour through the kernel.
 
     Attributes:
-        make_tree: Function that builds the kernel tree below a root, and copies the state of an earlier tree.
+        make_tree: Function that builds the kernel tree below a root, and copies the state from an earlier kernel tree.
         show_visits: Function that yields the ticked behaviours, each with its status at the end of its tick.
     """
 
@@ -84,9 +84,9 @@ class KernelTicking(NamedTuple):
 
 
 class EngineBehaviour(Behaviour):
-    """A behaviour that a node of the kernel ticks and stops.
+    """A behaviour that is ticked and stopped by a node of the kernel.
 
-    If py_trees calls the behaviour's own `tick`, the behaviour is the root of a kernel tree with all its descendants.
+    If py_trees calls the behaviour's own `tick`, the behaviour becomes the root of a kernel tree that contains its descendants.
 
     Args:
         name: The node's name.
@@ -97,7 +97,7 @@ class EngineBehaviour(Behaviour):
         node_class: The node class in the kernel; None for an abstract base class.
         ticking: The functions for ticking, which `runtime.ticking` sets.
         clock: The clock that measures the node's durations.
-        skipped: Whether the last tick was skipped, so that the status is older than this tick; see `runtime.skipping`.
+        skipped: Whether the last tick was skipped. In this case, the status is older than this tick; see `runtime.skipping`.
     """
 
     node_class: "ClassVar[type[TreeNode] | None]" = None
@@ -123,7 +123,7 @@ class EngineBehaviour(Behaviour):
         return self.node_class(part)
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick once, then yield each ticked node with its status at the end of its tick, this node last."""
+        """Tick once, and then yield each ticked node with the status at the end of its tick; this node comes last."""
         visits: list[Visit] = []
         try:
             tree, index = self._tree_and_index()
@@ -139,7 +139,7 @@ class EngineBehaviour(Behaviour):
         return self.place
 
     def update(self) -> Status:
-        """Return the status, which `tick` has set."""
+        """Return the status that `tick` has set."""
         return self.status
 
     def stop(self, new_status: Status = Status.INVALID) -> None:
@@ -167,11 +167,11 @@ class Cell(NamedTuple):
 class EngineParent(EngineBehaviour):
     """A node with children that follows BehaviorTree.CPP's rules.
 
-    A class without a `node_class` chooses the next child in `begin` and `resume`. Between these calls, and between
-    ticks, an object stores its state only in cells, so that `verify` can restore any of its states.
+    A class without a `node_class` chooses the next child in `begin` and `resume`. Between these calls, and between ticks, an object may
+    store state only in cells, so that `verify` can restore any earlier state.
 
     Attributes:
-        is_its_child: Whether the behaviour and its child are one node of the tree, with one status.
+        is_its_child: Whether the behaviour and its child count as one node of the tree and share one status.
         cells: The behaviour's cells.
     """
 
@@ -179,10 +179,10 @@ class EngineParent(EngineBehaviour):
     cells: tuple[Cell, ...] = ()
 
     def cell(self, first: Hashable = 0, *, keeps: bool = False) -> Cell:
-        """Add a cell, in the constructor; `tick[cell]` is the cell's value, which must be hashable and immutable.
+        """Add a cell. `tick[cell]` reads and sets the cell's value, which must be hashable and immutable.
 
         Args:
-            first: The initial value, which the cell gets again when the node ends or is halted.
+            first: The initial value. The cell gets this value again when the node ends or is halted.
             keeps: Whether the cell keeps its value when the node ends or is halted.
         """
         added = Cell(len(self.cells), first, keeps)
@@ -201,13 +201,13 @@ class EngineParent(EngineBehaviour):
             tick: The access to the node's cells, its timer and its children.
 
         Returns:
-            The first child to tick, or the node's outcome. `SKIPPED` means that the node is skipped. With any outcome
-                except RUNNING, the node ends and its children are reset.
+            The first child to tick, or the node's outcome. `SKIPPED` means that the node is skipped. After any outcome except RUNNING, the
+            node ends and its children are reset.
         """
         raise NotImplementedError
 
     def resume(self, tick: "Tick", outcome: Status) -> Behaviour | Status:
-        """Continue a tick after a child.
+        """Continue a tick after a child was ticked.
 
         Args:
             tick: The access to the node's cells, its timer and its children.

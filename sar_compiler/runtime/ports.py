@@ -1,7 +1,7 @@
 """Ports: values that a leaf reads and writes on the blackboard while the tree runs.
 
-A constructor parameter that is annotated with one of these types is an attribute of the leaf's tag. Its value in a tree
-file is a constant, or a `{key}`, which is an entry of the blackboard::
+A constructor parameter that is annotated with one of these types becomes an attribute of the leaf's tag. In a tree file, the attribute's
+value is a constant, or a `{key}` that names an entry of the blackboard::
 
     class Say(py_trees.behaviour.Behaviour):
         def __init__(self, name: str, message: Input[str], said: Output[int] | None = None) -> None: ...
@@ -25,7 +25,7 @@ Convert = Callable[[object], Any]
 
 
 class PortError(SarError):
-    """A port cannot be read or written: its key has no value, its value is invalid, or it is a constant.
+    """A port cannot be read or written, because the key has no value, the value is invalid, or it is a constant.
 
     Attributes:
         port: The port's name; empty if it is not known.
@@ -105,7 +105,7 @@ class Output(Generic[T]):
     """A value that a node writes.
 
     Args:
-        entry: The entry to write; None if the file names no key, so that values are discarded.
+        entry: The entry to write; None if the tree file names no key. Values are then discarded.
         kind: The type that a write declares for an entry without a type: `bool`, `int`, `float` or `str`.
 
     Attributes:
@@ -125,7 +125,7 @@ class Output(Generic[T]):
 
 
 class InOut(Input[T]):
-    """A value that a node reads and writes: an entry of the blackboard, or a constant that it cannot write."""
+    """A value that a node reads and writes: an entry of the blackboard, or a constant, which can only be read."""
 
     def set(self, value: T) -> None:
         """Write the value, as `Output.set` does.

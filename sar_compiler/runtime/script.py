@@ -1,4 +1,4 @@
-"""Parser of scripts: the attribute `code` of `<Script>`, and pre- and postconditions.
+"""The parser of scripts, which are found in the attribute `code` of `<Script>` and in pre- and postconditions.
 
 The parser uses precedence climbing with the ranks of BehaviorTree.CPP 4. A higher rank binds tighter:
 
@@ -82,11 +82,11 @@ _OTHER_OPERATORS = {
 }
 _NO_OPERATORS = {
     ("+", "+"): "write 'x += 1'",
-    ("*", "*"): "scripts have no powers. Multiply, or calculate the power in a leaf",
+    ("*", "*"): "scripts have no power operator. Multiply, or calculate the power in a leaf",
     ("/", "/"): "a script has no comments",
     ("/", "*"): "a script has no comments",
-    ("<", "<"): "bits cannot be shifted. Multiply by 2, 4, 8...",
-    (">", ">"): "bits cannot be shifted. Divide by 2, 4, 8...",
+    ("<", "<"): "scripts have no operators that shift bits. Multiply by 2, 4, 8...",
+    (">", ">"): "scripts have no operators that shift bits. Divide by 2, 4, 8...",
     ("|", "="): "write 'x = x | y'",
     ("&", "="): "write 'x = x & y'",
     ("^", "="): "write 'x = x ^ y'",
@@ -103,7 +103,7 @@ def parse(text: str, *, allow_empty: bool = False) -> Script:
         allow_empty: Whether the script may be empty, as in a `<Script>` node but not in an attribute such as `_skipIf`.
 
     Raises:
-        ScriptError: If the script has a syntax error; describes the first one.
+        ScriptError: If the script has a syntax error. The exception describes the first error.
     """
     simple = _parse_simple(text)
     script = _ScriptParser(text).script() if simple is None else Script(text, (simple,))
@@ -116,7 +116,7 @@ def parse(text: str, *, allow_empty: bool = False) -> Script:
 
 @functools.cache
 def _simple_pattern() -> re.Pattern[str]:
-    """Return the pattern of simple scripts, compiled late because files without scripts do not need it."""
+    """Return the pattern of simple scripts. The pattern is compiled only when a file contains scripts."""
     return re.compile(_SIMPLE, re.VERBOSE)
 
 
@@ -170,7 +170,7 @@ class _ScriptParser:
         return Script(self._text, tuple(statements))
 
     def _previous(self, count: int = 1) -> Token | None:
-        """Return the token *count* positions before the next token; None if there is none."""
+        """Return the token that is *count* positions before the next token; None if there is no such token."""
         return self._tokens[self._index - count] if self._index >= count else None
 
     def _advance(self) -> Token:
@@ -195,7 +195,7 @@ class _ScriptParser:
         return self._tokens[self._index - 1].end if self._index else 0
 
     def _rank(self) -> int:
-        """Return the rank of the next token as an operator; -1 if it is no operator."""
+        """Return the rank of the next token if it is an operator, otherwise -1."""
         return _RANKS.get(self._next.text, -1)
 
     def _expression(self, least: int) -> Expression:
@@ -283,7 +283,7 @@ class _ScriptParser:
         return Operation(first, tuple(steps), start=start, end=self._end)
 
     def _check_name(self, name: Token) -> None:
-        """Raise an error if the name that was just read is meant as the operator `not` or as a function."""
+        """Raise an error if the last name was probably meant as the operator `not` or as a function."""
         following = self._next
         opens = following.kind is _SIGN and following.text in {"(", "!", "~"}
         if name.text == "not" and (opens or following.kind in {_NAME, _LITERAL}):
@@ -294,7 +294,7 @@ class _ScriptParser:
             raise ScriptError(message, name.start, following.end, hint=hint)
 
     def _refuse_word(self) -> None:
-        """Raise an error for `and` or `or` after an expression, where it cannot be a variable."""
+        """Raise an error for `and` or `or` after an expression, where no variable can occur."""
         word = self._next
         if word.kind is not _NAME or word.text not in _WORDS:
             return

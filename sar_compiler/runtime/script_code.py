@@ -1,11 +1,11 @@
-"""Generation of Python functions from scripts, for numbers and strings in existing entries.
+"""Generate Python functions from scripts. The functions handle numbers and strings in existing entries.
 
 `evaluation` defines the meaning of scripts and reports their errors. The generated functions are faster, because they
 make no calls for most operators and entries. In uncommon cases, the fast path of a statement raises one of
 `FALLBACK_ERRORS` before it has written anything, and `evaluation` then evaluates the statement from the start.
 
-No other module generates code, and no text of a file becomes part of it. A skeleton contains only numbers and the
-operators of a fixed list. Names of entries and constants are arguments. The code can access only `_REACHED`.
+No other module generates code, and no text of a file becomes part of the code. A skeleton contains only numbers and operators from a fixed
+list. The names of entries and the constants are passed as arguments. The code can access only the functions and types in `_REACHED`.
 """
 
 import ast
@@ -70,7 +70,7 @@ def compile_fast_script(
         enums: The named constants.
         usual: The functions of `evaluation` for the script's statements.
         condition: Function that converts the value of a condition to a bool; None if the script is no condition.
-        answers: The results instead of true (or of any value, if the script is no condition) and of false.
+        answers: The result to return for true (or for any value, if the script is no condition), and the result to return for false.
     """
     if len(script.text) > _LONGEST:
         return None
@@ -109,9 +109,9 @@ def _function_of(
 ) -> types.FunctionType:
     """Return a factory for the functions of all scripts with the same skeleton.
 
-    The factory's arguments are the dictionaries of the board, the named constants, the function that converts a value
-    to a bool, the results instead of true and false, the fallback of each statement, the names of the entries, and the
-    constants, both unchanged and as real numbers.
+    The factory's arguments are the dictionaries of the board, the named constants, the function that converts a value to a bool, the
+    results for true and for false, the fallback of each statement, the names of the entries, the constants, and the constants converted to
+    real numbers.
     """
     numbers = {"usual": len(statements), "name": names, "constant": constants, "real": constants}
     taken = [f"{name}{at}" for name, count in numbers.items() for at in range(count)]
@@ -221,7 +221,7 @@ class _FastPath:
     def _flag(
         self, part: VariableSlot, quick: Callable[[ast.expr], ast.expr], otherwise: ast.expr
     ) -> ast.expr:
-        """Return the code for a variable that is probably a bool: *quick* for a bool, *otherwise* for other values."""
+        """Return the code for a variable: *quick* if the value is a bool, which is likely, and *otherwise* if not."""
         raw = self._raw(part)
         return ast.IfExp(_is_of_type(raw, bool), quick(raw), otherwise)
 
@@ -241,7 +241,7 @@ class _FastPath:
         return folded
 
     def _operator_code(self, part: Applied | Chain) -> ast.expr:
-        """Return the code for operators without a fast path, whose operands may be strings or are bits."""
+        """Return the code for operators without a fast path. Their operands are bits, or may be strings."""
         if isinstance(part, Applied):
             return _call("complement", self.value_code(part.operands[0]))
         folded = self.value_code(part.operands[0])
@@ -307,7 +307,7 @@ class _FastPath:
 
         Args:
             part: The variable.
-            name: The prefix of the value's name in the code, which the variable's number follows.
+            name: The prefix of the value's name in the code. The variable's number follows the prefix.
             kinds: The types whose values are used unchanged; empty if no value is converted.
             otherwise: The name of the function that converts values of other types.
         """
@@ -322,7 +322,7 @@ class _FastPath:
 
 
 def _write(target: str, kind: ast.expr, *, creates: bool) -> list[ast.stmt]:
-    """Return the code that writes the value in `given`, whose type is known, to an entry."""
+    """Return the code that writes the value of the variable `given` to an entry; the value's type is known."""
     held, name = _load("held"), _load(target)
     is_like = _compare(_call("type", held), ast.Is(), kind)
     fitted = _call("fitted", held, _load("kinds"), name, _load("given"), _load("enums"))
@@ -364,7 +364,7 @@ def _is_truth(part: SkeletonPart) -> bool:
 
 
 def _is_number(part: SkeletonPart) -> bool:
-    """Return whether the value of a part is certainly a real number, unless an error is raised."""
+    """Return whether the value of a part is always a real number, if no error is raised."""
     if isinstance(part, Chain):
         is_sum = part.signs[0] == "+" and not any(_is_real(each) for each in part.operands[:2])
         return _ARITHMETIC.keys() >= set(part.signs) and not is_sum
@@ -463,7 +463,7 @@ def _read_number(content: object) -> float:
 def _declare_entry(
     storage: Mapping[str, object], stamps: Mapping[str, int], kinds: dict[str, type | None], name: str
 ) -> tuple[object, int]:
-    """Declare an entry that may not exist; return its value, and its number of writes after the next write."""
+    """Declare an entry if it is missing; return the value, and the number of writes after the next write."""
     kinds.setdefault(name, None)
     return storage.get(name), stamps.get(name, 0) + 1
 
@@ -471,7 +471,7 @@ def _declare_entry(
 def _fit_value(
     current: object, kinds: Mapping[str, type | None], name: str, given: ScriptValue, enums: Mapping[str, int]
 ) -> object:
-    """Return the value to store when a script assigns a value whose type differs from the current value's type."""
+    """Return the value to store when a script assigns a value of another type than the current value."""
     if type(current) is int and type(given) is float and given.is_integer() and abs(given) <= LARGEST_EXACT:
         return int(given)
     if type(current) is bool and given in {0, 1}:

@@ -1,4 +1,4 @@
-"""Skeletons of scripts: their structure without names and constants, which similar scripts share."""
+"""Skeletons of scripts. A skeleton is a script without names and constants, so similar scripts have the same skeleton."""
 
 from collections.abc import Mapping
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Scripts of nodes, which access blackboard entries as variables, and name the node in their errors."""
+"""The scripts of nodes: they access blackboard entries as variables, and their errors name the node."""
 
 import functools
 from collections.abc import Callable, Mapping
@@ -27,8 +27,8 @@ class NodeScriptError(NodeError):
 
     Attributes:
         attribute: The attribute that contains the script.
-        start: The offset of the faulty part's start in the script; None if the location is not known.
-        end: The offset after the faulty part; None if the location is not known.
+        start: The offset in the script at which the faulty part starts; None if the location is not known.
+        end: The offset directly after the faulty part; None if the location is not known.
     """
 
     def __init__(self, message: str, node: str, attribute: str, start: int | None, end: int | None) -> None:
@@ -41,7 +41,7 @@ class NodeScriptError(NodeError):
 class ScopeVariables:
     """The entries of a scope as the variables of a script.
 
-    An entry keeps its type: an assigned value is converted if no precision is lost, otherwise rejected. An entry that a
+    An entry keeps its type: an assigned value is converted to this type if no precision is lost, and rejected otherwise. An entry that a
     port has declared, but no node has written, accepts any value of its type.
 
     Args:
@@ -65,7 +65,7 @@ class ScopeVariables:
         return _as_script_value(name, self._read_entry(name))
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write an entry, which is created if it does not exist; return the stored value.
+        """Write an entry, and create the entry if it does not exist; return the stored value.
 
         Raises:
             VariableError: If the value cannot replace the entry's value.
@@ -105,7 +105,7 @@ class NodeScript:
     """A script of a node, which can be run in the node's scope.
 
     Args:
-        code: The script; if it is on the blackboard, it is read before each run.
+        code: The script, or the blackboard entry that contains the script and is read before each run.
         node: The node's name.
         attribute: The attribute that contains the script.
         scope: The scope of the script's variables.
@@ -115,8 +115,8 @@ class NodeScript:
         is_remembered: Whether the caller caches the effects of the script.
         run: Runs the script and returns its value, or raises a `NodeScriptError`. At the first call, the compiled form
             replaces this function if there is one (see `script_code`).
-        holds: Runs the script and returns whether its value is true, or raises a `NodeScriptError`, also for a value
-            that is neither true nor false. The compiled form replaces this function, too.
+        holds: Runs the script and returns whether the script's value is true. Raises a `NodeScriptError` if the script fails, or if the
+            value is neither true nor false. The compiled form replaces this function, too.
     """
 
     def __init__(self, code: Input[Script], node: str, attribute: str, scope: Scope, enums: Enums) -> None:
@@ -137,7 +137,7 @@ class NodeScript:
 
     @property
     def entry(self) -> Entry | None:
-        """The entry that the script reads if it uses no other entry and writes none; otherwise None."""
+        """The entry that the script reads, if the script uses no other entry and writes no entry; otherwise None."""
         if self._code.entry is not None:
             return None
         uses = list(name_uses(self._code.get()))
@@ -163,7 +163,7 @@ class NodeScript:
 
         Args:
             success: The status if the script's value is true.
-            failure: The status if the value is false; None if the script is no condition, so that it always succeeds.
+            failure: The status if the value is false; None if the script is not a condition. Such a script always succeeds.
         """
         return self._fast_runner(None if failure is None else self._is_true, (success, failure))
 
@@ -189,7 +189,7 @@ class NodeScript:
         return self._explain(self._current_program().as_condition, value)
 
     def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
-        """Run the script; on a numbered board, reuse the result of an earlier run with the same values."""
+        """Run the script; if the board has numbers for values, reuse the result of a run with the same values."""
         if self._code.entry is not None or self.is_remembered:
             return self._run_or_explain(run)
         if run not in self._memos:
@@ -234,7 +234,7 @@ def _as_script_value(name: str, value: object) -> ScriptValue:
         if value is None:
             raise UnknownVariableError(name)
         raise VariableError(
-            f"'{name}' has a value of type {type(value).__name__}, with which scripts cannot calculate"
+            f"'{name}' has a value of type {type(value).__name__}, but scripts cannot calculate with this type"
         )
     return converted
 

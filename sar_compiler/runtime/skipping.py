@@ -1,9 +1,8 @@
-"""SKIPPED, an outcome that py_trees lacks.
+"""The outcome SKIPPED, which py_trees does not have.
 
-A skipped node has not run, and its parent continues with the next child. BehaviorTree.CPP only returns SKIPPED, and the
-node keeps its old status. The same applies to this project: the attribute `skipped` states whether the last tick of a
-node was skipped. py_trees' own composites and decorators do not support SKIPPED, so the compiler uses them only if none
-of their children can be skipped.
+A skipped node has not run, and its parent continues with the next child. In BehaviorTree.CPP, the tick returns SKIPPED, but the node keeps
+its old status. In this project, a skipped node also keeps its old status, and its attribute `skipped` is True. py_trees' own composites and
+decorators do not support SKIPPED, so the compiler uses them only if none of their children can be skipped.
 """
 
 from collections.abc import Iterator
@@ -12,11 +11,11 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 SKIPPED = Status.INVALID
-"""The outcome "skipped", which `update` of a leaf returns and this project's controls use."""
+"""The outcome "skipped". The `update` method of a leaf can return it, and this project's controls support it."""
 
 
 class SkippableLeaf(Behaviour):
-    """A leaf whose `update` may return `SKIPPED`, which does not call `terminate`.
+    """A leaf whose `update` may return `SKIPPED`. A skipped tick does not call `terminate`.
 
     Attributes:
         skipped: Whether the last tick was skipped.

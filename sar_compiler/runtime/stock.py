@@ -1,6 +1,6 @@
-"""Controls, decorators and leaves that are derived from classes of py_trees, so that its tools recognise them.
+"""Controls, decorators and leaves derived from classes of py_trees, so that py_trees' tools recognise them.
 
-The tools show the names and shapes of the stock classes. The behaviour is this project's, because the stock classes
+The tools show the names and shapes of the py_trees classes. The behaviour is implemented in this project, because the py_trees classes
 support neither SKIPPED nor the mission's clock.
 """
 
@@ -17,7 +17,7 @@ from sar_compiler.runtime.ticking import OwnControl
 
 
 class _OrderedComposite(OwnControl):
-    """A composite that ticks its children in order; it continues after the status `hands_over` and ends after the other.
+    """A composite that ticks its children in order until a child returns a status other than `hands_over`.
 
     Attributes:
         memory: Whether each tick starts with the running child; otherwise, it starts with the first child.
@@ -29,7 +29,7 @@ class _OrderedComposite(OwnControl):
     memory = True
 
     def build_node(self, part: NodeBuilder) -> TreeNode:
-        """Build the node, whose class depends on the memory."""
+        """Build the node; its class depends on whether the composite has memory."""
         return super().build_node(part) if self.memory else ordering.ReactiveNode(part)
 
 
@@ -50,19 +50,19 @@ class Fallback(_OrderedComposite, composites.Selector):
 
 
 class AsyncSequence(Sequence):
-    """A sequence that returns RUNNING after each child that succeeds at once, so that it can be interrupted there."""
+    """A sequence that can be interrupted between children: it returns RUNNING after a child that succeeds at once."""
 
     node_class = ordering.PausingNode
 
 
 class AsyncFallback(Fallback):
-    """A fallback that returns RUNNING after each child that fails at once, so that it can be interrupted there."""
+    """A fallback that can be interrupted between children: it returns RUNNING after a child that fails at once."""
 
     node_class = ordering.PausingNode
 
 
 class SequenceWithMemory(AsyncSequence):
-    """An AsyncSequence that starts with the failed or halted child when it is started again."""
+    """An AsyncSequence that, when it is started again, begins with the child that failed or was halted."""
 
     keeps_place = True
 
@@ -78,7 +78,7 @@ class Timeout(EngineBehaviour, decorators.Timeout):
 
 
 class Timer(EngineBehaviour, timers.Timer):
-    """Runs for a time measured by the mission's clock, then succeeds."""
+    """Runs for a given time on the mission's clock, and then succeeds."""
 
     node_class = timing.TimerNode
 

@@ -34,7 +34,7 @@ class Control(EngineParent, Composite):
         Composite.__init__(self, name, list(children))
 
     def tip(self) -> Behaviour | None:
-        """Return the deepest node that the last tick reached; this node if its children are idle."""
+        """Return the deepest node that the last tick reached, or this node if all children are idle."""
         below: Behaviour | None = super().tip()
         return below or (self if self.status != Status.INVALID else None)
 
@@ -43,7 +43,7 @@ class Decorator(EngineParent, StockDecorator):
     """A node with one child, which is the constructor's argument `child` and the attribute `decorated`."""
 
     def begin(self, tick: "Tick") -> Behaviour | Status:  # noqa: ARG002 - for subclasses
-        """Begin a tick: return the child as the node to tick."""
+        """Begin a tick: return the child, which is to be ticked."""
         child: Behaviour = self.decorated
         return child
 
@@ -96,7 +96,7 @@ _CLASSES: dict[type, type[Any]] = {}
 
 
 def behaviour_class(base: type[B], node_class: "type[TreeNode]") -> type[B]:
-    """Return the behaviour class for a node class of the kernel; it is created at the first call.
+    """Return the behaviour class for a node class of the kernel; the first call creates the class.
 
     Args:
         base: The base class.

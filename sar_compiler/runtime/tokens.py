@@ -10,7 +10,7 @@ from typing import NamedTuple
 from sar_compiler.errors import SarError
 
 LARGEST_INTEGER = 2**63 - 1
-"""The largest integer in a script: integers have 64 bits."""
+"""The largest integer in a script. Integers have 64 bits."""
 
 _SPACE = " \t\r\n"
 _WORDS_PATTERN = r"""
@@ -37,7 +37,7 @@ _STATEMENTS = frozenset(("if", "while", "for", "switch"))
 _CALLED = re.compile(r"\s*\(")
 _INSTEAD_OF_STATEMENTS = "use the node's attribute _skipIf or _while, or choose a value with x ? a : b"
 BOOLS = {"true": 1.0, "false": 0.0}
-"""The values of the literals for bools."""
+"""The values of the literals `true` and `false`."""
 _HINTS = {
     "%": "scripts have no remainder operator. Calculate the remainder in a leaf",
     ",": "separate expressions with ';'",
@@ -56,8 +56,8 @@ class ScriptError(SarError):
 
     Attributes:
         message: The description of the error.
-        start: The offset of the wrong part's start in the script's text.
-        end: The offset after the wrong part.
+        start: The offset in the script's text at which the wrong part starts.
+        end: The offset directly after the wrong part.
         suggestion: The replacement of the wrong part, if it can be guessed.
         hint: A short instruction, if there is no replacement.
     """
@@ -92,8 +92,8 @@ class Token(NamedTuple):
     Attributes:
         kind: The kind of token.
         text: The text as written.
-        start: The offset of the token's start in the script's text.
-        end: The offset after the token.
+        start: The offset in the script's text at which the token starts.
+        end: The offset directly after the token.
         value: The value of a literal.
     """
 
@@ -106,7 +106,7 @@ class Token(NamedTuple):
 
 @functools.cache
 def _token_pattern() -> re.Pattern[str]:
-    """Return the pattern of a token, compiled late because files without scripts do not need it."""
+    """Return the pattern of a token. The pattern is compiled only when a file contains scripts."""
     return re.compile(_WORDS_PATTERN, re.VERBOSE)
 
 
@@ -159,7 +159,7 @@ def _integer(word: str, start: int) -> int:
     value = int(digits, base) if len(digits) < len(str(LARGEST_INTEGER)) + 1 else LARGEST_INTEGER + 1
     if value > LARGEST_INTEGER:
         message = f"{excerpt(word)} is too large for an integer"
-        hint = f"write {LARGEST_INTEGER} at most, or a real number such as 1e20"
+        hint = f"write an integer of at most {LARGEST_INTEGER}, or a real number such as 1e20"
         raise ScriptError(message, start, start + len(word), hint=hint)
     return value
 
@@ -201,7 +201,7 @@ def _token_error(text: str, position: int) -> ScriptError:
     character = text[position]
     if character == "'":
         message = "this string has no closing quotation mark"
-        hint = "add a single quotation mark at the end of the string, which cannot contain another one"
+        hint = "add a single quotation mark at the end of the string. The string itself cannot contain this character"
         return ScriptError(message, position, len(text), hint=hint)
     if character in _OTHER_QUOTES:
         return _wrong_quotes(text, position)

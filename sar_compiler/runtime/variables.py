@@ -1,4 +1,4 @@
-"""The variables of scripts: their values, their interface, and the conversion of assigned values."""
+"""The variables of scripts: values, the interface of variables, and the conversion of assigned values."""
 
 import math
 import re
@@ -15,7 +15,7 @@ ScriptValue = int | float | str
 """A value in a script."""
 
 LARGEST_EXACT = 2**53 - 1
-"""The largest integer up to which every integer can be converted to a real number exactly."""
+"""The limit up to which every integer can be converted to a real number without a loss of precision."""
 
 _NUMBER = r"(?i)-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+\-]?[0-9]+)?|-?(?:inf|infinity|nan)"
 _WHOLE = r"-?[0-9]+"
@@ -52,7 +52,7 @@ class UnknownVariableError(VariableError):
 
 
 class UnknownValueError(VariableError):
-    """A script needs a value that is unknown in a run without a robot.
+    """A script needs a value that is not known, because the run has no robot.
 
     Attributes:
         value: The unknown value.
@@ -61,19 +61,19 @@ class UnknownValueError(VariableError):
     def __init__(self, value: "UnknownValue") -> None:
         leaf, key = value.leaf, value.key
         super().__init__(
-            f"the value of '{key}' is not known, because '{leaf}' writes it in a run. Add to the property file "
+            f"the value of '{key}' is not known, because '{leaf}' only writes it on a robot. Add to the property file "
             f'or to the scenario: outcomes: {{{leaf}: [{{status: SUCCESS, then: "{key} := ..."}}]}}'
         )
         self.value = value
 
 
 UNKNOWN = "unknown"
-"""The name of an unknown value in outcome scripts."""
+"""The name that stands for an unknown value in outcome scripts."""
 
 
 @dataclass(frozen=True)
 class UnknownValue:
-    """The value of an entry that a leaf writes in a run without a robot; it can only be copied to other entries.
+    """The placeholder that a leaf writes to an entry in a run without a robot; it can only be copied.
 
     Attributes:
         leaf: The name of the leaf that writes the entry.
@@ -99,7 +99,7 @@ class RefusedValueError(VariableError):
 
 
 class Variables(Protocol):
-    """The variables of a script. A name refers to the script's scope, and a name with `@` to the root's scope."""
+    """The variables of a script. A name refers to the script's scope; a name with `@` refers to the root's scope."""
 
     def read(self, name: str) -> ScriptValue:
         """Return a variable's value.
@@ -110,7 +110,7 @@ class Variables(Protocol):
         ...
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Create a variable, or assign to an existing variable as `assign` does; the operator `:=`.
+        """Implement the operator `:=`: create a variable, or assign to an existing variable like `assign`.
 
         Returns:
             The stored value.
@@ -169,8 +169,8 @@ def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) 
         The converted value: the number 2.0 becomes the `int` 2, the string '2.5' becomes the `float` 2.5.
 
     Raises:
-        RefusedValueError: If the conversion would change the value or is impossible: 2.5 or 1e30 to `int`, 7 to `bool`,
-            a string without a number to a number, a number to a string.
+        RefusedValueError: If the conversion is impossible or would change the value. Examples: 2.5 or 1e30 to `int`, 7 to `bool`, a string
+            without a number to a number, a number to a string.
     """
     if kind not in {bool, int, float}:
         if isinstance(value, kind):
@@ -192,7 +192,7 @@ def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) 
 
 
 def parse_number_text(text: str, enums: Mapping[str, int]) -> int | float:
-    """Return the number that a string contains: digits, `true`, `false`, or the name of a constant.
+    """Return the number that a string contains; the string may also be `true`, `false` or the name of a constant.
 
     Raises:
         RefusedValueError: If the string contains no number.
@@ -205,7 +205,7 @@ def parse_number_text(text: str, enums: Mapping[str, int]) -> int | float:
 
 
 def number_of(text: str) -> int | float:
-    """Convert a string with a number to this number.
+    """Convert a string that contains a number to this number.
 
     Raises:
         RefusedValueError: If the string contains no number.
@@ -231,7 +231,7 @@ def as_real(value: ScriptValue) -> float:
         raise RefusedValueError(f"{describe_value(value)} is not a number")
     if not -LARGEST_EXACT <= value <= LARGEST_EXACT:
         raise RefusedValueError(
-            f"{describe_value(value)} is too large to calculate with exactly (the limit is {LARGEST_EXACT})"
+            f"{describe_value(value)} is too large for an exact calculation (the limit is {LARGEST_EXACT})"
         )
     return float(value)
 

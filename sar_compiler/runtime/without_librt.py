@@ -1,6 +1,6 @@
-"""Replacements of librt and of mypy's native number types, for robots that have only apt packages.
+"""Replacements for librt and mypy's native number types, for robots that can only use apt packages.
 
-With them, the kernel's Python source uses lists instead of librt's vectors. The compiled kernel requires librt.
+With these replacements, the kernel's Python source uses lists instead of librt's vectors. The compiled kernel requires librt.
 """
 
 import importlib.util

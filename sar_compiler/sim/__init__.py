@@ -16,4 +16,4 @@ PUBLIC_MODULES = (
     "survey",
     "world",
 )
-"""The modules that other parts may import."""
+"""The modules of this package that other packages may import."""

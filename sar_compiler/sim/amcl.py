@@ -28,8 +28,8 @@ _VARIANCES = {0: 0.01, 7: 0.01, 35: 0.005}
 class Amcl:
     """The node `amcl`, which receives `initialpose` and publishes `amcl_pose`, the transform `map` → `odom`, and the topic `map`.
 
-    The node also serves `amcl/get_state`. It does not match scans: after a wrong initial pose the robot keeps the error, and misses its
-    goals by this error.
+    The node also serves `amcl/get_state`. The substitute does not compare laser scans with the map. So if the initial pose is wrong, the
+    error remains, and the robot misses its goals by this error.
 
     Args:
         host: Creates the node.
@@ -63,7 +63,7 @@ class Amcl:
         )
 
     def die(self) -> None:
-        """Destroy the node without notice, as a fault."""
+        """Simulate a crash: destroy the node without notifying other nodes."""
         self._node.get_logger().warning("Fault: amcl disappears.")
         self._host.destroy(self._node)
 
@@ -72,7 +72,7 @@ class Amcl:
         return None if self._error is None else self._error.compose(self._robot.state.pose)
 
     def step(self, step: int, now_ns: int) -> None:
-        """Publish the messages that are due at the simulated time *now_ns*, nanoseconds."""
+        """Publish the messages that are due at the simulated time *now_ns*, in nanoseconds."""
         self._now_ns = now_ns
         pose = self.pose()
         if pose is None:
@@ -87,12 +87,14 @@ class Amcl:
         frame = message.header.frame_id
         if frame not in {_MAP, f"/{_MAP}"}:
             self._node.get_logger().error(
-                f"Initial pose in frame '{frame}' ignored. Send the pose in the frame '{_MAP}'."
+                f"The initial pose was ignored, because it is in the frame '{frame}'. Send the pose in the frame '{_MAP}'."
             )
             return
         pose = from_pose(message.pose.pose)
         if pose is None or self._map.cell_at(pose.x, pose.y) is None:
-            self._node.get_logger().error("Initial pose ignored, because it is malformed or outside the map.")
+            self._node.get_logger().error(
+                "The initial pose was ignored, because it is malformed or outside the map."
+            )
             return
         self._set_estimate(pose)
 

@@ -1,4 +1,4 @@
-"""A robot's battery, which is consumed by distance and time, and swapped at the robot's start or at a charging location."""
+"""A robot's battery. Driving and time consume charge. The battery is swapped at the robot's start or at a charging location."""
 
 from dataclasses import dataclass
 
@@ -15,9 +15,9 @@ class BatteryKind:
     Attributes:
         per_m: Consumption per metre driven.
         per_sec: Consumption per second, driving or not; by default the battery lasts four hours.
-        share: Charge at time zero.
-        swap_sec: The time that a robot must stand at its start, or at one of *places*, until it has a full battery, seconds;
-                None if the battery is not swapped.
+        share: The charge at the start of the simulation.
+        swap_sec: How long a robot must stand at its start, or at one of *places*, to get a full battery, in seconds; None if the battery is
+            not swapped.
         places: Further positions for a swap: x and y in metres, frame `map`.
     """
 

@@ -1,4 +1,4 @@
-"""A substitute for Nav2's navigator, which serves `navigate_to_pose` and `navigate_through_poses` like Jazzy's bt_navigator."""
+"""A substitute for Nav2's navigator. Like bt_navigator in Jazzy, it serves `navigate_to_pose` and `navigate_through_poses`."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -78,7 +78,7 @@ def serve_goals(
     on_goal: Callable[[Any], Any],
     on_accepted: Callable[[ServerGoalHandle], None],
 ) -> ActionServer:
-    """Return an action server whose goals end with the result of an `AcceptedGoal`."""
+    """Create an action server; each goal ends with the result of the goal's `AcceptedGoal`."""
     return ActionServer(
         node,
         action_type,
@@ -178,14 +178,14 @@ def _refusal(goal: _Goal, active_goal: _Goal | None) -> DriveOutcome | None:
     if active_goal is not None and active_goal.action_type is not goal.action_type:
         return DriveOutcome(DriveEnd.ABORTED, text="another navigator is processing")
     if not goal.poses:
-        return DriveOutcome(DriveEnd.ABORTED, _NO_POSES, "there is no pose to drive through")
+        return DriveOutcome(DriveEnd.ABORTED, _NO_POSES, "the goal contains no pose to drive through")
     if active_goal is not None and goal.tree != active_goal.tree:
         return DriveOutcome(DriveEnd.ABORTED, text="another goal with another behaviour tree is active")
     return None
 
 
 def end_of_replaced_goal(goal: AcceptedGoal) -> DriveOutcome:
-    """Return the outcome of a goal that another goal replaces: cancelled if its cancellation was requested before."""
+    """Return the outcome of a goal that another goal replaces: cancelled if this was requested, else aborted."""
     if goal.handle.is_cancel_requested:
         return DriveOutcome(DriveEnd.CANCELED)
     return DriveOutcome(DriveEnd.ABORTED, text="pre-empted by another goal")
@@ -222,8 +222,8 @@ class BtNavigator:
 
     The node also serves `compute_path_to_pose` and publishes the topic `plan`, like Nav2's planner.
 
-    A new goal preempts the current goal, which is aborted with error code 0. A new goal with another
-    behaviour tree than the current goal, or of the other action, is aborted instead.
+    A new goal preempts the current goal, and the current goal is aborted with error code 0. But if the new goal has another behaviour tree
+    than the current goal, or belongs to the other action, the new goal is aborted instead.
 
     Args:
         host: Creates the node.
@@ -271,7 +271,7 @@ class BtNavigator:
         return self._active_at is not None and self._now >= self._active_at
 
     def step(self, step: int, now_ns: int) -> None:
-        """Do the work that is due at the simulated time *now_ns*, nanoseconds."""
+        """Do the work that is due at the simulated time *now_ns*, in nanoseconds."""
         self._now = now_ns / 1e9
         if self._server is None:
             if self._back_at is not None and self._now >= self._back_at:
@@ -286,7 +286,7 @@ class BtNavigator:
             self._continue_orphaned_drive(*self._orphaned_drive)
 
     def stop(self) -> bool:
-        """End the current goal; return whether there was a goal, whose client must still be notified."""
+        """End the current goal; return whether there was a goal. The client of this goal must still be notified."""
         goal = self._goal
         if goal is not None and goal.handle.is_cancel_requested:
             self._end(DriveOutcome(DriveEnd.CANCELED))
@@ -363,7 +363,7 @@ class BtNavigator:
             self._delayed.append((self._now + self._faults.delay_sec, response))
             await response
         if not self.active:
-            self._node.get_logger().warning(f"Goal rejected: {self.node_name} is not active.")
+            self._node.get_logger().warning(f"A goal was rejected, because {self.node_name} is not active.")
             return GoalResponse.REJECT
         if self._faults.should_reject():
             self._node.get_logger().warning("Fault: a goal is rejected.")
@@ -433,7 +433,7 @@ class BtNavigator:
         return DriveOutcome(DriveEnd.ABORTED, code, "fault: the goal is aborted")
 
     def _end_late(self, goal: _Goal, fault: Fault) -> DriveOutcome | None:
-        """Return the outcome of a goal that `controller_server` accepts too late, and let the robot drive without a goal."""
+        """Return the outcome of a goal that `controller_server` accepts too late; let the robot drive nevertheless."""
         if fault.seconds <= _SERVER_TIMEOUT_SEC:
             return None
         outcome = self._start_drive(goal)
@@ -477,7 +477,7 @@ class BtNavigator:
         return progress
 
     def _recover_or_end(self, goal: _Goal, outcome: DriveOutcome) -> DriveOutcome | None:
-        """Start a recovery after a failed attempt, or return the outcome if no recovery is left or possible."""
+        """Start a recovery after a failed attempt; if no recovery is left or possible, return the goal's outcome."""
         if outcome.code not in _RECOVERABLE or not goal.recoveries_left:
             return outcome
         recovery = goal.recoveries_left.pop(0)

@@ -1,4 +1,4 @@
-"""Paths in the plane, and a path follower, which turns towards a path, pursues a point on the path, and turns to the final yaw."""
+"""Paths in the plane, and a path follower: the robot turns towards the path, pursues a point on it, and turns to the final yaw."""
 
 import itertools
 import math
@@ -33,7 +33,7 @@ class Path2D:
         return np.append(np.cumsum(lengths[::-1])[::-1], 0.0)
 
     def nearest(self, pose: Pose2D, since: int) -> int:
-        """Return the index of the point nearest to *pose* among the points up to `_WINDOW` metres after point *since*."""
+        """Return the index of the path point nearest to *pose*, searching `_WINDOW` metres from point *since* on."""
         ahead = int(
             np.searchsorted(-self.remaining_lengths, _WINDOW - self.remaining_lengths[since], side="right")
         )
@@ -41,14 +41,14 @@ class Path2D:
         return since + int(np.argmin(np.hypot(part[:, 0] - pose.x, part[:, 1] - pose.y)))
 
     def carrot(self, index: int, ahead: float) -> tuple[float, float]:
-        """Return the point of the path *ahead* metres after point *index*, or the goal if the path is shorter."""
+        """Return the point that is *ahead* metres after point *index* on the path, or the goal if the path is shorter."""
         target = int(np.searchsorted(-self.remaining_lengths, ahead - self.remaining_lengths[index]))
         x, y = self.points[min(target, len(self.points) - 1)]
         return float(x), float(y)
 
     @staticmethod
     def through_corners(corners: Floats, spacing: float = 0.05) -> "Path2D":
-        """Return the straight path from corner to corner, with a point at least every *spacing* metres."""
+        """Return the path of straight lines from corner to corner, with points at most *spacing* metres apart."""
         pieces = []
         for start, end in itertools.pairwise(corners):
             count = max(1, int(np.ceil(np.hypot(*(end - start)) / spacing)))
@@ -62,10 +62,10 @@ class FollowerSettings:
 
     Attributes:
         look_ahead: Distance of the pursued point, metres.
-        position_tolerance: Distance from the goal below which the robot stops driving, metres.
-        yaw_tolerance: Difference from the goal's yaw below which the robot stops turning, radians.
-        turn_first: Angle to the path above which the robot turns in place, radians.
-        turned: Angle to the path below which turning in place ends, radians.
+        position_tolerance: The robot stops driving when it is closer to the goal than this distance, metres.
+        yaw_tolerance: The robot stops turning when its yaw differs from the goal's yaw by less than this angle, radians.
+        turn_first: The robot turns in place when the angle to the path is larger than this, radians.
+        turned: Turning in place ends when the angle to the path is smaller than this, radians.
         braking: Fraction of the robot's maximum acceleration that the follower uses for braking.
     """
 
@@ -109,7 +109,7 @@ class Follower:
 
     @property
     def is_done(self) -> bool:
-        """Whether the robot is at the goal and has the final yaw."""
+        """Whether the robot has reached the goal and the final yaw."""
         return self._phase is _Phase.DONE
 
     def distance_remaining(self, pose: Pose2D) -> float:
@@ -143,7 +143,7 @@ class Follower:
         return self._pursue(aside, reach, max(away, self.distance_remaining(state.pose)))
 
     def _pursue(self, aside: float, reach: float, left: float) -> Twist2D:
-        """Return the velocities of the arc to a point *reach* metres away and *aside* radians to the left."""
+        """Return the velocities of the arc to a point that is *reach* metres away and *aside* radians to the left."""
         curvature = 2.0 * math.sin(aside) / max(reach, self._settings.position_tolerance)
         speed = min(
             self._limits.speed,

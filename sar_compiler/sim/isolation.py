@@ -25,12 +25,12 @@ LOOK_AROUND_SEC = 4.0
 _LOOK_EVERY_SEC = 0.02
 
 LOOKING_AROUND = f"Checking for other simulations or robots on this machine ({LOOK_AROUND_SEC:g} s)..."
-"""The message of a command at the start of the search for other nodes."""
+"""The message that a command prints before it searches for other nodes."""
 _ANOTHER = "another node"
 
 
 class IsolationError(SarError):
-    """Another simulation or a robot's navigation is running on the same ROS names.
+    """Another simulation, or the navigation of a robot, is running and uses the same ROS names.
 
     Attributes:
         node: The other node, such as `node '/its/full/name'` if its name is known.
@@ -40,13 +40,13 @@ class IsolationError(SarError):
     def __init__(self, node: str, what: str) -> None:
         self.node, self.what = node, what
         super().__init__(
-            f"{node} already provides {what} here: a simulated robot must not mix with another robot. "
-            f"Stop that node, or set another ROS_DOMAIN_ID."
+            f"{node} already provides {what} in this ROS domain, and a simulated robot must not mix with another robot. Stop that node, or "
+            f"set another ROS_DOMAIN_ID."
         )
 
 
 def stay_on_this_machine() -> None:
-    """Restrict discovery to this machine, unless the user has set another range; call this before rclpy is initialised."""
+    """Restrict discovery to this machine, unless the user has set a range; call this before `rclpy.init`."""
     os.environ.setdefault(_RANGE, "LOCALHOST")
 
 
@@ -65,12 +65,13 @@ def require_no_other_nodes(
         context: An initialised context; the default context if None.
         namespace: The namespace of relative names; None for the namespace of the command line.
         actions: The names of the navigation actions of all robots.
-        look_around_sec: The time of the search, seconds; the search ends early if another node is found, or if none can exist.
+        look_around_sec: The duration of the search, seconds. The search ends early if another node is found, or if there cannot be another
+            node.
         on_waiting: Called before the wait for other nodes.
         should_stop: Returns whether to stop searching; the function then returns.
 
     Raises:
-        IsolationError: If another node provides one of them; the error names the node.
+        IsolationError: If another node provides the topic or the action. The error names the node.
     """
     node = Node("require_isolation", context=context, namespace=namespace, start_parameter_services=False)
     try:
@@ -109,9 +110,9 @@ _PORTS_OF_A_PARTICIPANT = 2
 
 
 def _is_alone(domain: int) -> bool:
-    """Return whether no other participant in a ROS domain can be heard from this process; False if unknown.
+    """Return whether this process is certainly the only participant that it can discover in a ROS domain.
 
-    If discovery is limited to this machine, every participant listens at the domain's ports on this machine, as the standard requires.
+    If discovery is limited to this machine, every participant listens at the domain's ports on this machine, as the DDS standard requires.
     """
     here_only = os.environ.get(_RANGE) == "LOCALHOST" and not any(map(os.environ.get, _DISCOVERY_VARIABLES))
     by_dds = get_rmw_implementation_identifier().startswith(("rmw_fastrtps", "rmw_cyclonedds"))
@@ -147,7 +148,7 @@ def require_no_rival_servers(node: Node, actions: Sequence[str] = (_ACTION,)) ->
     Discovery can miss a node at the start, and further nodes may appear later.
 
     Raises:
-        IsolationError: If another node provides one of them.
+        IsolationError: If another node provides the topic or the action.
     """
     if node.count_publishers(_CLOCK) > 1:
         raise IsolationError(_ANOTHER, _CLOCK)
@@ -165,7 +166,7 @@ def _find_foreign_node(node: Node, actions: Sequence[str]) -> IsolationError | N
 
 
 def _find_server(node: Node, goals: str) -> IsolationError | None:
-    """Return the error about the server of the service *goals*; None if there is no server."""
+    """Return an error that names the server of the service *goals*; None if the service has no server."""
     # The graph also contains services that only have clients.
     if not node.count_services(goals):
         return None

@@ -51,7 +51,7 @@ def to_pose(pose: Pose2D) -> Pose:
 
 
 def to_transform(parent: str, child: str, pose: Pose2D, stamp: Time) -> TransformStamped:
-    """Return the transform message for a frame *child* whose pose in the frame *parent* is *pose*."""
+    """Create the transform message that gives the pose of the frame *child* in the frame *parent*."""
     message = TransformStamped(child_frame_id=child)
     message.header.frame_id, message.header.stamp = parent, stamp
     message.transform.translation.x, message.transform.translation.y = pose.x, pose.y
@@ -60,7 +60,7 @@ def to_transform(parent: str, child: str, pose: Pose2D, stamp: Time) -> Transfor
 
 
 def from_pose(message: Any) -> Pose2D | None:
-    """Convert a pose message to a planar pose, or to None if it is not finite or its quaternion is not a rotation."""
+    """Convert a pose message to a planar pose; None if it is not finite or the quaternion is not a rotation."""
     turn = message.orientation
     if not abs(math.hypot(turn.x, turn.y, turn.z, turn.w) - 1.0) < _UNIT_TOLERANCE:
         return None
@@ -81,7 +81,7 @@ def to_grid(occupancy: OccupancyMap) -> OccupancyGrid:
 
 
 def to_path(path: Path2D, stamp: Time) -> Path:
-    """Convert a path to a message, whose poses all have yaw 0."""
+    """Convert a path to a message. All poses in the message have yaw 0."""
     message = Path()
     message.header.frame_id, message.header.stamp = "map", stamp
     for x, y in path.points.tolist():
@@ -90,7 +90,7 @@ def to_path(path: Path2D, stamp: Time) -> Path:
 
 
 def from_grid(message: OccupancyGrid) -> OccupancyMap | None:
-    """Convert a map message to an occupancy map, or to None if it is empty, rotated, or inconsistent.
+    """Convert a map message to an occupancy map; None if the map is empty, rotated or inconsistent.
 
     Cells between the thresholds for free and occupied become unknown.
     """

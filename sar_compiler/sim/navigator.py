@@ -1,4 +1,4 @@
-"""The execution of a goal as by Nav2, but without ROS: planning, driving, progress checks and braking."""
+"""Execute a goal like Nav2, but without ROS: planning, driving, progress checks and braking."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from sar_compiler.sim.robot import STAND, Limits, RobotState, Twist2D
 
 @dataclass(frozen=True)
 class Recovery:
-    """A recovery, which precedes another attempt to reach a goal.
+    """A recovery: an action of the robot before it tries again to reach a goal.
 
     Attributes:
         name: The robot's action as a verb, such as `spins`.
@@ -42,10 +42,10 @@ class DrivingManner:
         speed: The highest speed of a drive, m/s.
         turn: The highest speed of a turn, rad/s.
         follower: The parameters of path following.
-        tolerance: Distance from an occupied goal at which a path may end, metres.
-        recoveries: The recoveries in order; a new attempt follows each recovery before the goal is aborted.
-        knows_distance_at_once: Whether the first feedback contains the remaining distance, or 0.
-        server_timeout_sec: The maximum time in which the controller, as a separate process, must accept a goal; seconds.
+        tolerance: The maximum distance between an occupied goal and the end of the path, metres.
+        recoveries: The recoveries in order. After each recovery the robot tries again; after the last attempt the goal is aborted.
+        knows_distance_at_once: Whether the first feedback contains the remaining distance. Otherwise it contains 0.
+        server_timeout_sec: The time within which the controller, a separate process in Nav2, must accept a goal, seconds.
         looks_back_sec: The interval of checks for passed poses of `navigate_through_poses`, simulated seconds.
     """
 
@@ -64,7 +64,7 @@ class DrivingManner:
 
 
 QUICK = DrivingManner()
-"""The manner for rehearsals and tests, which is accurate and has no recoveries."""
+"""The manner of driving for rehearsals and tests. It is accurate and has no recoveries."""
 
 _CLEAR = Recovery("clears its costmaps", STAND, 1.0)
 _SPIN = Recovery("spins", Twist2D(0.0, 1.0), math.pi / 2)
@@ -79,12 +79,12 @@ _REPLANS_SEC = 3.0
 
 @cache
 def manner(name: str) -> DrivingManner:
-    """Return the manner of driving with a name in `placement.MANNER_NAMES`."""
+    """Return the manner of driving that has the given name; `placement.MANNER_NAMES` lists the names."""
     return like_nav2(resources.shared_file_path("config", "nav2_params.yaml")) if name == NAV2_NAME else QUICK
 
 
 def like_nav2(parameters: Path) -> DrivingManner:
-    """Return the manner in which Nav2 drives with a parameter file; missing parameters have Nav2's defaults.
+    """Return Nav2's manner of driving with a parameter file; for missing parameters, use Nav2's defaults.
 
     Raises:
         ParameterFileError: If the file has errors.
@@ -224,7 +224,7 @@ class Drive:
         if state.pose.distance_to(self._mark) > _MOVE or turned > _TURN:
             self._mark, self._mark_time = state.pose, now
         if now - self._mark_time > _PATIENCE_SEC:
-            reason = ", because an obstacle that is not on the map blocks it" if state.touching else ""
+            reason = ", because an obstacle that is not on the map blocks the path" if state.touching else ""
             text = f"the robot has not moved for {_PATIENCE_SEC:g} s{reason}"
             return DriveOutcome(DriveEnd.ABORTED, NavCode.FAILED_TO_MAKE_PROGRESS, text)
         return None

@@ -1,4 +1,4 @@
-"""Executors that serve all nodes of a simulation in a single thread, and the creation and destruction of nodes."""
+"""Executors that serve all nodes of a simulation in a single thread, and a class that creates and destroys nodes."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -24,9 +24,9 @@ _HOPS = 2
 class PacedExecutor(SingleThreadedExecutor):
     """An executor that serves callbacks until a time of the monotonic clock.
 
-    `spin_once` with a time-out that differs from call to call starts a new round each time. A waiting coroutine (an action goal
-    being executed) comes first in each round, so that no other callback would ever be served. This class changes the same time-out object
-    in place, which continues the round.
+    If the time-out of `spin_once` differs from the last call, rclpy starts a new round. Each round begins with a waiting coroutine (an
+    action goal being executed), so no other callback would ever be served. This class therefore passes the same time-out object in each
+    call and changes its value, so that the round continues.
     """
 
     def __init__(self, *, context: Context, interrupted: Callable[[], bool]) -> None:
@@ -48,9 +48,9 @@ class PacedExecutor(SingleThreadedExecutor):
         """Serve callbacks until *deadline*, but for at least one round.
 
         Args:
-            deadline: On the clock of `time.monotonic()`, seconds.
+            deadline: The deadline on the clock of `time.monotonic()`, seconds.
             enough: Returns whether to stop earlier; checked after each callback and on each call of `wake`.
-            to_the_end: Whether to continue despite an interruption.
+            to_the_end: Whether to continue until the deadline even if interrupted.
         """
         self._rounds += 1
         interrupted = _never_stop if to_the_end else self._interrupted
@@ -81,7 +81,7 @@ def _never_stop() -> bool:
 class SteppedExecutor:
     """Serves a mission and its simulation in one thread, and completes all pending work between two steps.
 
-    The class uses rclpy's `EventsExecutor`, which calls callbacks in the order of their causes. Within a process, a message
+    The class uses rclpy's `EventsExecutor`, which calls callbacks in the order of the events that cause them. Within a process, a message
     reaches its subscribers when it is published.
 
     Args:
@@ -104,12 +104,12 @@ class SteppedExecutor:
         self.add_node, self.remove_node = self._events.add_node, self._events.remove_node
 
     def serve_apart(self, node: Node) -> None:
-        """Serve a node with a wait-set executor, because the events executor cannot serve its entities."""
+        """Serve a node with a wait-set executor, because the events executor cannot serve the node's entities."""
         self.remove_node(node)
         self._wait_set_executor.add_node(node)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Make a step, and call all pending callbacks; the time-out is ignored."""
+        """Make one step of the simulation, and call all pending callbacks; the time-out is ignored."""
         if self.step is not None:
             self.step()
         for _ in range(_HOPS):
@@ -122,7 +122,7 @@ class SteppedExecutor:
                 self._wait_set_executor.serve_until(time.monotonic())
 
     def spin_until_future_complete(self, _: Any, timeout_sec: float | None = None) -> None:
-        """Spin once; callers check their future after each step."""
+        """Spin once; the caller must check after each step whether the future is complete."""
         self.spin_once(timeout_sec)
 
     def shutdown(self) -> None:
@@ -138,7 +138,7 @@ class NodeHost:
         executor: Serves the nodes.
         context: The context of the nodes.
         namespace: The namespace of the nodes; None for the namespace of the command line.
-        cli_args: ROS arguments for these nodes, which override those of the command line.
+        cli_args: ROS arguments for these nodes. They override the ROS arguments of the command line.
     """
 
     def __init__(

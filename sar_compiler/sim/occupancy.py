@@ -36,7 +36,7 @@ class OccupancyMap:
     """A map whose cells are free, occupied or unknown.
 
     Attributes:
-        cells: -1 unknown, 0 free, 100 occupied; shape (height, width), int8, row 0 at the lowest y.
+        cells: The state of each cell: -1 unknown, 0 free, 100 occupied; shape (height, width), int8, row 0 at the lowest y.
         resolution: The edge length of a cell, metres.
         origin_x: The x of the lower left corner of cell (0, 0), metres, frame `map`.
         origin_y: The y of the same corner, metres, frame `map`.
@@ -51,7 +51,7 @@ class OccupancyMap:
         self.cells.setflags(write=False)
 
     def cell_at(self, x: float, y: float) -> tuple[int, int] | None:
-        """Return (row, column) of the cell that contains (x, y) in metres, frame `map`; None outside the map."""
+        """Return (row, column) of the cell that contains a position (m, frame `map`); None outside the map."""
         row = math.floor((y - self.origin_y) / self.resolution)
         column = math.floor((x - self.origin_x) / self.resolution)
         inside = 0 <= row < self.cells.shape[0] and 0 <= column < self.cells.shape[1]
@@ -65,7 +65,7 @@ class OccupancyMap:
 
 
 def read_map(path: Path) -> OccupancyMap:
-    """Read the description and the image of a map by the rules of `nav2_map_server`.
+    """Read the description and the image of a map in the format of `nav2_map_server`.
 
     Args:
         path: The `.yaml` file; its `image` is looked up in the same folder.
@@ -97,7 +97,7 @@ def read_map(path: Path) -> OccupancyMap:
 
 
 def map_files(occupancy: OccupancyMap, prefix: Path) -> dict[Path, bytes]:
-    """Return the contents of the image and the description of a map, by path, in the format of `nav2_map_server`.
+    """Return the contents of a map's files by path: image and description in the format of `nav2_map_server`.
 
     Args:
         occupancy: The map.
@@ -120,7 +120,7 @@ def map_files(occupancy: OccupancyMap, prefix: Path) -> dict[Path, bytes]:
 
 
 def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
-    """Return the sums of the bands of an image's pixels, top row first, and the sum for white.
+    """Return, for each pixel of an image, the sum of its colour bands (top row first), and the sum for white.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
@@ -146,5 +146,7 @@ def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
 
 def _require_size(width: int, height: int) -> None:
     if not 0 < width * height <= _MAX_CELLS:
-        message = f"the image has {width} x {height} pixels. Reduce it to at most {_MAX_CELLS:,} pixels"
+        message = (
+            f"the image has {width} x {height} pixels. Reduce the image to at most {_MAX_CELLS:,} pixels"
+        )
         raise _ImageError(message)

@@ -38,8 +38,8 @@ class Placement:
     """One robot in a world.
 
     Attributes:
-        name: The robot's name; the robot's nodes are in the namespace `/name`. If the name is empty, the nodes are in the
-            namespace of the simulation, with the global `/tf`.
+        name: The robot's name; the robot's nodes are in the namespace `/name`. If the name is empty, the nodes are in the namespace of the
+            simulation and use the global `/tf`.
         start: The robot's pose at time zero, frame `map`; the world's start if None.
         odometry: The pose at time zero according to the robot's odometry.
         localised: Whether the localisation knows the robot's pose without an initial pose.
@@ -104,7 +104,7 @@ RobotPlaces = Mapping[str, tuple[Pose2D, Pose2D]]
 
 
 class PoseFileError(SarError):
-    """A pose file cannot be read or written, or is not a valid pose file of the world.
+    """A pose file cannot be read or written, or contains no valid poses for the world.
 
     Attributes:
         path: The path of the file.
@@ -144,17 +144,20 @@ class PoseFile:
         except UnreadableFileError as error:
             raise PoseFileError(self._path, f"the file cannot be read: {error.reason}") from error
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-            raise PoseFileError(self._path, "the file has no poses of robots. Name another file") from error
+            raise PoseFileError(
+                self._path, "the file contains no poses of robots. Choose another file"
+            ) from error
         if world != self._world:
             raise PoseFileError(
-                self._path, f"the file has poses of another world, {world!r}. Delete it, or name another file"
+                self._path,
+                f"the file contains poses for another world, {world!r}. Delete the file, or choose another file",
             )
         if not all(pose.is_finite for pair in places.values() for pose in pair):
-            raise PoseFileError(self._path, "the file has a pose that is not finite. Delete the file")
+            raise PoseFileError(self._path, "the file contains a pose that is not finite. Delete the file")
         return places
 
     def restore(self, robots: Sequence[Placement]) -> list[Placement]:
-        """Return the robots at their last written poses, or at their start if the file has no pose of them.
+        """Return the robots at the poses in the file; a robot without a pose in the file is at its start.
 
         Raises:
             PoseFileError: As for `read`.

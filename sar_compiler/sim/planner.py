@@ -51,7 +51,7 @@ class NavCode(IntEnum):
 
 
 class PlanningError(SarError):
-    """There is no path.
+    """The planner has found no path.
 
     Attributes:
         code: Nav2's error code for the reason.
@@ -85,13 +85,13 @@ class Planner:
         self._next_nodes_to = lru_cache(_CACHED_GOALS)(partial(_next_nodes, self._graph))
 
     def plan(self, start: Pose2D, goal: Pose2D, tolerance: float = 0.0) -> Path2D:
-        """Return a path between two positions, frame `map`.
+        """Plan a path between two positions in the frame `map`.
 
         Args:
             start: The start.
             goal: The goal.
-            tolerance: The distance from an occupied goal at which the path may end, metres. If there is no free position within this
-                    distance, the error is `NO_VALID_PATH` instead of `GOAL_OCCUPIED`, as with Nav2's planner.
+            tolerance: The maximum distance between an occupied goal and the end of the path, metres. If there is no free position within
+                    this distance, the error is `NO_VALID_PATH` instead of `GOAL_OCCUPIED`, as with Nav2's planner.
 
         Raises:
             PlanningError: If there is no path; the error's code is the reason.
@@ -110,7 +110,7 @@ class Planner:
         return Path2D(self._smooth(self.occupancy.centre_of(cells[:, 0], cells[:, 1]), goal))
 
     def ground_from(self, start: Pose2D) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which cells are free, and which cells the robot's body can cover when it starts at a position.
+        """Return which cells are free, and which cells the robot's body can cover if the robot starts at a position.
 
         Raises:
             PlanningError: If the robot cannot start at the position.
@@ -122,7 +122,7 @@ class Planner:
         return self.occupancy.cells == FREE, near <= self._radius + self.occupancy.resolution
 
     def _nearest_free(self, goal: Pose2D, tolerance: float) -> Pose2D:
-        """Return the position nearest to a goal, within a distance in metres, at which the robot fits."""
+        """Return the position nearest to a goal at which the robot fits, within a maximum distance in metres."""
         cell = self.occupancy.cell_at(goal.x, goal.y)
         if cell is None or self.fits[cell]:
             return goal
@@ -139,7 +139,9 @@ class Planner:
             message = f"the goal ({goal.x:.2f}, {goal.y:.2f}) is outside the map"
             raise PlanningError(NavCode.GOAL_OUTSIDE_MAP, message)
         if not self.fits[cell]:
-            message = f"the robot does not fit on free ground at the goal ({goal.x:.2f}, {goal.y:.2f})"
+            message = (
+                f"there is not enough free ground for the robot at the goal ({goal.x:.2f}, {goal.y:.2f})"
+            )
             raise PlanningError(NavCode.GOAL_OCCUPIED, message)
         return int(self._node_of[cell])
 
@@ -152,7 +154,7 @@ class Planner:
             return int(self._node_of[cell])
         node = self._nearest_node(start, _START_SLACK)
         if node is None:
-            message = f"the robot does not fit on free ground at its position ({start.x:.2f}, {start.y:.2f})"
+            message = f"there is not enough free ground for the robot at its position ({start.x:.2f}, {start.y:.2f})"
             raise PlanningError(NavCode.START_OCCUPIED, message)
         return node
 
@@ -184,18 +186,18 @@ def clearance(occupancy: OccupancyMap) -> Floats:
 
 
 def _next_nodes(graph: csr_array, goal: int) -> NDArray[np.int32]:
-    """Return the next node on the path from each node to a goal; `_NO_PATH` for a node without a path, and for the goal."""
+    """Return the next node on the path from each node to a goal, or `_NO_PATH` for the goal and if there is no path."""
     # The costs of the paths are not stored, because they would need twice as much memory.
     following: NDArray[np.int32] = dijkstra(graph, indices=goal, return_predecessors=True)[1]
     return following
 
 
 def _grid_graph(passable: NDArray[np.bool_], cost: Floats) -> tuple[csr_array, NDArray[np.int32]]:
-    """Return the graph that connects each passable cell to its passable neighbours, of which it has up to eight.
+    """Return the graph that connects each passable cell to its passable neighbours (at most eight).
 
     Args:
         passable: Whether each cell is passable, shape (height, width).
-        cost: The cost of each cell per edge length travelled in the cell, same shape.
+        cost: The cost of each cell for a distance of one cell edge, same shape.
 
     Returns:
         The adjacency matrix with costs in cell edges, and the node number of each cell, -1 for impassable cells.
@@ -219,9 +221,9 @@ def _grid_graph(passable: NDArray[np.bool_], cost: Floats) -> tuple[csr_array, N
 
 _PROBLEMS = {
     NavCode.START_OUTSIDE_MAP: "the robot's start is outside the map",
-    NavCode.START_OCCUPIED: "the robot does not fit on free ground at its start",
+    NavCode.START_OCCUPIED: "there is not enough free ground for the robot at its start",
     NavCode.GOAL_OUTSIDE_MAP: "it is outside the map",
-    NavCode.GOAL_OCCUPIED: "the robot does not fit on free ground there",
+    NavCode.GOAL_OCCUPIED: "there is not enough free ground for the robot there",
     NavCode.NO_VALID_PATH: "no path leads there",
 }
 
@@ -249,8 +251,8 @@ class ReachableArea(NamedTuple):
 
     Attributes:
         area_m2: The size of the area, square metres.
-        reached_m2: The size of the reachable part, whose free cells the robot's body can cover, square metres.
-        cut_off_m2: The size of the free but unreachable parts, without negligible parts, square metres.
+        reached_m2: The size of the reachable part: the free cells that the robot's body can cover, square metres.
+        cut_off_m2: The size of the parts that are free but unreachable, square metres. Negligible parts are ignored.
         cut_off_at: A position in the largest unreachable part: x and y in metres, frame `map`; None if there is none.
         off_map_m2: The size of the part outside the map, square metres.
     """
@@ -301,7 +303,7 @@ def reachable_areas(
 
 
 def _innermost_position(part: NDArray[np.bool_], occupancy: OccupancyMap) -> tuple[float, float]:
-    """Return the position that is farthest from the edge of a part of the map: x and y in metres, frame `map`."""
+    """Return the position in a part of the map that is farthest from its edge: x and y in metres, frame `map`."""
     depth = distance_transform_edt(np.pad(part, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(int(depth.argmax()), depth.shape)
     ((x, y),) = occupancy.centre_of(np.array([row]), np.array([column]))

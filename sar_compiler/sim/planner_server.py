@@ -1,4 +1,4 @@
-"""A substitute for Nav2's planner, which serves the action `compute_path_to_pose` like Jazzy's planner_server."""
+"""A substitute for Nav2's planner. Like planner_server in Jazzy, it serves the action `compute_path_to_pose`."""
 
 from collections.abc import Callable
 from typing import Any
@@ -31,7 +31,7 @@ class PlannerServer:
         planner: Plans the paths.
         localise: Returns the robot's pose in `map`, the default start of a path; None while the pose is unknown.
         is_active: Returns whether goals are accepted.
-        tolerance: Distance from an occupied goal at which a path may end, metres.
+        tolerance: The maximum distance between an occupied goal and the end of a path, metres.
     """
 
     def __init__(

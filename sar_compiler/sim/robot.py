@@ -1,4 +1,4 @@
-"""The robot with a differential drive: speed and acceleration limits, contact, and odometry."""
+"""A robot with a differential drive: limits of speed and acceleration, contact with obstacles, and odometry."""
 
 import math
 from collections.abc import Iterable
@@ -60,7 +60,7 @@ class RobotState:
     Attributes:
         pose: True pose of `base_link`, frame `map`.
         velocity: True velocity, frame `base_link`.
-        odometry: Pose of `base_link` by wheel odometry, frame `odom` (the pose at the start).
+        odometry: Pose of `base_link` according to the wheel odometry, frame `odom` (whose origin is the pose at the start).
         touching: Whether the last step ended in contact with an obstacle or another robot.
     """
 
@@ -79,7 +79,7 @@ class Robot:
         odometry: The pose at time zero according to the robot's odometry.
         seed: The seed of the odometry's noise.
         limits: The limits of the robot's drive.
-        command_timeout: The age of a command after which the robot stops, seconds of simulated time.
+        command_timeout: The robot stops when the last command is older than this, seconds of simulated time.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Robot:
         self._command_age = math.inf
 
     def add_robots(self, others: Iterable["Robot"]) -> None:
-        """Add other robots as obstacles, which the lidar sees."""
+        """Add other robots as obstacles. The lidar detects these obstacles, too."""
         self._others = tuple(others)
 
     def surroundings(self) -> Solid:
@@ -115,7 +115,7 @@ class Robot:
         )
 
     def command(self, twist: Twist2D) -> None:
-        """Set the commanded velocity; clip values that exceed the limits, and replace values that are not finite by zero."""
+        """Set the commanded velocity; limit the values, and replace values that are not finite by zero."""
         self._command = Twist2D(_clip(twist.v, self.limits.speed), _clip(twist.w, self.limits.turn))
         self._command_age = 0.0
 
@@ -154,7 +154,7 @@ class Robot:
 
 
 def _move_along_arc(pose: Pose2D, length: float, turned: float) -> Pose2D:
-    """Return the pose after a step of *length* metres along the chord of an arc that turns by *turned* radians."""
+    """Return the pose after a step of *length* metres along the chord of an arc of *turned* radians."""
     heading = pose.yaw + turned / 2
     x, y = pose.x + length * math.cos(heading), pose.y + length * math.sin(heading)
     return Pose2D(x, y, normalise_angle(pose.yaw + turned))

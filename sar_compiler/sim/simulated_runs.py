@@ -33,7 +33,7 @@ _is_stopping = threading.Event()
 
 
 class SimulatedRunError(SarError):
-    """A mission cannot be run."""
+    """A mission cannot be run in the simulator."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +90,9 @@ class SimulatedRunResult(NamedTuple):
     """The result of a run of `sar-run`.
 
     Attributes:
-        status: The exit status of `sar-run`, or of the process if it ended without a result.
+        status: The exit status of `sar-run`, or of the process if the process ended without a result.
         output: The standard output of `sar-run`.
-        problem: The reason of a failure, from standard error.
+        problem: The reason for a failure, as printed on standard error.
     """
 
     status: int
@@ -148,7 +148,7 @@ class RunProcessSlot:
         self._process.terminate()
 
     def close(self) -> None:
-        """End the process, which must be idle."""
+        """End the process. The process must be idle."""
         with suppress(BrokenPipeError):
             self._process.communicate()
 
@@ -158,7 +158,7 @@ _idle_processes: list[RunProcessSlot] = []
 
 
 def _execute_run(program: Sequence[str], arguments: Sequence[str]) -> SimulatedRunResult:
-    """Run a mission, in an existing process if one is idle."""
+    """Run a mission; use an existing process if one of them is idle."""
     process = _usable_process(program)
     _busy_processes.add(process)
     try:
@@ -198,7 +198,7 @@ def _free_domain() -> Iterator[tuple[int, IO[str]]]:
 
 
 def minimize_faults(runs: SimulatedRuns, seed: int) -> SimulatedRuns:
-    """Return the runs with a minimal set of faults with which the mission still fails for a seed."""
+    """Return the runs with a minimal set of faults that still makes the mission fail for a seed."""
     for fault in runs.faults:
         fewer = replace(runs, faults=tuple(each for each in runs.faults if each != fault))
         if fewer([seed])[0].failure:
@@ -207,7 +207,7 @@ def minimize_faults(runs: SimulatedRuns, seed: int) -> SimulatedRuns:
 
 
 def mission_threads(count: int) -> ReplaceableExecutor:
-    """Return an executor of threads that each wait for a run; when the executor is stopped, it stops the current runs."""
+    """Return a thread pool in which each thread waits for a run; stopping the pool stops the current runs."""
     _is_stopping.clear()
 
     def stop(executor: Executor) -> None:

@@ -93,7 +93,7 @@ def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0)
 
 
 def seed_of(seed: int, number: int) -> int:
-    """Return the noise seed of the robot with a number; robot 0 has *seed* itself."""
+    """Return the noise seed of a robot, given the robot's number; robot 0 has *seed* itself."""
     if number == 0:
         return seed
     return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0])
@@ -104,7 +104,7 @@ def _position_text(start: Pose2D) -> str:
 
 
 class SimulatedRobot:
-    """A robot with its node `rosbot` and, if there is a map, `amcl` and `bt_navigator`.
+    """A robot with its node `rosbot` and, if there is a map, with the nodes `amcl` and `bt_navigator`.
 
     Args:
         host: Creates the nodes, in the robot's namespace.
@@ -157,7 +157,7 @@ class SimulatedRobot:
         self._interface.publish(step, now_ns)
 
     def navigate(self, step: int, now_ns: int) -> None:
-        """Update the localisation, and continue with the current goal, at the end of step number *step*, at *now_ns* nanoseconds."""
+        """Update the localisation and continue with the current goal at the end of a step, at *now_ns* nanoseconds."""
         if self._navigation is not None and now_ns / 1e9 >= self._amcl_back_at:
             self._amcl_back_at = math.inf
             self._amcl = Amcl(self._host, self._robot, self._navigation.occupancy)
@@ -167,7 +167,7 @@ class SimulatedRobot:
             self._navigator.step(step, now_ns)
 
     def stop(self) -> bool:
-        """End the current goal; return whether there was a goal, whose client must still be notified."""
+        """End the current goal; return whether there was a goal. The client of this goal must still be notified."""
         return self._navigator is not None and self._navigator.stop()
 
     def _lose_localisation(self, until: float | None) -> None:
@@ -216,10 +216,10 @@ class Simulation:
 
     Args:
         world: The world. If the world has no map, the robots have no Nav2 substitute, but only their own topics.
-        robots: The robots in the order of their steps. The nodes of a robot are in the namespace of its name, including `/tf`
-            and `/tf_static`. By default there is one robot without a name, at the world's start.
+        robots: The robots in the order of their steps. A robot's nodes and its topics `tf` and `tf_static` are in the namespace with the
+            robot's name. By default there is one robot without a name, at the world's start.
         speed: Simulated seconds per second.
-        faults: The faults to inject in the navigation of each robot, which are counted separately for each robot.
+        faults: The faults to inject in the navigation. The faults of each robot are counted separately.
         seed: The seed of all noise. The same seed and commands result in the same states, bit for bit.
         context: The nodes' context, already initialised; the default context if None.
         namespace: The namespace of the nodes except those of robots with a name; None for the namespace of the command line. The topic
@@ -295,9 +295,10 @@ class Simulation:
         self._pose_file = pose_file
 
     def wait_for(self, listener: ROSClock) -> None:
-        """Limit the speed so that the simulated clock of a node in another thread can follow.
+        """Limit the speed, so that a node in another thread receives the simulated time without a delay.
 
-        Otherwise time limits in simulated seconds would expire if the machine, or a leaf, is slower than the requested speed.
+        Without this limit, time limits in simulated seconds would expire too early if the machine or a leaf is slower than the requested
+        speed.
         """
         every = JumpThreshold(min_forward=Duration(nanoseconds=1), min_backward=None)
         self._listener = listener
@@ -320,7 +321,7 @@ class Simulation:
         if self._thread.ident is not None:
             self._thread.join(_JOIN_SEC)
         if self._thread.is_alive():
-            _log.error("the simulation's thread does not end: kill the process")
+            _log.error("the simulation's thread does not end. Kill the process")
             return
         if self._stepped is not None:
             self._stepped.step = None
@@ -394,7 +395,7 @@ class Simulation:
             self._pose_file.write({name: robot.poses for name, robot in self._robots.items()})
 
     def _has_listener_caught_up(self) -> bool:
-        """Return whether the listener's clock has almost reached the time of this step, or does not use simulated time."""
+        """Return whether the listener's clock has almost reached this step, or does not use simulated time."""
         listener = self._listener
         if listener is None or not listener.ros_time_is_active:
             return True
@@ -407,7 +408,7 @@ class Simulation:
                 self._own.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
 
     def _stop_robots(self) -> bool:
-        """End all goals; return whether there were goals, whose clients must still be notified."""
+        """End all goals; return whether there were goals. The clients of these goals must still be notified."""
         return any([robot.stop() for robot in self._robots.values()])  # noqa: C419 - every robot has to stop
 
 

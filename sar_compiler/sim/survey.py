@@ -1,7 +1,7 @@
 """Mapping of a world: the robot drives through the world with its lidar, and the scans are combined to a map.
 
-Each cell has log-odds of being occupied. A ray decreases the log-odds of the cells that it passes, and increases those of the cell in which
-it ends.
+Each cell has log-odds of being occupied. A ray decreases the log-odds of the cells that it passes, and increases the log-odds of the cell
+in which it ends.
 """
 
 import math
@@ -91,7 +91,7 @@ class Mapper:
         return self._cells(pose, points[before_end])
 
     def _cells(self, pose: Pose2D, offsets: Floats) -> NDArray[np.int64]:
-        """Return the flat indices of the cells at *offsets* (metres, shape (n, 2)) from *pose*, without duplicates."""
+        """Return the flat indices, without duplicates, of the cells at *offsets* from *pose* (metres, shape (n, 2))."""
         columns = np.floor((pose.x + offsets[:, 0] - self._corner[0]) / _RESOLUTION).astype(np.int64)
         rows = np.floor((pose.y + offsets[:, 1] - self._corner[1]) / _RESOLUTION).astype(np.int64)
         inside = (rows >= 0) & (rows < _SIZE) & (columns >= 0) & (columns < _SIZE)
@@ -114,7 +114,7 @@ class SurveyError(SarError):
 def survey(
     world: World, *, seed: int = 0, on_progress: Callable[[float], object] = lambda _: None
 ) -> OccupancyMap:
-    """Drive the world's survey route, and return the map that results from the scans.
+    """Let the robot drive the world's survey route, and return the map that results from the scans.
 
     Args:
         world: The world.
@@ -131,8 +131,8 @@ def survey(
     for number, (x, y) in enumerate(world.survey, 1):
         if max(abs(x - world.start.x), abs(y - world.start.y)) > _REACH:
             raise SurveyError(
-                f"point {number} of the survey of world '{world.name}', ({x:g}, {y:g}), is outside the mapped area. "
-                f"Choose a point at most {_REACH:g} m from the robot's start in x and in y"
+                f"point {number} of the survey of world '{world.name}', ({x:g}, {y:g}), is outside the area that "
+                f"can be mapped. Choose a point whose x and y differ from the robot's start by at most {_REACH:g} m"
             )
     lidar = Lidar()
     random = np.random.default_rng([seed, 2])

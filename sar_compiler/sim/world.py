@@ -32,7 +32,7 @@ _MAX_MARCH = 64
 
 @dataclass(frozen=True)
 class World:
-    """All static objects, and the robot's start pose. Metres and radians, frame `map`.
+    """The static objects of a world, and the robot's start pose, in metres and radians in the frame `map`.
 
     Attributes:
         name: The world's name in messages.
@@ -65,7 +65,7 @@ class World:
 
 
 class Solid:
-    """The obstacles of a world, all of which are convex, so that the motion test is exact."""
+    """The obstacles of a world. All obstacles are convex, so that the motion test is exact."""
 
     def __init__(self, boxes: Sequence[Box], cylinders: Sequence[Cylinder]) -> None:
         self._centre = np.array([(b.x, b.y) for b in boxes], dtype=np.float64).reshape(-1, 2)
@@ -85,8 +85,7 @@ class Solid:
         """Return, for every obstacle, the vector from its nearest point to (x, y), metres.
 
         Returns:
-            Unit vectors, shape (n, 2), which are zero if the point is inside the obstacle, and distances,
-            shape (n,), which are zero inside.
+            Unit vectors, shape (n, 2), and distances, shape (n,). Both are zero if the point is inside the obstacle.
         """
         away_x, away_y = x - self._centre[:, 0], y - self._centre[:, 1]
         own_x = self._cos * away_x + self._sin * away_y
@@ -111,11 +110,12 @@ class Solid:
     def free_travel(self, start: tuple[float, float], heading: float, length: float, radius: float) -> float:
         """Return the distance that a disc can move along a straight line before it touches an obstacle.
 
-        The distance to a convex shape is a convex function of the position on a line, so that it never decreases faster than at the beginning.
-        It is therefore safe to move until the nearest obstacle would be reached at that rate: no obstacle can be skipped on a long line.
+        The distance to a convex shape is a convex function of the position on a line. So this distance never decreases faster than at the
+        beginning. The disc can therefore safely move until it would reach the nearest obstacle at that rate. No obstacle can be skipped,
+        even on a long line.
 
         Args:
-            start: The disc's centre, metres, where the disc must not touch an obstacle.
+            start: The disc's centre at the start, metres. The disc must not touch an obstacle there.
             heading: Direction of the line, radians.
             length: The length of the line, metres, not negative.
             radius: The disc's radius, metres.
@@ -211,7 +211,7 @@ def load_world(path: Path) -> World:
         warnings=document.warnings,
     )
     if world.obstacle_arrays.clearance(world.start.x, world.start.y) <= world.robot_radius:
-        message = "the robot would start in an obstacle"
+        message = "the robot would start inside an obstacle"
         document.report("wrong-value", message, document.root.name_at(("robot",)))
     document.raise_findings()
     return world
@@ -226,7 +226,7 @@ class Lidar:
     """A scanner at the robot's centre with a field of view of 360 degrees.
 
     Attributes:
-        beams: The number of rays in a full turn; the first ray points backward (-pi), and the angles increase.
+        beams: The number of rays in a full turn; the first ray points backward (-pi), and the angles of the others increase.
         range_min: The minimum distance that the scanner measures, metres.
         range_max: The maximum distance that the scanner measures, metres.
         noise: The standard deviation of a range, metres.
@@ -248,7 +248,7 @@ class Lidar:
         return math.tau / self.beams
 
     def scan(self, solid: Solid, pose: Pose2D, random: np.random.Generator) -> Floats:
-        """Return the ranges measured at *pose* (frame `map`), metres, shape (beams,); inf for rays without an obstacle in range."""
+        """Return the ranges measured at *pose* (frame `map`), metres, shape (beams,); inf if no obstacle is in range."""
         ranges = cast(solid, pose.x, pose.y, self.angles + pose.yaw)
         ranges = ranges + random.normal(0.0, self.noise, self.beams)
         seen = np.where(ranges > self.range_max, np.inf, ranges)

@@ -87,7 +87,7 @@ def test_a_tick_that_is_not_finished_has_come_to_nothing(capsys, tmp_path):
     assert out.startswith(
         "tick 1, 0 s: not finished\n  M  SUCCESS\n  keys: d = unknown\naborted in tick 1 (0 s): "
     )
-    assert "because 'M' writes it in a run" in out
+    assert "because 'M' only writes it on a robot" in out
 
 
 def test_a_run_that_somebody_ends_is_not_explained(capsys, tree):

@@ -83,7 +83,7 @@ def test_a_key_that_only_the_robot_would_write_is_named_with_the_leaf_that_write
     tree = document('<Sequence><M distance="{d}"/><ScriptCondition code="d &gt; 1"/></Sequence>')
     status, out, _ = run(tree, "--nodes", "tests.analysis.verify.leaves")
     assert status == 1
-    advice = "because 'M' writes it in a run. Add to the property file or to the scenario: "
+    advice = "because 'M' only writes it on a robot. Add to the property file or to the scenario: "
     assert advice + 'outcomes: {M: [{status: SUCCESS, then: "d := ..."}]}' in out
 
 

@@ -112,7 +112,7 @@ PLAIN = {
     "the journal … cannot be used: No such file or directory. Journals are in …",
 }
 TAKEN_PORT = "port … of 127.0.0.1 cannot be used: …"
-COMPANY = "… already provides … here: a simulated robot must not mix with another robot."
+COMPANY = "… already provides … in this ROS domain, and a simulated robot must not mix with another robot."
 MAKE = {
     "make: … is Python …; ROS 2 from PyPI has 3.10 to 3.13": ("python", "echo 3.9"),
     "make: the headers of … are missing (apt install python…": (

@@ -211,7 +211,7 @@ def test_a_check_names_the_places_that_cannot_be_reached(start):
     assert run.end() == 1
     for problem in (
         "zone_b (99.00, 3.00): it is outside the map.",
-        "zone_c (4.00, 0.00): the robot does not fit on free ground there.",
+        "zone_c (4.00, 0.00): there is not enough free ground for the robot there.",
         "zone_d (-3.50, -3.00): it is outside the geofence.",
         "all requirements are present, but the route has 3 problems (see above)",
     ):
@@ -284,7 +284,7 @@ def test_a_simulation_does_not_start_beside_another_one(start, other):
     second = start(other, *(["run"] if other == "sar-sim" else ["--sim"]))
     assert second.end() == 2, second.output
     # Whichever of the two it has heard of first.
-    refusal = r"already provides (/clock|the action /navigate_to_pose) here"
+    refusal = r"already provides (/clock|the action /navigate_to_pose) in this ROS domain"
     assert re.search(refusal, second.output), second.output
     assert first.stop() == 0, first.output
 

@@ -110,7 +110,7 @@ def test_the_size_of_an_image_is_judged_before_it_is_decoded():
     Path("map.yaml").write_text(f"image: map.png\n{MAP}", encoding="utf-8")
     program = "import sys, pathlib; from sar_compiler.sim.occupancy import read_map; read_map(pathlib.Path('map.yaml'))"
     done = limited(sys.executable, "-c", program)
-    assert "the image has 13000 x 13000 pixels. Reduce it to at most 2,000,000 pixels" in done.stderr
+    assert "the image has 13000 x 13000 pixels. Reduce the image to at most 2,000,000 pixels" in done.stderr
 
 
 @pytest.mark.parametrize("command", [["simulate", "--ticks", "60"], ["verify"]], ids=" ".join)

@@ -180,8 +180,8 @@ def test_an_answer_that_is_not_declared_is_told_once(journal):
     statuses = [Status.SUCCESS, Status.SUCCESS, Status.FAILURE]
     assert labels_of(journal, statuses, ["fuond", "fuond", None], warnings) == ["", "no answer"]
     assert warnings == [
-        "'one' (Scripted): its outcome_label 'fuond' is not declared for SUCCESS (declared: found, nothing).",
-        "'one' (Scripted): its outcome_label 'fuond' is not declared for FAILURE (declared: no answer).",
+        "'one' (Scripted): its outcome_label 'fuond' is not a declared label for SUCCESS (declared labels: found, nothing).",
+        "'one' (Scripted): its outcome_label 'fuond' is not a declared label for FAILURE (declared labels: no answer).",
     ]
 
 

@@ -144,5 +144,5 @@ def test_a_simulated_run_says_which_leaf_writes_a_key_that_it_reads(tmp_path: Pa
     tree = compile_simulated(load(path, models=["ros:jazzy"]).binding(), {})
     with pytest.raises(SarError) as raised:
         tree.root.tick_once()
-    said = "because 'Go' writes it in a run. Add to the property file or to the scenario: outcomes: {Go: [{status: SUCCESS, then: \"code := ...\"}]}"
+    said = "because 'Go' only writes it on a robot. Add to the property file or to the scenario: outcomes: {Go: [{status: SUCCESS, then: \"code := ...\"}]}"
     assert tree.explain(raised.value).endswith(said)

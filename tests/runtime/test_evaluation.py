@@ -245,7 +245,7 @@ def test_only_colon_equals_makes_a_variable(text):
         ("count = 'many'", "count = 'many'", "the string 'many' is not a number"),
         ("count := 1 / 0", "count := 1 / 0", "inf is not an integer"),
         ("label = 7", "label = 7", "this value cannot be assigned to 'label': 7 is not a string"),
-        ("9007199254740993 + 0", "9007199254740993 + 0", "too large to calculate with exactly"),
+        ("9007199254740993 + 0", "9007199254740993 + 0", "too large for an exact calculation"),
         ("pose = 1", "pose = 1", "1 is not of type list"),
         ("pose + 1", "pose + 1", "a value of type list is not a number"),
         ("pose .. 'm'", "pose .. 'm'", "a value of type list is neither a string nor a number"),

@@ -205,7 +205,7 @@ def test_what_can_be_mended_is_shown_with_what_to_write_instead(text, mark, sugg
         ("größe", "ö", "is not allowed in a name"),
         ("{}", "{}", "without braces"),
         ("x == 'abc", "'abc", "no closing quotation mark"),
-        ("'it\\'s'", "'", "cannot contain another one"),
+        ("'it\\'s'", "'", "cannot contain this character"),
         ("\"it's", "\"it's", "single quotation mark"),
         ("3m", "3m", "neither a number nor a name"),
         ("1.2.3", "1.2.3", "neither a number nor a name"),

@@ -102,7 +102,9 @@ def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> N
     process = started()
     _, errors = process.communicate(timeout=SILENCE_SEC)
     assert process.returncode == 2
-    assert errors.splitlines()[-1].startswith("sar-sim: node '/client' already provides /clock here")
+    assert errors.splitlines()[-1].startswith(
+        "sar-sim: node '/client' already provides /clock in this ROS domain"
+    )
 
 
 @pytest.mark.parametrize(

@@ -289,7 +289,7 @@ class TestNavigators:
         ends = self.drive(robots, [Pose2D(0.7, 0.0), Pose2D(-0.7, 0.0)], planner)
         for outcome, after_sec in ends:
             assert (outcome.ending, outcome.code) == (DriveEnd.ABORTED, NavCode.FAILED_TO_MAKE_PROGRESS)
-            assert outcome.text.endswith("an obstacle that is not on the map blocks it")
+            assert outcome.text.endswith("an obstacle that is not on the map blocks the path")
             assert after_sec < 20.0
 
     @settings(max_examples=30, deadline=None)

@@ -186,7 +186,7 @@ def test_a_simulation_ends_when_another_one_comes(
         client.node.create_publisher(Clock, "/clock", 10)
         client.wait(lambda: simulation.failure is not None, "the end of the simulation")
     assert isinstance(simulation.failure, IsolationError)
-    assert "already provides /clock here" in str(simulation.failure)
+    assert "already provides /clock in this ROS domain" in str(simulation.failure)
 
 
 def test_a_robot_alone_outlives_a_second_server_of_its_navigation(

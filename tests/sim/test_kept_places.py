@@ -33,11 +33,14 @@ def test_without_a_file_robots_are_at_their_starts(kept):
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("", "has no poses of robots"),
-        ("[]", "has no poses of robots"),
-        ('{"world": "disaster_zone", "robots": {"": [[1, 2], [1, 2, 3, 4]]}}', "has no poses of robots"),
-        ('{"world": "disaster_zone", "robots": {"": [["a", 2, 0], [1, 2, 3]]}}', "has no poses of robots"),
-        ('{"world": "elsewhere", "robots": {}}', "has poses of another world, 'elsewhere'"),
+        ("", "contains no poses of robots"),
+        ("[]", "contains no poses of robots"),
+        ('{"world": "disaster_zone", "robots": {"": [[1, 2], [1, 2, 3, 4]]}}', "contains no poses of robots"),
+        (
+            '{"world": "disaster_zone", "robots": {"": [["a", 2, 0], [1, 2, 3]]}}',
+            "contains no poses of robots",
+        ),
+        ('{"world": "elsewhere", "robots": {}}', "contains poses for another world, 'elsewhere'"),
         ('{"world": "disaster_zone", "robots": {"": [[NaN, 2, 0], [1, 2, 3]]}}', "not finite"),
     ],
 )

@@ -86,7 +86,7 @@ def test_without_a_start_a_way_begins_where_the_robot_is(planning: Planning) -> 
             Pose2D(3.0, -3.0),
             "map",
             206,
-            "the robot does not fit on free ground at the goal (3.00, -3.00)",
+            "there is not enough free ground for the robot at the goal (3.00, -3.00)",
         ),
         (THERE, "odom", 202, "the start is in the frame 'odom', not 'map'"),
     ],

@@ -28,8 +28,8 @@ def test_distances_are_those_of_the_way_from_place_to_place(two_rooms):
     ("x", "y", "trouble"),
     [
         (9.0, 1.0, "it is outside the map"),
-        (4.05, 1.0, "the robot does not fit on free ground there"),
-        (3.9, 1.0, "the robot does not fit on free ground there"),
+        (4.05, 1.0, "there is not enough free ground for the robot there"),
+        (3.9, 1.0, "there is not enough free ground for the robot there"),
         (6.0, 1.0, "no path leads there"),
     ],
 )
@@ -47,7 +47,7 @@ def test_the_way_goes_on_from_the_last_place_that_can_be_reached(two_rooms):
 
 def test_a_start_in_a_wall_is_told_of_every_place(two_rooms):
     legs = plan_route(Planner(two_rooms, RADIUS), (4.05, 1.0), [("a", 1.0, 1.0), ("b", 2.0, 1.0)])
-    assert {leg.trouble for leg in legs} == {"the robot does not fit on free ground at its start"}
+    assert {leg.trouble for leg in legs} == {"there is not enough free ground for the robot at its start"}
 
 
 def test_a_place_outside_the_geofence_and_a_way_that_leaves_it_are_told_apart(two_rooms):

@@ -147,7 +147,7 @@ def test_two_robots_in_each_other_s_way_both_get_their_goals_aborted(
     for navigation, handle in zip((one, other), handles, strict=True):
         ended = navigation.result(handle)
         assert (ended.status, ended.result.error_code) == (ABORTED, 105)
-        assert "an obstacle that is not on the map blocks it" in ended.result.error_msg
+        assert "an obstacle that is not on the map blocks the path" in ended.result.error_msg
     apart = simulation.robot_pose("robot1").distance_to(simulation.robot_pose("robot2"))
     assert apart == pytest.approx(0.44, abs=1e-3)
 
@@ -208,7 +208,8 @@ def test_a_server_of_one_of_the_robots_is_company(ros_context: Any, clients: tup
     )
     try:
         with pytest.raises(
-            IsolationError, match="'/robot2/client' already provides the action /robot2/navigate_to_pose here"
+            IsolationError,
+            match="'/robot2/client' already provides the action /robot2/navigate_to_pose in this ROS domain",
         ):
             require_no_other_nodes(context=ros_context, actions=[robot.action for robot in PAIR])
     finally:

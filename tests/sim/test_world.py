@@ -196,7 +196,7 @@ MISTAKES: list[tuple[str, int, int, str, str, str]] = [
     ),
     (
         ROBOT + "walls:\n  - {x: 0.3, y: 0, size_x: 0.2, size_y: 1}\n",
-        *(1, 1, "wrong-value", "the robot would start in an obstacle", ""),
+        *(1, 1, "wrong-value", "the robot would start inside an obstacle", ""),
     ),
     (ROBOT + "walls: []\nmap: ''\n", 3, 7, "missing-value", "'map' must be a path, but is the string ''", ""),
 ]

@@ -233,13 +233,13 @@ class ConditionsNode(DecoratorNode):
         return self.on_child_outcome(ticker, outcome)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Run the postconditions if the outcome is an end, and return the outcome."""
+        """Run the postconditions if the outcome ends the node; return the outcome."""
         if self.runs_after and outcome & ENDED:
             self.behaviour.run_after(outcome)
         return self.set_outcome(ticker, outcome)
 
     def write_status(self, cells: vec[i32]) -> None:
-        """Set the behaviour's status if a precondition has decided; otherwise, the child's node sets it."""
+        """Set the behaviour's status if a precondition has determined it; otherwise, the child's node sets the status."""
         if self.has_message:
             super().write_status(cells)
 
@@ -249,7 +249,7 @@ class ConditionsNode(DecoratorNode):
         self.child.reset_outcome(ticker)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the child, if it runs."""
+        """Return the child if the child is running."""
         self.was_running = ticker.cells[self.status_cell] == RUNNING
         return super().stop_first(ticker)
 

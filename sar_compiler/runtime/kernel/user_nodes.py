@@ -1,4 +1,4 @@
-"""The nodes of users' controls and decorators, whose own `begin` and `resume` choose the next child."""
+"""The kernel's nodes for users' controls and decorators, whose methods `begin` and `resume` choose the next child."""
 
 from typing import Any, Final
 
@@ -27,7 +27,7 @@ _COLLECTIONS: Final = (list, dict, set)
 
 
 class Claim:
-    """The checks whether a node behaves as its class is declared.
+    """Checks whether a node behaves as the declaration of its class says.
 
     Args:
         outcomes: The allowed outcomes of a tick, as a bit set of their numbers.
@@ -50,7 +50,7 @@ class Claim:
             )
 
     def check_order(self, node: TreeNode, place: int, before: int) -> None:
-        """Check whether the declaration allows a node to tick a child after the outcome of the previous child."""
+        """Check whether the declaration allows a node to tick another child after the previous child's outcome."""
         if self.goes_on and before not in (self.goes_on, SKIPPED):
             child, former = node.children[place].behaviour, node.children[place - 1].behaviour
             what = f"ticked '{child.name}' although '{former.name}' had returned {WORDS[before]}"
@@ -62,8 +62,8 @@ class Claim:
 class UserNode(OwnNode):
     """A control or decorator whose behaviour has `begin` and `resume`.
 
-    The node's state is in the cells that the behaviour has added, the index of the current child, and a timer. When the
-    node ends or is halted, its children are reset and its cells get their initial values again.
+    The node's state is in the cells that the behaviour has added, the index of the current child, and a timer. When the node ends or is
+    halted, the children are reset and the cells get their initial values again.
 
     Attributes:
         in_hand: The cell that stores the index of the child that was ticked last.
@@ -91,7 +91,7 @@ class UserNode(OwnNode):
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Call the behaviour's `resume`, or `begin` if *outcome* is INVALID, and tick the child that it returns."""
+        """Call the behaviour's `resume`, or `begin` if *outcome* is INVALID; tick the child that the call returns."""
         behaviour, tick = self.behaviour, self._tick
         before = self._attributes(ticker)
         tick.ticker = ticker
@@ -110,7 +110,7 @@ class UserNode(OwnNode):
                 return CALLED
 
     def _child(self, place: int, ticker: Ticker) -> TreeNode:
-        """Return a child to tick, after resetting its outcome if it has ended before."""
+        """Return a child to tick; reset the child's outcome if the child has ended before."""
         cells, child = ticker.cells, self.children[place]
         cells[self.in_hand] = place
         if self._has_current:
@@ -120,7 +120,7 @@ class UserNode(OwnNode):
         return child
 
     def _apply_outcome(self, ticker: Ticker, answer: Any, method: str) -> int:
-        """Return the outcome that the behaviour has returned; any outcome other than RUNNING ends the node."""
+        """Apply and return the outcome that the behaviour has returned; all outcomes except RUNNING end the node."""
         outcome = number_of(answer)
         if outcome == INVALID:
             if answer is not _INVALID:
@@ -140,7 +140,7 @@ class UserNode(OwnNode):
         return super().stop_first(ticker)
 
     def _attributes(self, ticker: Ticker) -> Any:
-        """Return a copy of the behaviour's attributes if all runs are explored; None on a live tree."""
+        """Return a copy of the behaviour's attributes while `verify` explores all runs; None in a live tree."""
         if ticker.is_live:
             return None
         found: dict[str, Any] = {}
@@ -150,7 +150,7 @@ class UserNode(OwnNode):
         return found
 
     def _compare(self, before: dict[str, Any]) -> None:
-        """Check that the behaviour has not stored state in its attributes, because only its cells can be restored.
+        """Check that the behaviour stores no state in attributes, because only the state in its cells can be restored.
 
         Raises:
             UnsteadyError: If an attribute has changed.
@@ -162,14 +162,14 @@ class UserNode(OwnNode):
                 continue
             cls = type(behaviour)
             message = (
-                f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) changes its attribute '{name}' in a tick. Store its "
-                "state in a cell (self.cell()), so that all runs can be explored"
+                f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) changes its attribute '{name}' during a tick. Store this state "
+                f"in a cell (self.cell()), so that all runs can be explored"
             )
             raise UnsteadyError(message)
 
 
 class Tick:
-    """The interface for a control or decorator to its cells, its timer and its children in a tick.
+    """Gives a control or decorator access to its cells, its timer and its children during a tick.
 
     Attributes:
         ticker: The ticker of the current tick.
@@ -184,7 +184,7 @@ class Tick:
         return self.ticker.values[self._node.own[cell.number]]
 
     def __setitem__(self, cell: Any, value: Any) -> None:
-        """Set the value of a cell, which must be hashable."""
+        """Set the value of a cell; the value must be hashable."""
         hash(value)
         self.ticker.values[self._node.own[cell.number]] = value
 
@@ -195,7 +195,7 @@ class Tick:
         return place
 
     def halt(self, child: Any) -> None:
-        """Halt a child if it is running, otherwise reset its outcome."""
+        """Halt a child that is running; reset the outcome of any other child."""
         reset(self._node.children[self._node._places[id(child)]], self.ticker)
 
     def start_timer(self, seconds: float) -> None:
@@ -203,5 +203,5 @@ class Tick:
         self._node.timer.start(seconds, self.ticker)
 
     def time_is_up(self) -> bool:
-        """Return whether the node's timer has expired; False if it was not started."""
+        """Return whether the node's timer has expired; return False if the timer was not started."""
         return self._node.timer.is_up(self.ticker)

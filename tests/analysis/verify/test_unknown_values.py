@@ -163,7 +163,7 @@ def test_a_file_can_say_that_a_value_is_not_known():
     body = '<Sequence><A/><ScriptCondition code="n == 1"/></Sequence>'
     found = verified(body, 'outcomes: {A: [{status: SUCCESS, then: "n := unknown"}]}')
     assert outcome(found, NO_ERROR) is UNDECIDED
-    assert "because 'A' writes it in a run" in verdict(found, NO_ERROR).reason
+    assert "because 'A' only writes it on a robot" in verdict(found, NO_ERROR).reason
 
 
 def test_branches_that_write_unknown_values_are_still_searched_apart():
