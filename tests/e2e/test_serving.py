@@ -311,7 +311,7 @@ def test_a_tree_that_is_wrong_is_told_of_before_anybody_can_start_it(serve):
 def test_a_tree_without_a_name_is_refused(serve):
     server = serve(SHORT.replace(' ID="Short"', ""))
     assert server.end() == 2
-    assert "has no ID for goals. Add ID=" in server.output
+    assert "has no ID, so goals cannot refer to the tree. Add ID=" in server.output
 
 
 def test_two_trees_of_one_name_are_refused(serve):
