@@ -63,7 +63,7 @@ class CommandAuthors:
         node.add_on_set_parameters_callback(self._on_parameters)
 
     def begin(self) -> None:
-        """Start recording the calls of the command services, which the leaves have already created."""
+        """Start recording calls of the command services. The leaves must have created these services already."""
         names = {self._node.resolve_service_name(f"~/{name}"): verb for name, verb in self._verbs.items()}
         for service in self._node.services:
             verb = names.get(service.service_name)

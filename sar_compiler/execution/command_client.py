@@ -29,7 +29,7 @@ class Sign(Protocol):
         refuse: Callable[[str], object] = ...,
         /,
     ) -> object:
-        """Announce a command with author and seen objects; call *then* to send the command, or *refuse* with the reason."""
+        """Announce a command; then call *then* to send the command, or *refuse* with the reason for not sending it."""
         ...
 
 

@@ -53,7 +53,7 @@ class EndCondition:
         return self.mission.shortfalls() == []
 
     def shortfalls(self) -> list[str]:
-        """Return a sentence for each unfinished item of the mission; empty if the mission has no end condition."""
+        """Return a sentence for each unfinished item of the mission; no sentences without an end condition."""
         return self.mission.shortfalls() or []
 
     def after_tick(self, status: Status, elapsed_sec: float) -> RunResult | None:

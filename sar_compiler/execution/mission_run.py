@@ -118,7 +118,7 @@ def _world(options: RunOptions) -> "World | None":
 
 @contextmanager
 def _ros(options: RunOptions, signals: StopSignals, mission: Mission | None) -> Iterator[Context]:
-    """Initialise ROS; a run without a parameter file uses the mission's default file."""
+    """Initialise ROS; if the run has no parameter file, use the mission's default file."""
     arguments = init_arguments(options.ros, _parameter_file(options, mission))
     if options.sim is not None:
         from sar_compiler.execution.sim_isolation import require_isolation

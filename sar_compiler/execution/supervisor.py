@@ -140,7 +140,7 @@ class _SupervisedRun:
                 time.sleep(_TURN_SEC)
 
     def collect_exit(self) -> tuple[int, str]:
-        """Return the exit status, and a description of the crash, which is empty if the run did not crash."""
+        """Return the exit status and a description of the crash. The description is empty without a crash."""
         status = self._process.returncode
         # The journal takes precedence over the process: a run that has recorded its end is over, even if native code crashed while ROS was
         # shut down. Resuming the run would repeat a finished mission.

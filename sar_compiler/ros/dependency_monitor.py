@@ -339,7 +339,7 @@ class _Localisation:
             yield f"Nav2 is no longer active: {'; '.join(missing)}. Leaves that move the robot wait for Nav2."
 
     def _check_unconfigured(self) -> Iterable[str]:
-        """Yield a message for each restarted node that the lifecycle manager does not configure."""
+        """Yield a message for each node that was restarted but was not configured by the lifecycle manager."""
         now = AWAKE.now()
         for each in self._nodes:
             if each.state != "unconfigured":

@@ -260,7 +260,7 @@ def _shut_down_behaviour(behaviour: Behaviour, node: Node | None) -> None:
 
 
 def leaves_at_work(root: Behaviour) -> list[Behaviour]:
-    """Return the leaves of a stopped tree that still have work in progress."""
+    """Return the leaves that still have work in progress after the tree was stopped."""
     return [leaf for leaf in root.iterate() if isinstance(leaf, SettlingLeaf) and not leaf.is_settled()]
 
 

@@ -1,4 +1,4 @@
-"""Poses of frames in other frames, computed from the latest transforms on `/tf` and `/tf_static`.
+"""Compute the pose of one frame in another frame from the latest transforms on `/tf` and `/tf_static`.
 
 tf2's listener is not on PyPI. Unlike tf2, this module stores no history of transforms and does not interpolate.
 """

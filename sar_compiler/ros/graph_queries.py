@@ -414,7 +414,7 @@ class RosGraph:
         return ""
 
     def _infos(self, topic: str, *, hears: bool = False) -> list[Any]:
-        """Return the publishers (or subscriptions) that other nodes have on a topic; the topic's name is full."""
+        """Return the publishers (or subscriptions) of other nodes on the topic with this full name."""
         return self._get_cached((topic, "infos", hears), lambda: self._find_infos(topic, hears=hears))
 
     def _find_infos(self, topic: str, *, hears: bool, is_service: bool = False) -> list[Any]:

@@ -40,7 +40,7 @@ class Heartbeats:
         return bool(self._listeners)
 
     def add_listener(self, listener: Callable[[Heartbeat], None]) -> None:
-        """Add a listener, which is called with each heartbeat from any thread."""
+        """Add a listener that is called, in any thread, with each heartbeat."""
         self._listeners.append(listener)
 
     def send(self, beat: Heartbeat) -> None:

@@ -187,7 +187,7 @@ class _HostedTree:
             threading.Timer(_SOON_SEC, self._interrupt).start()
 
     def _interrupt_workers(self) -> None:
-        """Raise an exception in a worker thread, which interrupts the executor; repeat this if the executor continues."""
+        """Interrupt the executor by an exception in a worker thread; repeat this until the executor stops."""
         if time.monotonic() - self._interrupted_at < UNNOTICED_SEC:
             return
         self._interrupted_at = time.monotonic()

@@ -18,7 +18,7 @@ _MEETING_SEC = 1.0
 
 
 class PolledService:
-    """A service that is queried repeatedly, and its latest response.
+    """Queries a service repeatedly, and stores the latest response.
 
     A response can be lost while the two nodes are still discovering each other. The node waits for a response for at most `deadline_sec`.
 

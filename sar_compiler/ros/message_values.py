@@ -101,7 +101,7 @@ class _Definition(NamedTuple):
     has_infinity: bool = False
 
     def check(self, name: str, number: float) -> float:
-        """Check a number and return it; a number that exceeds the valid range by a rounding error is corrected.
+        """Check a number and return it; correct a number that exceeds the valid range only by a rounding error.
 
         Raises:
             UnusableValueError: If the number is not valid.

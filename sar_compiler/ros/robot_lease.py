@@ -77,7 +77,7 @@ class LeaseClaim(NamedTuple):
 
 
 class RobotLease(Requirement):
-    """The requirement that no other mission uses the robot, which is checked by exchanging claims.
+    """The requirement that no other mission uses the robot. Missions exchange claims to check this.
 
     Each mission claims the robot's actions. A claim is a latched message, so late subscribers receive it as long as the process of the
     mission exists.

@@ -25,7 +25,7 @@ class RunExtension:
     """
 
     def on_compiled(self, tree: "CompiledTree", engine: "Engine") -> None:
-        """Handle the compiled tree and its engine, before the run waits for the tree's requirements.
+        """Called with the compiled tree and its engine, before the run waits for the tree's requirements.
 
         Raises:
             SarError: If the extension cannot be used. The start of the run is then refused.

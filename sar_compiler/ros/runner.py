@@ -452,7 +452,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             self._tick_now()
 
     def _tick_now(self) -> None:
-        """Tick in a callback of the executor, which must not raise an exception."""
+        """Tick in a callback of the executor. This method must not raise an exception."""
         if not self._running:
             return
         self._woken = False

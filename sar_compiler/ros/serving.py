@@ -26,7 +26,7 @@ NodeFactory = Callable[["Context", list[str]], "Node"]
 
 
 def server_parser(prog: str, description: str) -> CommandParser:
-    """Create the argument parser of a server command, which only has ROS arguments."""
+    """Create the argument parser of a server command. Such a command has only ROS arguments."""
     parser = CommandParser(
         prog,
         description,

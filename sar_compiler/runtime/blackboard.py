@@ -141,7 +141,7 @@ class Board:
 
 
 class Entry(NamedTuple):
-    """A reference to an entry of the blackboard, which may not have a value yet.
+    """A reference to an entry of the blackboard. The entry may not have a value yet.
 
     Attributes:
         board: The board that contains the entry.
@@ -210,7 +210,7 @@ class Entry(NamedTuple):
 
 @mission_context(preview=lambda: Scope(Board("preview")))
 class Scope:
-    """The scope of the keys of one tree instance, which is the main tree or a subtree.
+    """The scope in which the keys of the main tree, or of one instance of a subtree, are resolved.
 
     Args:
         board: The board with the entries.

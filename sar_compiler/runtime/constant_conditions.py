@@ -153,7 +153,7 @@ class _SampledCondition:
         return self._unknown(_comparison(left, operator, right))
 
     def _unknown(self, node: Expression) -> Name:
-        """Return the variable that replaces a part that is not analysed; equal parts have the same variable."""
+        """Return the variable that replaces an unanalysed part of a condition; equal parts get the same variable."""
         name = self._unjudged.setdefault(node, Name(f"?{len(self._unjudged)}", **_source_range(node)))
         self._literals.setdefault(name.name, set())
         return name

@@ -127,7 +127,7 @@ class Script:
 
     @functools.cached_property
     def plain_form(self) -> type[Assignment] | type[ComparisonChain] | None:
-        """The class of a single assignment or comparison that has only names and literals; None for other scripts."""
+        """The class of the statement, if the script is one assignment or comparison of names and literals; else None."""
         if len(self.statements) != 1:
             return None
         (statement,) = self.statements
@@ -140,7 +140,7 @@ class Script:
 
     @property
     def closing_assignment(self) -> Assignment | None:
-        """The last statement if it is an assignment, such as `level = 2`, which may be meant as `level == 2`."""
+        """The last statement if it is an assignment. For example, `level = 2` may be meant as `level == 2`."""
         last = self.statements[-1] if self.statements else None
         return last if isinstance(last, Assignment) else None
 

@@ -242,13 +242,13 @@ class Conditions(Decorator):
         self._post[INVALID] = None
 
     def ignore(self) -> None:
-        """Ignore all conditions except `_onHalted`, as a ThreadedAction of BehaviorTree.CPP does."""
+        """Ignore all conditions except `_onHalted`, like a ThreadedAction of BehaviorTree.CPP."""
         self._before, self._while = [], None
         self._after = {**dict.fromkeys((SUCCESS, FAILURE)), INVALID: self._after[INVALID]}
         self._post = dict.fromkeys(self._post)
 
     def evaluate_while_at_start(self) -> None:
-        """Evaluate `_while` only before the node starts, as a CoroActionNode of BehaviorTree.CPP does."""
+        """Evaluate `_while` only before the node starts, like a CoroActionNode of BehaviorTree.CPP."""
         condition = self._while
         if condition is not None:
             negated = SimpleNamespace(holds=lambda: not condition.holds())

@@ -23,7 +23,7 @@ def ignore_wake() -> None:
 
 @runtime_checkable
 class SettlingLeaf(Protocol):
-    """A leaf that may still have active work after it was stopped, such as a pending cancellation."""
+    """A leaf whose work, such as the cancellation of a goal, may continue after the leaf was stopped."""
 
     def is_settled(self) -> bool:
         """Return whether the leaf has no active work; called after the tree was stopped."""

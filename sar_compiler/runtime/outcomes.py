@@ -132,7 +132,7 @@ class DeclaredOutcomes:
         return labels[0] if len(labels) == 1 else ""
 
     def why_invalid(self, status: str, given: str) -> str:
-        """Return the reason why a leaf's `outcome_label` is invalid; empty if it is valid."""
+        """Return the reason why a leaf's `outcome_label` is invalid; return '' if the label is valid."""
         labels = self._labels.get(status, [])
         if given in ("", *labels) or (given in self._all and len(labels) == 1):
             return ""

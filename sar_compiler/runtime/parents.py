@@ -139,7 +139,7 @@ class EngineBehaviour(Behaviour):
         return self.place
 
     def update(self) -> Status:
-        """Return the status that `tick` has set."""
+        """Return the current status, which `tick` has set."""
         return self.status
 
     def stop(self, new_status: Status = Status.INVALID) -> None:

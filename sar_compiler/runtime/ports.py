@@ -128,7 +128,7 @@ class InOut(Input[T]):
     """A value that a node reads and writes: an entry of the blackboard, or a constant, which can only be read."""
 
     def set(self, value: T) -> None:
-        """Write the value, as `Output.set` does.
+        """Write the value, like `Output.set`.
 
         Raises:
             PortError: If the port is a constant.

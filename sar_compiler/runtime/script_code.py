@@ -96,7 +96,7 @@ class _Return(NamedTuple):
         return ast.IfExp(holds, _load("then"), _load("otherwise")) if self.has_answers else holds
 
     def from_given(self) -> ast.expr:
-        """Return the code of the result for the value in the variable `given`."""
+        """Return the code that converts the value of the variable `given` to the result."""
         given = _load("given")
         if self.is_condition:
             return self.from_condition(_call("condition", given))
@@ -284,7 +284,7 @@ class _FastPath:
         )
 
     def _side(self, part: SkeletonPart) -> ast.expr:
-        """Return the code for one side of a comparison, which may be used more than once."""
+        """Return the code for one side of a comparison. This code may be used more than once."""
         if isinstance(part, VariableSlot):
             return self._raw(part)
         return (

@@ -16,7 +16,7 @@ from sar_compiler.runtime.variables import LARGEST_EXACT, ScriptValue
 
 
 class VariableSlot(NamedTuple):
-    """The place of a variable, whose name is `Skeleton.names[number]`."""
+    """The place of a variable in a skeleton. The variable's name is `Skeleton.names[number]`."""
 
     number: int
 

@@ -40,7 +40,7 @@ class Control(EngineParent, Composite):
 
 
 class Decorator(EngineParent, StockDecorator):
-    """A node with one child, which is the constructor's argument `child` and the attribute `decorated`."""
+    """A node with one child: the constructor's argument `child`, which becomes the attribute `decorated`."""
 
     def begin(self, tick: "Tick") -> Behaviour | Status:  # noqa: ARG002 - for subclasses
         """Begin a tick: return the child, which is to be ticked."""

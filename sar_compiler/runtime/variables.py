@@ -121,7 +121,7 @@ class Variables(Protocol):
         ...
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Assign a value to an existing variable, which keeps its type (see `fit`).
+        """Assign a value to an existing variable. The variable keeps its type (see `fit`).
 
         Returns:
             The stored value.

@@ -27,13 +27,13 @@ class Vector(list[Any]):
 
 
 def append(vector: Vector, item: Any) -> Vector:
-    """Append an item, and return the vector, as librt does."""
+    """Append an item, and return the vector, like librt."""
     vector.append(item)
     return vector
 
 
 def extend(vector: Vector, items: Iterable[Any]) -> Vector:
-    """Append items, and return the vector, as librt does."""
+    """Append items, and return the vector, like librt."""
     vector.extend(items)
     return vector
 

@@ -507,7 +507,7 @@ class BtNavigator:
         self._rosbot.drive(STAND)
 
     def _start_drive(self, goal: _Goal) -> DriveOutcome | None:
-        """Plan the path through the remaining poses of a goal; return the outcome if there is no path."""
+        """Plan the path through the remaining poses of a goal; if there is no path, return the goal's outcome."""
         if goal.handle.is_cancel_requested:
             return DriveOutcome(DriveEnd.CANCELED)
         targets, here = [from_pose(each.pose) for each in goal.poses], self._localise()

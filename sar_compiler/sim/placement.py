@@ -127,7 +127,7 @@ class PoseFile:
         self._path, self._world = path, world
 
     def read(self) -> RobotPlaces:
-        """Return the last written poses; empty if the file does not exist.
+        """Return the last written poses, or no poses if the file does not exist.
 
         Raises:
             PoseFileError: If the file is invalid, or contains poses of another world.

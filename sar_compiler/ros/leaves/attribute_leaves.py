@@ -187,7 +187,7 @@ class _GraphName:
         return self.current_name or (f"{{{self._port.entry.key}}}" if self._port.entry is not None else "")
 
     def read_name(self) -> str:
-        """Return the name of the server or topic, which is read from the key if the tree file contains a key.
+        """Return the name of the server or topic. If the tree file contains a key, read the name from the key.
 
         Raises:
             PortError: If the key has no value, or its value is not a valid name.
@@ -629,7 +629,7 @@ class RosPublish(RosLeaf):
         super().shutdown()
 
     def _publisher_of(self, topic: str) -> Any:
-        """Return the node's publisher of a topic, which is shared by all leaves with the same type and QoS profile."""
+        """Return the node's publisher of a topic. All leaves with the same type and QoS profile share this publisher."""
         kind = generated_type("msg", self._type)
         qos = qos_profile(type(self).__name__, self._qos)
         qos.depth = 1 if self._qos == "transient_local" else _DEPTH

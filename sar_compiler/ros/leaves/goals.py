@@ -187,7 +187,7 @@ def goal_feedback_of(node: "Node", action_type: Any, action: str) -> GoalFeedbac
 
 
 class GoalEvent(NamedTuple):
-    """An event in the life of a goal: the goal is about to be sent, or has ended.
+    """The event that a goal is about to be sent, or that a goal has ended.
 
     Attributes:
         goal_id: The goal's ID, 32 hexadecimal digits.
@@ -207,7 +207,7 @@ class GoalEvent(NamedTuple):
 
 
 class ActiveGoals:
-    """The active goals that one node has sent, by goal ID (32 hexadecimal digits); created by `active_goals_of`."""
+    """The active goals that a node has sent, by goal ID (32 hexadecimal digits). Created by `active_goals_of`."""
 
     def __init__(self) -> None:
         self._active: dict[str, str] = {}

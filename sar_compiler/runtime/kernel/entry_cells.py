@@ -175,7 +175,7 @@ class OutcomeMemo:
         self._known = bytearray()
 
     def call(self, run: Callable[[], int]) -> int:
-        """Return the result of the code, which is a number of `kernel.cells` other than INVALID."""
+        """Return the result of the code. The result is an outcome number of `kernel.cells`, but not INVALID."""
         number = self._cells.now[self._place]
         known = self._known
         if number >= len(known):

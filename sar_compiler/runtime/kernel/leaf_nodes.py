@@ -297,7 +297,7 @@ class ConstantNode(ChildlessNode):
             self.set_message(INVALID)
 
     def set_message(self, outcome: int) -> None:
-        """Set the feedback message to the name of an outcome; empty for INVALID."""
+        """Set the feedback message to the name of an outcome, or to an empty string for INVALID."""
         self.behaviour.feedback_message = WORDS[outcome].lower()
         self.tells = outcome != INVALID
 

@@ -132,7 +132,7 @@ class AskingNode(OwnNode):
         raise NotImplementedError
 
     def reset_cells(self, ticker: Ticker) -> None:
-        """Reset the node's cells and the leaf."""
+        """Reset the node's cells and the leaf that represents the world."""
         super().reset_cells(ticker)
         self.asked.reset_outcome(ticker)
 
@@ -175,7 +175,7 @@ class DistanceNode(AskingNode):
         self.is_first = part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the leaf, which compares the robot's position with an earlier position."""
+        """Tick the leaf that compares the robot's position with an earlier position."""
         ticker.cells[self.is_first] = int(self.starts(ticker))
         ticker.cells[self.status_cell] = RUNNING
         return self.tick_query(ticker)
@@ -205,7 +205,7 @@ class LongerPathNode(AskingNode):
         self.seen = part.cell(keeps=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the leaf, which compares the path with the previous path; succeed if there is no previous path."""
+        """Tick the leaf that compares the path with the previous path; succeed if there is no previous path."""
         cells = ticker.cells
         cells[self.status_cell] = RUNNING
         if cells[self.seen]:

@@ -16,7 +16,7 @@ class OrderedNode(OneChildNode):
         self.hands_over: int = part.behaviour.hands_over
 
     def report_decision(self, ticker: Ticker, index: int, outcome: int) -> None:
-        """Report the child that has decided as the feedback message."""
+        """Name, in the feedback message, the child that has determined the node's outcome."""
         if not ticker.tells:
             return
         how = "failed" if outcome == FAILURE else "succeeded"
@@ -57,7 +57,7 @@ class ResumingNode(OrderedNode):
         return INVALID
 
     def decide(self, ticker: Ticker, outcome: int) -> int:
-        """End the node with the outcome of the current child."""
+        """End the node with the current child's outcome."""
         cells, index = ticker.cells, ticker.cells[self.position]
         self.report_decision(ticker, index, outcome)
         cells[self.skips] = 0
@@ -67,7 +67,7 @@ class ResumingNode(OrderedNode):
         return self.set_outcome(ticker, outcome)
 
     def end(self, ticker: Ticker) -> int:
-        """End the node because no child has decided."""
+        """End the node after the last child, because no child has determined the outcome."""
         cells = ticker.cells
         all_skipped = cells[self.skips] == len(self.children)
         cells[self.position] = 0

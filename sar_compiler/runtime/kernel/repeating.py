@@ -57,11 +57,11 @@ class RepeatingNode(DecoratorNode):
         return self.tick_child(self.child, ticker)
 
     def is_short(self, ticker: Ticker, wanted: int) -> bool:
-        """Return whether the maximum number of repetitions is not reached yet."""
+        """Return whether the number of repetitions is still below the maximum."""
         return wanted == _ENDLESS or ticker.cells[self.done] < wanted
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Count a repetition and tick the child again after `goes_on`; return any other outcome."""
+        """After the outcome `goes_on`, count a repetition and tick the child again; return any other outcome."""
         cells = ticker.cells
         wanted, was_running = cells[self.wanted] - 2, cells[self.before] == RUNNING
         cells[self.wanted] = cells[self.before] = 0

@@ -428,7 +428,7 @@ class OwnNode(TreeNode):
 
 
 class ControlNode(OwnNode):
-    """A node with several children, which sets py_trees' current child."""
+    """A node with several children. The node also sets py_trees' current child."""
 
     def tick_child(self, child: TreeNode, ticker: Ticker) -> int:
         """Make a child the current child and tick it; return the outcome of the node, or CALLED."""
