@@ -388,7 +388,7 @@ def _start_failure(complaints: str) -> str:
 def _verbs_of(
     mission: "Mission | None", binding: "Binding", files: Sequence[Path], node: str
 ) -> "tuple[OperatorCommand, ...]":
-    """Return the mission's commands, or no commands if required parameters are missing from the parameter files."""
+    """Return the mission's commands, or no commands if the mission cannot start with the parameter files."""
     from sar_compiler.missions.mission_start import begin_run
     from sar_compiler.missions.parameter_reader import ParameterReader
 

@@ -295,7 +295,7 @@ class Simulation:
         self._pose_file = pose_file
 
     def wait_for(self, listener: ROSClock) -> None:
-        """Limit the speed, so that a node in another thread receives the simulated time without a delay.
+        """Limit the speed, so that the simulated clock of a node in another thread can keep up.
 
         Without this limit, time limits in simulated seconds would expire too early if the machine or a leaf is slower than the requested
         speed.

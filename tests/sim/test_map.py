@@ -62,7 +62,9 @@ def test_a_world_without_a_survey_way_cannot_be_mapped() -> None:
 
 def test_a_survey_beyond_what_can_be_mapped_is_refused_before_it_is_driven() -> None:
     world = World("w", Pose2D(0.0, 0.0), 0.22, survey=((20.0, 3.0), (20.0, -400_000.0)))
-    with pytest.raises(SurveyError, match=r"point 2 of the survey .* differ from the robot's start by at most 25 m"):
+    with pytest.raises(
+        SurveyError, match=r"point 2 of the survey .* differ from the robot's start by at most 25 m"
+    ):
         survey(world)
 
 

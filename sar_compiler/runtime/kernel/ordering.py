@@ -5,7 +5,7 @@ from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, OneChildNode, Ti
 
 
 class OrderedNode(OneChildNode):
-    """Ticks its children in order: the outcome `hands_over` leads to the next child, the other ends the node.
+    """Ticks its children in order until a child returns SUCCESS or FAILURE, whichever is not `hands_over`.
 
     Attributes:
         hands_over: The outcome after which the next child is ticked.
@@ -76,6 +76,8 @@ class ResumingNode(OrderedNode):
 
 class PausingNode(ResumingNode):
     """Like `ResumingNode`, but pauses with RUNNING after a child that returns `hands_over` in its first tick.
+
+    The node does not pause after the last child.
 
     Attributes:
         before: The cell that stores the status of the current child before its tick.

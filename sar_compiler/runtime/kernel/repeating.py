@@ -13,7 +13,7 @@ _ENDLESS: Final = -1
 
 
 class RepeatingNode(DecoratorNode):
-    """Restarts its child after the outcome `goes_on`, up to a maximum number of times; ends after other outcomes.
+    """Restarts its child after the outcome `goes_on`, up to a maximum number of times; ends after the opposite.
 
     Args:
         part: The builder of the node.

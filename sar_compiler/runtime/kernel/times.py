@@ -7,7 +7,7 @@ from typing import Any
 class Times:
     """The interface for the timers of a tree's nodes.
 
-    The state of a timer is a number, its token. A cell stores the token.
+    A token represents the state of a timer. A cell stores the token.
     """
 
     def branch_count(self) -> int:
