@@ -3,7 +3,7 @@
 import re
 
 _PROGRESS = re.compile(
-    r"^(.* \(Ctrl-C stops the search and shows a run\)|sweep: .* rows done|sar-sim: mapping .* of the route driven)\n",
+    r"^(.* \(press Ctrl-C to stop the search and see a counterexample\)|sweep: .* rows done|sar-sim: mapping .* of the route driven)\n",
     re.MULTILINE,
 )
 

@@ -35,12 +35,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "revoke the approval of every version of this file"
     other.add_argument("--revoke", action="store_true", help=text)
     add("--by", metavar="NAME", help="the approver (default: your user name)")
-    text = "approve the file only if it has this digest, which a proposal prints"
+    text = "approve the file only if it has this digest, which --propose prints"
     add("--digest", metavar="HEX", help=text)
-    text = (
-        "a properties file to approve with the tree for monitored runs; --propose also verifies it (default: "
-        "the mission's own)"
-    )
+    text = "a properties file to approve together with the tree, for runs that monitor these properties; --propose also verifies them (default: the mission's own file)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     add_tree_id(parser, "approve")
     add_params(parser)

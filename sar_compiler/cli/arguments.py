@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class ArgumentKind:
-    """The type of a command-line argument, with its completion in shells.
+    """The type of a command-line argument: how a string is converted to a value, and completed in shells.
 
     Args:
         name: The key of the argument's completer in `cli.completion.COMPLETERS`.
@@ -85,7 +85,7 @@ def report_argument_errors(read: Callable[[str], T]) -> Callable[[str], T]:
 
 
 def report_forms() -> str:
-    """Describe the available report formats, for the help of options."""
+    """Describe the available report formats, for the help texts of options."""
     if not is_part_installed("reports"):
         return "(needs sar_compiler.reports)"
     from sar_compiler.reports.report_forms import describe_forms
@@ -140,14 +140,14 @@ confidence = reader(float, "a number above 0 and below 1", lambda value: 0 < val
 
 
 def add_page_options(parser: "argparse.ArgumentParser | argparse._ArgumentGroup", when: str = "") -> None:
-    """Add `--open` and `--web-port`; *when* is their condition, as a prefix of the help."""
+    """Add `--open` and `--web-port`; *when* precedes their help texts, and says when the options apply."""
     parser.add_argument("--open", action="store_true", help=f"{when}open the page in a browser")
     text = f"{when}the page's port (default 8043; 0 for any free port)"
     parser.add_argument("--web-port", type=port, metavar="N", help=text)
 
 
 def add_tree_id(parser: argparse.ArgumentParser, use: str) -> None:
-    """Add `--tree`; *use* is the verb in its help, such as `show`."""
+    """Add `--tree`; *use* is the verb in the help text, such as `show`."""
     text = f"the tree to {use} (default: the main tree)"
     parser.add_argument("--tree", type=TREE_ID, metavar="ID", help=text)
 
@@ -155,7 +155,7 @@ def add_tree_id(parser: argparse.ArgumentParser, use: str) -> None:
 def add_budget(
     parser: argparse.ArgumentParser, max_sec: float = MAX_SEC, what: str = "processor time"
 ) -> None:
-    """Add the options that limit an analysis; *what* names the kind of time that is limited."""
+    """Add the options that limit an analysis; *what* is the kind of time limited, such as `elapsed time`."""
     text = f"stop after SEC seconds of {what}, and print the results so far (default {max_sec:g})"
     parser.add_argument("--max-seconds", type=seconds, default=max_sec, metavar="SEC", help=text)
     text = f"stop when the process uses MB megabytes, and print the results so far (default {MAX_MEMORY_MB})"
@@ -171,7 +171,8 @@ FILE_HELP = "a tree file, or the name of a shipped tree"
 INPUT_HELP = "a tree file, the name of a shipped tree, or - for standard input"
 FORMAT_HELP = "the output format: text for people (default), or json for scripts"
 PROJECT_OPTIONS = "options that add to the project's configuration"
-"""The title in `--help` of the options that add to a project's configuration; the commands page lists these options once."""
+"""The title, in `--help`, of the options that extend a project's configuration. The page of commands lists
+these options once."""
 
 
 def add_project_options(parser: argparse.ArgumentParser) -> None:
@@ -182,7 +183,7 @@ def add_project_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_vocabulary_options(parser: argparse.ArgumentParser) -> "argparse._ArgumentGroup":
-    """Add the options that determine the known nodes, and return their group."""
+    """Add the options that determine which nodes are known, and return the group of these options."""
     options = parser.add_argument_group(PROJECT_OPTIONS)
     add = options.add_argument
     text = "load a module of leaves (installed, or in the current folder); may be repeated"
@@ -192,7 +193,7 @@ def add_vocabulary_options(parser: argparse.ArgumentParser) -> "argparse._Argume
         "nav2:kilted, nav2:main); may be repeated"
     )
     add("--model", action="append", default=[], type=PALETTE, metavar="NODES.xml", help=text)
-    text = "trust the project's own modules of leaves that its configuration lists, until one of them changes"
+    text = "trust the project's own modules of leaves, as listed in the project's configuration, until one of these modules changes"
     add("--trust", action="store_true", help=text)
     text = "ignore sar.toml, and every palette and tree that no option names"
     add("--isolated", action="store_true", help=text)
@@ -201,19 +202,19 @@ def add_vocabulary_options(parser: argparse.ArgumentParser) -> "argparse._Argume
 
 def add_mission(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> None:
     """Add `--mission`."""
-    text = "the mission, if the leaves of the tree do not determine it"
+    text = "the mission to use if the leaves of the tree do not determine the mission"
     parser.add_argument("--mission", type=ArgumentKind("mission"), metavar="NAME", help=text)
 
 
 def workspace(arguments: argparse.Namespace, **added: Any) -> "Workspace":
-    """Return a workspace with the options of a command; *added* are further fields of `CommandLineSettings`."""
+    """Return the workspace that a command's options define; *added* are further `CommandLineSettings` fields."""
     with large_imports():
         from sar_compiler.project.workspace import Workspace
     return Workspace(additions(arguments)._replace(**added), note=print_note, further_checks=further_checks())
 
 
 def further_checks() -> "Sequence[FurtherCheck]":
-    """Return the checks that installed parts add to the checks of every tree."""
+    """Return the additional checks of every tree that installed parts of this project provide."""
     if not is_part_installed("missions"):
         return ()
     from sar_compiler.missions.tree_check import check_mission
@@ -248,7 +249,7 @@ def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[Pro
 
 
 def report_findings(findings: "Sequence[Diagnostic]") -> int:
-    """Print findings on standard error, with every location as in `validate --all`; return 1 if there is an error, else 0."""
+    """Print findings, with all locations, on standard error; return 1 if any finding is an error, otherwise 0."""
     from sar_compiler.terminal import findings_as_text
     from sar_compiler.tree.diagnostic import Severity
 
@@ -271,5 +272,5 @@ def additions(arguments: argparse.Namespace) -> "CommandLineSettings":
 
 def add_params(parser: argparse.ArgumentParser) -> None:
     """Add `--params`."""
-    text = "the mission's ROS 2 parameter file, as for sar-run; determines initial facts and the values of {@parameters}"
+    text = "the mission's ROS 2 parameter file, as for sar-run; the file determines initial facts and the values of {@parameters}"
     parser.add_argument("--params", type=YAML_FILE, metavar="FILE", help=text)

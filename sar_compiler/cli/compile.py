@@ -56,15 +56,15 @@ _COMMANDS = {
     "simulate": "Simulate scripted runs without ROS, and check their expectations.",
     "sweep": "Simulate many runs with random outcomes, without ROS, and print the success rate and causes of failure.",
     "verify": "Explore all possible runs of a tree, and prove its properties.",
-    "predict": "Compute a tree's probability of success, its duration, and the leaf outcomes that influence them most.",
+    "predict": "Compute how likely a tree is to succeed, how long its runs take, and which leaf outcomes influence these results most.",
     "conform": "Compare recorded runs with all possible runs of their tree, and print deviations and violated properties.",
     "approve": "Approve a version of a tree file for sar-run --approved.",
     "explain": "Explain a finding, with an example.",
-    "nodes": "List the nodes that tree files can use, or describe a node with its attributes.",
+    "nodes": "List the nodes that tree files can use, or describe one node and its attributes.",
     "schema": "Print the schema of tree files, for editors and other tools.",
     "edit": "Edit a tree file in the browser: drawing and text side by side, with findings, runs and proofs.",
-    "lsp": "Serve an editor with the Language Server Protocol: findings, completion, renaming, and more.",
-    "mcp": "Serve an agent with the Model Context Protocol, with these commands as tools.",
+    "lsp": "Offer findings, completion, renaming and more to an editor, through the Language Server Protocol.",
+    "mcp": "Offer these commands as tools to an agent, through the Model Context Protocol.",
     "completion": "Print shell code that completes these commands with the Tab key.",
 }
 _STATUSES = (
@@ -110,9 +110,9 @@ def _print_findings(error: "TreeError") -> int:
 
 
 def _parser(argv: Sequence[str] = ()) -> Parser:
-    """Return the parser; if the arguments start with a subcommand, only that subcommand is added, to save time.
+    """Return the parser; to save time, it contains only the subcommand with which the arguments start.
 
-    If they do not (`--help`, a typo), the subcommands are added without their arguments.
+    Without a known subcommand (`--help`, a typo), all subcommands are added, but without their arguments.
     """
     parser = Parser(PROG, "Check, show and describe behaviour trees, before a robot moves.", epilog=_STATUSES)
     add_version(parser)
@@ -140,7 +140,7 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
     )
     forms = ("unicode", "ascii", "json", *_PICTURES)
     parser.add_argument("--format", choices=forms, default="unicode", help=text)
-    text = "in a picture, draw each subtree as one node (show its content with --tree)"
+    text = "in a picture, draw each subtree as one node (use --tree to draw the content of a subtree)"
     parser.add_argument("--fold", action="store_true", help=text)
     text = "the file to write (default: standard output)"
     parser.add_argument("-o", "--output", type=FILE, metavar="OUT", help=text)
@@ -166,11 +166,11 @@ def _add_explain(parser: argparse.ArgumentParser) -> None:
 
 def _add_nodes(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    text = "describe this node with its attributes (default: list all)"
+    text = "describe this node and its attributes (default: list all nodes)"
     add("tag", nargs="?", type=ArgumentKind("tag"), metavar="TAG", help=text)
     text = "text for people (default), json for scripts, groot2 for a Groot2 palette, or specs for a package's leaf_specs.json"
     add("--format", choices=("text", "json", "groot2", "specs"), default="text", help=text)
-    text = "print a palette, with guessed ports, of the nodes that the trees in FOLDER use but no palette or module describes"
+    text = "print a palette of the nodes in the trees of FOLDER that no palette or module describes; the ports are guessed"
     add("--from-use", type=FOLDER, metavar="FOLDER", help=text)
     add_vocabulary_options(parser)
     parser.set_defaults(run=_nodes, include_path=[])
@@ -231,7 +231,7 @@ def _tree_drawing(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tupl
 
 
 def _drawing(tree: "Drawable", form: str, *, folded: bool) -> str:
-    """Return the drawing of a tree in a format of `show`."""
+    """Return the drawing of a tree in one of the output formats of `show`."""
     if form not in _PICTURES:
         from sar_compiler.compiler.outline import outline_text
 
@@ -321,7 +321,7 @@ def _nodes(arguments: argparse.Namespace) -> int:
 
 
 def _nodes_from_use(arguments: argparse.Namespace) -> int:
-    """Print a palette of the nodes that the trees in a folder use but no palette or module describes.
+    """Print a palette of the nodes in a folder's trees that no palette or module describes.
 
     Raises:
         UnreadableFileError: If the folder, or a file in it, cannot be read.

@@ -82,7 +82,7 @@ def _tags(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
 
 
 def _workspace(parsed_args: argparse.Namespace) -> "Workspace":
-    """Return a workspace with the options of the incomplete command line, without `--trust`."""
+    """Return the workspace that the incomplete command line defines, ignoring `--trust`."""
     from sar_compiler.cli.arguments import additions
     from sar_compiler.project import Workspace
 

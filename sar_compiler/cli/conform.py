@@ -28,9 +28,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=FILE,
         nargs="+",
         metavar="JOURNAL",
-        help="the journals; the last run in each is compared",
+        help="the journals; the last run in each journal is compared with the tree",
     )
-    text = "a properties file for the recorded runs (default: the mission's own)"
+    text = "a file with the properties to check in the recorded runs (default: the mission's own file)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     add_search_options(parser, "compare with")
     parser.set_defaults(run=conform_runs)
@@ -81,7 +81,9 @@ def _compared_run(
         found = budget.run(lambda: _compare_run(tree, place, state, arguments))
         return compared._replace(found=found, changed=_describe_tree_changes(tree, state, arguments))
     except OtherTreeError as error:
-        return compared._replace(problem=f"{error}. The run is of {_tree_of(state)}, not of {tree.path}")
+        return compared._replace(
+            problem=f"{error}. The journal records a run of {_tree_of(state)}, not of {tree.path}"
+        )
     except BudgetSpentError as error:
         return compared._replace(problem=str(error))
     except UndecidableError as error:
@@ -133,7 +135,7 @@ def _compare_run(
 
 
 def _describe_tree_changes(tree: "ProjectTree", state: "MissionState", arguments: argparse.Namespace) -> str:
-    """Describe the first difference between the tree and the tree of the recorded run; empty if there is none."""
+    """Describe the first difference between the tree and the recorded run's tree; empty if they are equal."""
     from sar_compiler.cli.journal_stats import node_identities, nodes_difference
     from sar_compiler.compiler.outline import outline
 

@@ -17,13 +17,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `format`."""
     text = "a tree file, or - to read standard input and write its canonical form to standard output"
     parser.add_argument("files", nargs="+", type=TREE_INPUT, metavar="FILE", help=text)
-    text = "list the files that would change, without writing them; the exit status is then 1"
+    text = "list the files that are not in canonical form, without changing them; the exit status is 1 if there are any"
     parser.add_argument("--check", action="store_true", help=text)
     parser.set_defaults(run=format_files)
 
 
 def format_files(arguments: argparse.Namespace) -> int:
-    """Rewrite files, or with `--check` list the files that would change; return the exit status.
+    """Rewrite files or, with `--check`, list the files not in canonical form; return the exit status.
 
     Raises:
         WriteError: If a file cannot be written.
@@ -32,7 +32,7 @@ def format_files(arguments: argparse.Namespace) -> int:
 
 
 def _format_file(name: str, *, check: bool) -> int:
-    """Rewrite a file, or report whether it would change; return the exit status."""
+    """Rewrite a file, or report that the file is not in canonical form; return the exit status."""
     try:
         differs = _rewrite(name, write=not check)
     except UnreadableFileError as error:

@@ -1,4 +1,4 @@
-"""`sar-journal check`: check with the hash chain that a journal was not altered."""
+"""`sar-journal check`: use the hash chain to check that a journal was not altered."""
 
 import argparse
 import re
@@ -24,8 +24,14 @@ def head(text: str) -> str:
 def add_check(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `check`."""
     add = parser.add_argument
-    add("journals", type=FILE, nargs="+", metavar="FILE", help="the journals, also of running missions")
-    text = "the journal hash from the run's summary or report; for a single journal"
+    add(
+        "journals",
+        type=FILE,
+        nargs="+",
+        metavar="FILE",
+        help="the journals to check; their missions may still be running",
+    )
+    text = "the hash of the journal, as printed in the run's summary or report; allowed with a single journal"
     add("--head", type=head, metavar="HEX", help=text)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     parser.set_defaults(run=lambda options: check_journals(parser, options))
@@ -38,7 +44,7 @@ def check_journals(parser: argparse.ArgumentParser, options: argparse.Namespace)
         JournalError: If a journal cannot be read.
     """
     if options.head and len(options.journals) > 1:
-        parser.error("--head is the hash of one journal: check each journal by itself")
+        parser.error("--head is the hash of one journal: check each journal with a separate command")
     from sar_compiler.reports.checked_journal import CheckedJournal
 
     verdicts = [CheckedJournal.check(place, options.head) for place in options.journals]

@@ -29,7 +29,7 @@ def _recording(name: str) -> Path:
 
 
 def _import(options: argparse.Namespace) -> None:
-    """Import a recorded run, and print its size and the commands that explain it and compare it with its tree.
+    """Import a recorded run; print the run's size, and commands that explain the run.
 
     Raises:
         UnusableRecordingError: If the recording cannot be used.
@@ -41,7 +41,7 @@ def _import(options: argparse.Namespace) -> None:
     for flaw in found.flaws:
         print_note(f"{options.recording}: {flaw}")
     if found.unsure:
-        print_note(f"{found.unsure} tick boundaries are inferred from a short pause alone")
+        print_note(f"{found.unsure} tick boundaries are uncertain, because only a short pause indicates them")
     runs = f"{found.runs} runs" if found.runs != 1 else "1 run"
     print_text(
         f"{options.output}: {runs} of {found.nodes} nodes, {found.changes} status changes in {found.ticks} ticks"

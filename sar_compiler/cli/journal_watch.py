@@ -1,4 +1,4 @@
-"""`sar-journal watch`: show missions, and the trees of other programs, during their runs."""
+"""`sar-journal watch`: show running missions, and the running trees of other programs."""
 
 import argparse
 from contextlib import suppress
@@ -15,11 +15,13 @@ def add_watch(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `watch`."""
     add = parser.add_argument
     add("journals", type=FILE, nargs="*", metavar="FILE", help=JOURNALS_HELP)
-    text = "show the tree whose changes Nav2 publishes on TOPIC, such as behavior_tree_log; needs --tree"
+    text = (
+        "show the tree whose status changes Nav2 publishes on TOPIC, such as behavior_tree_log; needs --tree"
+    )
     add("--topic", metavar="TOPIC", help=text)
     text = "show the tree of a program that uses BehaviorTree.CPP's Groot2Publisher"
     add("--groot2", metavar="HOST:PORT", help=text)
-    text = "the file of the tree that runs (default: the tree that --groot2 reads); if repeated, the best match is used"
+    text = "the file of the running tree (default: the tree that --groot2 reads); may be repeated to offer several files, of which the best match is used"
     add("--tree", action="append", default=[], type=ArgumentKind("tree", Path), metavar="TREE", help=text)
     text = "write the run of --topic or --groot2 to a new journal, for sar-journal why"
     add("--journal", type=FILE, metavar="FILE", help=text)

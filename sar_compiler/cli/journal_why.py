@@ -28,7 +28,7 @@ def add_why(parser: argparse.ArgumentParser) -> None:
     add("journal", type=FILE, metavar="FILE", help="the journal; its last run is explained")
     text = "also show the first difference from the last run in the journal OTHER"
     add("--against", type=FILE, metavar="OTHER", help=text)
-    text = "the tree file, in which to search for outcomes that would have led to success (default: the file that the journal names)"
+    text = "the tree file, used to search for outcomes that would have led to success (default: the file that the journal names)"
     add("--tree-file", type=ArgumentKind("tree", Path), metavar="TREE", help=text)
     add_project_options(parser)
     add_budget(parser)

@@ -26,7 +26,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
     text = "a properties file with the probabilities (p) and times (sec) of outcomes (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
-    text = "a further file with probabilities and times of outcomes, such as statistics of journals; may be repeated"
+    text = "a further file with probabilities and times of outcomes, such as the output of sar-journal stats; may be repeated"
     add("--outcomes", action="append", default=[], type=YAML_FILE, metavar="A.yaml", help=text)
     text = "the tick period in seconds (default: the period in --params, or 0.5)"
     add("--period", type=tick_period, metavar="SEC", help=text)

@@ -53,7 +53,9 @@ class MissionCommand(CommandExtension):
             order = verbs.add_parser(name, help=text)
             if name == "order":
                 order.add_argument("order", metavar="ORDER", help="the command's name, or a prefix of it")
-            order.add_argument("--node", help="the mission's node (default: that of the only mission)")
+            order.add_argument(
+                "--node", help="the mission's node (may be omitted if only one mission is running)"
+            )
             order.add_argument("--reason", default="", help="the reason to record in the journal")
 
     def main(self, *, parser: argparse.ArgumentParser, args: argparse.Namespace) -> int:

@@ -24,7 +24,7 @@ class MissionCheck(DoctorCheck):
     """Checks that missions can be run on this machine."""
 
     def category(self) -> str:
-        """Return the category of check and report."""
+        """Return the category under which `ros2 doctor` lists this project's results."""
         return _CATEGORY
 
     def check(self) -> Result:
@@ -42,7 +42,9 @@ class MissionCheck(DoctorCheck):
                 doctor_error(f"sar_compiler: {line}")
                 result.add_error()
         if not kernel.IS_COMPILED:
-            doctor_warn(f"sar_compiler: trees are ticked by {kernel.describe()}, several times slower")
+            doctor_warn(
+                f"sar_compiler: trees are ticked by {kernel.describe()}, which is several times slower than the compiled kernel"
+            )
             result.add_warning()
         return result
 
@@ -51,7 +53,7 @@ class MissionReport(DoctorReport):
     """Versions of the software that runs missions."""
 
     def category(self) -> str:
-        """Return the category of check and report."""
+        """Return the category under which `ros2 doctor` lists this project's results."""
         return _CATEGORY
 
     def report(self) -> Report:
@@ -69,7 +71,7 @@ class MissionReport(DoctorReport):
 
 
 def _loading_error(load: Callable[[], object]) -> str:
-    """Return the error message if *load* fails; empty if it succeeds."""
+    """Call *load*; return the error message if the call fails, otherwise an empty string."""
     try:
         load()
     except ImportError as error:

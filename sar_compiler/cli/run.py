@@ -68,11 +68,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run_with_ros(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) -> int:
-    """Run `sar-run` in this process without shutting down ROS, which the caller does.
+    """Run `sar-run` in this process; the caller must shut down ROS afterwards.
 
     Args:
         argv: The arguments.
-        ros: The stack that receives the functions that shut down ROS.
+        ros: The stack to which the functions that shut down ROS are added.
         stepped: Whether the simulated world and the mission run alternately in one thread.
 
     Returns:
@@ -179,7 +179,7 @@ def _reports(options: Namespace) -> Callable[[Path], object]:
 
 
 def _adapt_to_supervision(options: Namespace, supervision: Supervision) -> None:
-    """Let a run that a supervisor restarts after a crash resume the mission and record to a new file."""
+    """Make a run that was restarted after a crash resume the mission, and record to a new file."""
     if supervision.has_begun:
         options.resume, options.new = True, False
     if options.record is not None and supervision.deaths:
@@ -379,7 +379,7 @@ def _add_extension_options(group: _ArgumentGroup) -> None:
     add("--report", action="append", default=[], type=FILE, metavar="FILE", help=text)
     text = "record topics, the tree's log and the mission's log in a new MCAP file"
     add("--record", type=FILE, metavar="FILE.mcap", help=text)
-    text = "publish the tree's log (behavior_tree_log), /diagnostics, and, latched, the tree, its state and markers for RViz"
+    text = "publish the tree's log (behavior_tree_log) and /diagnostics, and on latched topics the tree, its state, and markers for RViz"
     add("--publish", action="store_true", help=text)
     text = "show the tree live in Groot2, on this port of 127.0.0.1 and the next one (Groot2's default: 1667)"
     add("--groot2", type=pair_of_ports, metavar="PORT", help=text)

@@ -94,8 +94,13 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "shipped parameters (nav2): at 0.4 m/s, to within 0.25 m of the goal, and with recoveries, which move the robot"
     )
     add("--like", choices=MANNER_NAMES, default=QUICK_NAME, help=text)
-    add("--keep", type=FILE, metavar="FILE", help="store the robots' poses in FILE, and start at these")
-    text = "localise the robots at the start, without an initial pose, such as for robots that continue from stored poses"
+    add(
+        "--keep",
+        type=FILE,
+        metavar="FILE",
+        help="store the robots' poses in FILE, and start the robots at the poses stored there",
+    )
+    text = "localise the robots at the start, so that they need no initial pose; use this for robots that start at stored poses"
     add("--localised", action="store_true", help=text)
 
 

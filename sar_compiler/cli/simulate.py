@@ -88,7 +88,7 @@ def simulate_file(arguments: argparse.Namespace) -> int:
 
 
 def scenario_files(paths: "list[Path]") -> "list[Path | None]":
-    """Return the scenario files in the paths, or `[None]`, for one run without a scenario, if there are no paths.
+    """Return the scenario files in the paths; without paths, return `[None]`, which is a run without a scenario.
 
     Raises:
         ScenarioFolderError: If a folder contains no scenario file.
@@ -151,7 +151,7 @@ def _play(
 
 
 def _typo_message(until: "Script", simulated: "SimulatedTree") -> str | None:
-    """Return the message about a typo in the argument of `--until`; None if there is no typo."""
+    """Return a message about the typo in the argument of `--until`, or None if there is no typo."""
     from sar_compiler.analysis.leaf_vocabulary import names_of, typos
     from sar_compiler.analysis.simulate.scenario_files import OWN
 
@@ -163,7 +163,7 @@ def _typo_message(until: "Script", simulated: "SimulatedTree") -> str | None:
 
 
 def _trace_failure(run: "ScenarioRun") -> "list[Failure]":
-    """Compare the trace of a run with the trace file of the scenario, if it names one, and return the failure."""
+    """Compare a run's trace with the trace file that the scenario names, if any; return the failure, if any."""
     from sar_compiler.analysis.simulate.scenario_run import Failure
     from sar_compiler.analysis.trace_view import trace
     from sar_compiler.checks.golden import compare_golden

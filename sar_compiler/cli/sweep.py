@@ -57,7 +57,7 @@ class TooManyRowsError(SarError):
 
 
 def require_rows(*counts: int) -> None:
-    """Check that the varied values, of which there are *counts*, have at most `MAX_ROWS` combinations.
+    """Check that the varied values have at most `MAX_ROWS` combinations; *counts* are the numbers of values.
 
     Raises:
         TooManyRowsError: If there are more combinations.
@@ -78,7 +78,7 @@ def add_options(parser: CommandParser) -> None:
     add("file", type=TREE, metavar="FILE", help=FILE_HELP)
     text = "a scenario file with the probabilities of the leaves' outcomes, or a folder of scenario files; may be repeated"
     add("--scenario", action="append", default=[], type=YAML_FILE, metavar="S.yaml", help=text)
-    text = "the probability (0 to 1) of an unusual outcome of a leaf that the scenario does not mention, or several separated by commas (default 0)"
+    text = "the probability (0 to 1) that a leaf returns an unusual outcome, for leaves that the scenario does not mention; several probabilities are separated by commas (default 0)"
     add("--unusual", type=probabilities, default=(0.0,), metavar="P,P", help=text)
     add_varied_parameters(parser, "parameter")
     text = "vary the initial value of a fact over these values; may be repeated"
@@ -187,7 +187,7 @@ FailureFile = tuple[Path, str]
 
 
 def add_varied_parameters(parser: CommandParser, noun: str) -> None:
-    """Add `--vary`; *noun* names the kind of value that it varies."""
+    """Add `--vary`; *noun* names the kind of value that the option varies."""
     text = f"vary a {noun} over these values; may be repeated"
     add = parser.add_argument
     add("--vary", action="append", default=[], type=parse_variation, metavar="NAME=A,B", help=text)
@@ -198,7 +198,7 @@ def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) ->
     add = parser.add_argument
     text = f"run each combination at most N times (default {runs})"
     add("--runs", type=count, default=runs, metavar="N", help=text)
-    text = f"stop the runs of a row when the half-width of its interval is at most W (default {half_width:g}; 0: never)"
+    text = f"stop the runs of a row when the half-width of the row's confidence interval is at most W (default {half_width:g}; 0: never)"
     add("--half-width", type=probability, default=half_width, metavar="W", help=text)
     text = "the confidence level of the Wilson intervals (default 0.95)"
     add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
@@ -242,14 +242,15 @@ def run_sweep(
     arguments: argparse.Namespace,
     budget: Budget,
 ) -> int:
-    """Execute the runs of the rows, print the table even after Ctrl-C or an exhausted budget, and return the exit status.
+    """Execute the runs of the rows, print the table (also after Ctrl-C or a spent budget), return the exit status.
 
     Args:
         rows: The rows.
-        batch: The number of runs of a row between two checks whether its runs can stop.
+        batch: The number of runs of a row before each check whether the row needs further runs.
         workers: Creates an executor with the given number of workers.
-        write: Writes the smallest failure to the file of `-o`; returns None if it cannot write the failure.
-        smallest: What *write* writes, for the hint to use `-o`.
+        write: Writes the smallest failure to the file that `-o` names; returns None if the failure cannot be
+            written.
+        smallest: A description of the content of the file that `-o` names, for the hint to use `-o`.
         arguments: The command's arguments.
         budget: The budget of all rows.
     """

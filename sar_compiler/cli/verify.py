@@ -40,7 +40,7 @@ def add_options(parser: CommandParser) -> None:
     """Add the arguments of `verify`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
-    text = "the tree file before a change, or a shipped tree, to report the verdicts that have changed"
+    text = "another version of the tree, such as the file before a change, or a shipped tree; the verdicts that differ are reported"
     add("--against", type=TREE_INPUT, metavar="OTHER", help=text)
     text = "a file with the properties to prove (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
@@ -196,7 +196,7 @@ class SearchProgress:
         self.begin("")
 
     def begin(self, prefix: str) -> None:
-        """Start the search of a tree; *prefix* starts all output about the tree, to distinguish several trees."""
+        """Start the search of a tree; *prefix* precedes all output about the tree, to distinguish several trees."""
         self._prefix, self._started, self._broken = prefix, time.monotonic(), 0
 
     def close(self) -> None:
@@ -212,7 +212,7 @@ class SearchProgress:
         if is_new and time.monotonic() - self._started > self._PATIENCE_SEC:
             self._line.clear()
             for name in progress.broken[self._broken :]:
-                message = f"{self._prefix}{name}: does not hold (Ctrl-C stops the search and shows a run)"
+                message = f"{self._prefix}{name}: does not hold (press Ctrl-C to stop the search and see a counterexample)"
                 print_error(f"sar-compile: {message}")
             self._broken = len(progress.broken)
         self._line.show(lambda: self._numbers(progress))

@@ -121,7 +121,10 @@ def test_a_journal_of_another_tree_is_told_so(conform, flight, place):
     (place / "tree.xml").write_text(document(BODY.replace("Drive", "Fly")), encoding="utf-8")
     status, out, _ = conform(journal, options=())
     assert status == 1
-    assert "not compared: the tree's nodes differ from the nodes of the run. The run is of 'Main' of " in out
+    assert (
+        "not compared: the tree's nodes differ from the nodes of the run. The journal records a run of 'Main' of "
+        in out
+    )
 
 
 @pytest.mark.parametrize(
@@ -148,7 +151,7 @@ def test_a_journal_of_a_tree_that_the_file_does_not_have_is_told_so(conform, fli
     status, out, _ = conform(flight(tree_id="Elsewhere"))
     assert status == 1
     assert (
-        "not compared: the tree's nodes differ from the nodes of the run. The run is of 'Elsewhere' of "
+        "not compared: the tree's nodes differ from the nodes of the run. The journal records a run of 'Elsewhere' of "
         in out
     )
 

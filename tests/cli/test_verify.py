@@ -411,7 +411,9 @@ def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found
     words = ["verify", str(tree), "--properties", str(properties), "--set", "zones_left=9", *more]
     terminal = Terminal("sar-compile", *words, columns=200, env={"NO_COLOR": "1"})
     try:
-        terminal.wait_for("stays at home: does not hold (Ctrl-C stops the search and shows a run)")
+        terminal.wait_for(
+            "stays at home: does not hold (press Ctrl-C to stop the search and see a counterexample)"
+        )
         terminal.send(signal.SIGINT)
         assert terminal.end() == 130
         output = "\n".join(terminal.history)
