@@ -100,7 +100,7 @@ def _json_text(values: Any) -> str:
 
 
 def _hex_list(value: bytes) -> list[str]:
-    """Convert bytes, which only an altered journal contains, to a JSON value that no valid entry contains."""
+    """Convert bytes to a JSON value that no valid entry contains; only an altered journal contains bytes."""
     return [value.hex()]
 
 

@@ -1,8 +1,10 @@
-"""The objects of commands: a comparison of the state that the operator saw with the current state.
+"""Refuse outdated commands: compare the state that the sender of a command saw with the current state.
 
-A page shows the state of a moment ago, and a person needs seconds to confirm a command. In the meantime the robot may have reached the next
-location, or another operator may have reviewed the same detection. Each command therefore carries the objects that its sender saw, by the
-keys of this module. If any of them has changed, the mission refuses the command; it compares them in the thread that changes its state.
+A page shows a state that is slightly old, and a person needs seconds to confirm a command. In the meantime
+the robot may have reached the next location, or another operator may have reviewed the same detection. Each
+command therefore contains the objects that the sender saw, by the keys of this module. If any of these
+objects has changed, the mission refuses the command. The objects are compared in the thread that changes the
+mission's state.
 """
 
 import json
@@ -12,16 +14,16 @@ from typing import Any
 from sar_compiler.journal.display import Landmark
 
 RUN, OBJECT = "run", "object"
-"""The keys of the run and of the command's object. All other keys name landmarks, such as `point/north`."""
+"""The keys for the run and for the object of the command. All other keys name landmarks, such as `point/north`."""
 
 SeenObjects = Mapping[str, str]
-"""The objects of a command as its sender saw them: a string for each key, empty for an object that did not exist."""
+"""The objects of a command as the sender saw them: a string for each key. The string is empty for an object that did not exist."""
 
 _MAX_OBJECTS, _MAX_LENGTH = 20, 500
 
 
 def parse_seen(text: str) -> dict[str, str]:
-    """Parse from JSON the objects that the sender of a command saw.
+    """Parse the JSON text that contains the objects that the sender of a command saw.
 
     Raises:
         ValueError: If the text is not a JSON object of strings, or is too large.
@@ -48,7 +50,7 @@ def run_identity(number: int, about: Mapping[str, Any]) -> str:
 
 
 def describe_change(seen: SeenObjects, now: SeenObjects, landmarks: Mapping[str, Landmark]) -> str:
-    """Describe the first change since the sender of a command saw its objects; empty if nothing has changed.
+    """Describe the first object of a command that has changed since the sender saw it; empty if none has.
 
     Args:
         seen: The objects that the sender saw.

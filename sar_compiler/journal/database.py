@@ -252,7 +252,7 @@ class JournalFile:
         self._write_spilled(self._spilled_entries())
 
     def _spilled_entries(self) -> SpilledEntries:
-        """Return the content of the journal's reserve, if it belongs to this journal."""
+        """Return the entries in the reserve file beside the journal, if the file belongs to this journal."""
         spilled = read_reserve(self.path)
         began = self._connection.execute("SELECT min(began) FROM run").fetchone()[0]
         return spilled if spilled.began == began else SpilledEntries()
@@ -264,7 +264,7 @@ class JournalFile:
             self.write((), [fact for fact in spilled.facts if fact.number not in known], spilled.end)
 
     def _overlay_spilled(self, spilled: SpilledEntries) -> None:
-        """Include the entries of the reserve in all reads."""
+        """Make all reads return the entries of the reserve file, too."""
         if spilled.facts or spilled.end:
             self._connection.executescript(_OVERLAY)
             self._connection.executemany("INSERT INTO spilled VALUES (?, ?, ?, ?, ?, ?)", spilled.facts)
@@ -272,10 +272,10 @@ class JournalFile:
                 self._connection.execute(_END_OF_RUN, _end_of_run(spilled.end))
 
     def reserve(self) -> SpillFile:
-        """Open the journal's reserve, creating it if it is missing; later transactions do not wait for locks of other processes.
+        """Open or create the journal's reserve file; from then on, transactions do not wait for other processes' locks.
 
         Raises:
-            JournalError: If the reserve cannot be created.
+            JournalError: If the reserve file cannot be created.
         """
         with self._limit_reading():
             reserve = SpillFile(self.path)
@@ -351,7 +351,7 @@ class JournalFile:
 
     @contextmanager
     def _limit_reading(self) -> Iterator[None]:
-        """Limit the work of a read, and explain its errors.
+        """Limit the work of the reads in the block, and convert their errors to a `JournalError`.
 
         Raises:
             JournalError: If the journal cannot be read.
@@ -366,10 +366,12 @@ class JournalFile:
                     raise
                 if self._query_budget.was_interrupted:
                     raise KeyboardInterrupt from error
-                raise ValueError("reading it takes far more steps than its size explains") from error
+                raise ValueError(
+                    "reading the journal takes far more steps than the size of the file explains"
+                ) from error
 
     def description(self) -> dict[str, Any]:
-        """Return the mission's description: `mission`, `tree`, `identity` and so on; empty before its first run."""
+        """Return the mission's description: `mission`, `tree`, `identity` and so on; empty before the first run."""
         with self._limit_reading():
             rows = self._connection.execute("SELECT key, value FROM about").fetchall()
             return {key: json_value(value) for key, value in rows}
@@ -404,18 +406,18 @@ class JournalFile:
         return self._read(f"watched WHERE kind IN ({_placeholders(kinds)})" if kinds else "watched", kinds)
 
     def stream(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries in order, as `Journal.add_listener` delivers them, except observations of the kinds *without*."""
+        """Yield all entries in order, as a listener of the `Journal` receives them; omit observations of the kinds *without*."""
         for number, entry in enumerate(self.every_run(without=without), 1):
             yield JournalEntry(number, *entry[1:])
 
     def every_run(self, *, without: Sequence[str] = (), is_condensed: bool = False) -> Iterator[JournalEntry]:
-        """Yield the entries of all runs in order, with their numbers in the file; for the arguments see `last_run`."""
+        """Yield the entries of all runs in order, numbered as in the file. The arguments are those of `last_run`."""
         with self.snapshot():
             for run in self.runs():
                 yield from self._run_entries(run, without, is_condensed=is_condensed)
 
     def stream_after(self, after: StreamPosition, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries after a position in order, with their numbers in the file, except observations of the kinds *without*."""
+        """Yield all entries after a position in order, numbered as in the file; omit observations of the kinds *without*."""
         with self.snapshot():
             for run in self.runs():
                 if run.number >= after.run:
@@ -586,7 +588,7 @@ class JournalFile:
         is_condensed: bool = False,
         log: TickLog | None = None,
     ) -> Iterator[JournalEntry]:
-        """Yield the entries of *source*, a table with an optional condition, in the order of their numbers."""
+        """Yield the entries of *source*, which is a table with an optional condition, in the order of their numbers."""
         query = f"{_ENTRIES} {source} ORDER BY number"
         with self._limit_reading():
             rows = self._connection.execute(query, tuple(values))
@@ -616,7 +618,7 @@ class JournalFile:
                 self._connection.text_factory = str
 
     def spilled_count(self) -> int:
-        """Return the number of events that are in the reserve but not yet in the chain."""
+        """Return the number of events that are in the reserve file, but not yet in the chain."""
         with self._limit_reading():
             counts = "SELECT (SELECT count(*) FROM fact) - (SELECT count(*) FROM main.fact)"
             return int(self._connection.execute(counts).fetchone()[0])
@@ -629,7 +631,7 @@ class JournalFile:
         return self._end
 
     def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
-        """Add a run, and the mission's description before the first run; return the run's number."""
+        """Add a run, preceded by the mission's description if it is the first run; return the run's number."""
         # The limit of steps is only needed for reading files that other programs may have written.
         self._connection.set_progress_handler(None, 0)
         position, text = self._last_position(), json_text(run_about)
@@ -740,7 +742,7 @@ def is_locked(path: Path) -> bool:
 
 
 def _is_used(path: Path) -> bool:
-    """Return whether a process may be writing to the journal: it is locked, or has a write-ahead log."""
+    """Return whether a process may be writing to the journal: whether the file is locked or has a write-ahead log."""
     for _ in range(_ATTEMPTS):
         if Path(f"{path}-wal").exists():
             return True
@@ -826,7 +828,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 class _QueryBudget:
-    """Limits the work of SQLite for one read, because a malicious file could make the read endless.
+    """A limit on SQLite's work for one read, because reading a malicious file could take forever.
 
     Args:
         steps: The maximum number of SQLite's steps in one read.

@@ -42,10 +42,12 @@ class LandmarkKind(NamedTuple):
         name: The singular, as one word, such as `point`; also the namespace of the kind's markers in RViz.
         plural: The plural, such as `points`.
         shape: The shape on the map: `circle`, `triangle`, `house` or `square`. A landmark with corners is drawn as a polygon instead.
-        is_found: Whether the robot detects landmarks of this kind, to which a person must go unless they are abandoned.
+        is_found: Whether landmarks of this kind are detections by the robot. A person must go to each
+            detection that was not abandoned.
         event: The description of a detection in reports for emergency services.
         shaded_by: The meaning of the shade of outlines, such as `probability now`; empty for no shade.
-        is_end: Whether the robot must end its mission at a landmark of this kind, so that no person has to fetch it.
+        is_end: Whether the robot must end its mission at a landmark of this kind, so that no person has to
+            fetch the robot.
         review: The name of the operator's command that reviews a detection; empty if there is no such command.
         remedy: The task for a person after the robot has abandoned a landmark, as an imperative before the landmark's name, such as
             `Send people to`.
@@ -119,7 +121,7 @@ class Landmark(NamedTuple):
 
     @property
     def identity(self) -> str:
-        """The state and position, such as `candidate at (1.00, 2.00)`; a command is refused if its landmark's identity has changed."""
+        """The state and position, such as `candidate at (1.00, 2.00)`; a command on a landmark is refused if they changed."""
         outline = "".join(f" ({x:.2f}, {y:.2f})" for x, y in self.corners[:_IDENTIFYING_CORNERS])
         return f"{self.state or 'known'} at ({self.x:.2f}, {self.y:.2f}){outline and f', outline{outline}'}"
 
@@ -150,7 +152,7 @@ class RasterLayer(NamedTuple):
     def from_shares(
         cls, name: str, meaning: str, x: float, y: float, cell_m: float, rows: Sequence[Sequence[float]]
     ) -> "RasterLayer":
-        """Return a layer from cell values of 0 to 1, in rows from the bottom, each from left to right."""
+        """Create a layer from cell values of 0 to 1, listed row by row from the bottom, each row from left to right."""
         runs = (
             f"{count if count > 1 else ''}{_TENTHS[tenths]}"
             for row in rows
@@ -263,7 +265,7 @@ class Display(NamedTuple):
 
 
 def changes(before: Display, after: Display) -> dict[str, Any]:
-    """Return the changes from one display to the next as JSON values, the data of a `changed` entry; empty if nothing has changed."""
+    """Return the differences between two displays as the JSON data of a `changed` entry; empty if there are none."""
     known = {(each.kind, each.name): each for each in before.landmarks}
     now = {(each.kind, each.name) for each in after.landmarks}
     parts = {
@@ -293,9 +295,9 @@ def with_author(text: str, author: CommandAuthor) -> str:
 
 
 def changes_of_event(fact: JournalEntry, sentence: str, before: Display, after: Display) -> dict[str, Any]:
-    """Return the data of the `changed` entry after an event: the changes of the display, and a sentence about the event.
+    """Return the data of the `changed` entry after an event: changes of the display, and a sentence on the event.
 
-    Events about goals and the end of a run have no sentence, so their data may be empty.
+    No sentence is added for events about goals and for the end of a run, so the data may be empty.
     """
     changed = changes(before, after)
     if fact.kind in (GOAL_SENT, GOAL_ENDED, RUN_ENDED):
@@ -450,10 +452,10 @@ def _landmark(
 def _raster_layer(x: float, y: float, cell_m: float, columns: int, cells: str, **more: Any) -> RasterLayer:
     _check_numbers(cell_m, columns)
     if not _RUNS.fullmatch(cells):
-        raise ValueError(f"{cells!r:.60} is not a row of cells")
+        raise ValueError(f"{cells!r:.60} does not describe the cells of a raster")
     count = sum(int(each or 1) for each in _RUN.findall(cells))
     if count > _MAX_CELLS or columns < 1 or count % columns or not 0.0 < cell_m < math.inf:
-        raise ValueError(f"{count} cells of {cell_m} m in rows of {columns} are not a raster")
+        raise ValueError(f"{count} cells do not form a raster with {columns} columns and cells of {cell_m} m")
     return RasterLayer(
         x=position(x, y)[0], y=position(x, y)[1], cell_m=cell_m, columns=columns, cells=cells, **more
     )

@@ -1,4 +1,4 @@
-"""The errors about journals."""
+"""The exceptions that functions of this package raise about journals."""
 
 from sar_compiler.errors import SarError
 

@@ -53,7 +53,7 @@ class FactState(Protocol):
         ...
 
     def display(self) -> Display:
-        """Return the display of the state."""
+        """Return the display that shows this state."""
         ...
 
     def sentence(self, fact: JournalEntry) -> str:
@@ -107,7 +107,8 @@ class Journal:
         head: The head of the file's chain, as hexadecimal digits; empty before the run has ended.
         on_failure: Called with a sentence when the file cannot be written, or a listener has raised an exception.
         on_recovery: Called with a sentence when the file can be written again.
-        leaf_in_hand: Returns the `leaf` that is currently ticked and can record events, with the `tick`; empty between two ticks.
+        leaf_in_hand: Returns the `leaf` that is currently ticked, and the `tick`; returns an empty mapping
+            between two ticks.
     """
 
     def __init__(
@@ -185,7 +186,7 @@ class Journal:
         return self._about
 
     def earlier(self) -> list[JournalEntry]:
-        """Return the entries of earlier runs in order, which `add_listener` does not deliver."""
+        """Return the entries of earlier runs in order, because listeners do not receive these entries."""
         return [*self._file.stream()] if self._file is not None and self.is_resumed else []
 
     def earlier_events(self) -> list[JournalEntry]:
@@ -207,7 +208,7 @@ class Journal:
         return [goal for goal in dict.fromkeys(sent) if times[goal.goal_id] > ends[goal.goal_id]]
 
     def attach(self, state: FactState, kinds: Iterable[LandmarkKind] = ()) -> None:
-        """Apply the events of earlier runs to a state, and from now on each new event when it is recorded.
+        """Apply the events of earlier runs to a state; from now on, also apply each new event when it is recorded.
 
         Args:
             state: The initial state of a mission.
@@ -227,12 +228,12 @@ class Journal:
                 ValueError,
             ) as error:
                 raise JournalError(
-                    f"event {fact.number} of the journal, {fact.kind} {dict(fact.data)}, does not fit: {error}"
+                    f"event {fact.number} of the journal, {fact.kind} {dict(fact.data)}, contradicts the events before it: {error}"
                 ) from error
         self._state, self._apply, self._kinds = state, state.apply, tuple(kinds)
 
     def begin(self, about: Mapping[str, object], run_about: Mapping[str, object]) -> None:
-        """Start the run; from then on it can be resumed.
+        """Start the run; the mission can be resumed from then on.
 
         Args:
             about: The mission's description, by key; ignored if an earlier run has written one.
@@ -270,7 +271,7 @@ class Journal:
         self._reserve.replace_content(SpilledEntries(self._began), {})
 
     def record_event(self, kind: str, /, **data: object) -> None:
-        """Record an event, which is on disk when the function returns; act on the event only afterwards.
+        """Record an event; it is on disk when the function returns, and only then may the caller act on it.
 
         Args:
             kind: The kind of the event, such as `photo_taken`.
@@ -282,7 +283,7 @@ class Journal:
         self._apply_event(self._entry(kind, data))
 
     def raise_alarm(self, text: str, kind: str, /, **data: object) -> None:
-        """Record an event from outside the mission, and show an alarm from then on.
+        """Record an event that does not come from the mission, and show an alarm from then on.
 
         Args:
             text: The text of the alarm, which is also the sentence of the event.
@@ -311,7 +312,7 @@ class Journal:
         return JournalEntry(self._number + 1, self._run, time.time(), self.clock.now(), kind, data)
 
     def _display_changes(self, fact: JournalEntry, sentence: str = "") -> dict[str, object]:
-        """Return the changes of the display since the last event, with a sentence about the event."""
+        """Return the changes of the display since the last event, and a sentence about the new event."""
         if self._state is None and not self._alarms:
             return {}
         before, self._shown = self._shown, self._display()
@@ -320,7 +321,7 @@ class Journal:
         return changes_of_event(fact, sentence, before, self._shown)
 
     def describe_change(self, command: str, seen: SeenObjects) -> str:
-        """Describe the first change since the sender of a command saw its objects; empty if nothing has changed."""
+        """Describe the first object of a command that has changed since the sender saw it; empty if none has."""
         now = {RUN: run_identity(self._run, self._run_about), OBJECT: self._shown.objects.get(command, "")}
         landmarks = {f"{each.kind}/{each.name}": each for each in self._shown.landmarks}
         return describe_change(seen, now, landmarks)
@@ -331,7 +332,7 @@ class Journal:
 
     @contextmanager
     def ordered_by(self, author: CommandAuthor) -> Iterator[list[str]]:
-        """Record a command's author and reason with the events of the block; yield the growing list of the events' kinds."""
+        """Record a command's author and reason with all events of the block; yield a list that receives their kinds."""
         self._author, self._caused_kinds = author, []
         try:
             yield self._caused_kinds
@@ -340,7 +341,7 @@ class Journal:
 
     @property
     def author(self) -> CommandAuthor:
-        """The author of the current command; without a name if there is no command, or its author is unknown."""
+        """The author of the current command; the name is empty without a command, or if the author is unknown."""
         return self._author
 
     def _author_data(self, kind: str) -> Mapping[str, str]:
@@ -351,16 +352,16 @@ class Journal:
         return {"by": by, "reason": reason} if reason else {"by": by}
 
     def store_highest_number(self, kind: str, number: int) -> None:
-        """Store the highest number that is in use, such as in names, so that the next run continues above it even if events are lost.
+        """Store the highest number in use, so that the next run assigns higher numbers even if events are lost.
 
         Args:
             kind: The kind of the numbered objects.
-            number: The number.
+            number: The number, which may be a part of a name.
         """
         self._numbers[kind] = max(number, self._numbers.get(kind, 0))
 
     def record_observation(self, kind: str, /, **data: object) -> None:
-        """Queue an observation for the next write; it may be lost if the process is killed.
+        """Queue an observation for the next write; the observation may be lost if the process is killed.
 
         Args:
             kind: The kind of the observation, such as `pose`.
@@ -382,7 +383,7 @@ class Journal:
         self._notify(entry)
 
     def write_when_due(self) -> None:
-        """Write the queue if its oldest observation, or the last failed attempt to write it, is a second old."""
+        """Write the queue if the oldest observation, or the last failed attempt to write, is at least a second old."""
         if (self._watched or self._is_failing) and time.monotonic() - self._pending_since >= _BATCH_SEC:
             self._write()
 
@@ -419,7 +420,7 @@ class Journal:
         self._file, self._reserve, self._is_written = None, None, False
 
     def _notify(self, entry: JournalEntry) -> None:
-        """Pass an entry to the listeners, numbered in the order of their calls."""
+        """Pass an entry to the listeners; entries are numbered in the order in which they are passed."""
         if self._listeners:
             # Without a file, too, a value that is not JSON raises an error.
             if not self._is_written:
@@ -434,7 +435,7 @@ class Journal:
                     self.on_failure(f"A listener of the journal has failed and was removed: {error!r}.")
 
     def _row(self, entry: JournalEntry) -> Row:
-        """Convert an entry to a row to write, with the next number."""
+        """Convert an entry to a row for the file, and assign the next number to the row."""
         self._number += 1
         _, run, wall, now, kind, data = entry
         return Row(self._number, run, wall, now, kind, json_text(data))
@@ -479,7 +480,7 @@ class Journal:
         )
 
     def _spill(self, spilled: SpilledEntries) -> None:
-        """Write events to the reserve, or close the reserve if it cannot be written either."""
+        """Write events to the reserve file; close the file if writing to it fails, too."""
         if self._reserve is not None:
             try:
                 self._reserve.replace_content(spilled, self._numbers)

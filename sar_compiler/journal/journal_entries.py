@@ -6,37 +6,42 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 GOAL_SENT, GOAL_ENDED = "goal_sent", "goal_ended"
-"""The kinds of entries about goals that leaves send. A mission defines further kinds."""
+"""The kinds of entries about the goals that leaves send. A mission defines further kinds of entries."""
 
 FACTS_LOST = "facts_lost"
-"""The kind of an event that replaces events that could not be written. It has their `count`, and the highest `numbers` in use
-(`Journal.store_highest_number`)."""
+"""The kind of an event that replaces events that could not be written. Its data are the `count` of lost events, and
+the highest `numbers` in use (`Journal.store_highest_number`)."""
 
 RUN_BEGAN = "run_began"
-"""The kind of a run's first entry. It has the mission's description, and in `run` the run's own description."""
+"""The kind of a run's first entry. Its data are the mission's description and, in `run`, the description of the run itself."""
 
 RUN_ENDED = "run_ended"
-"""The kind of a run's last entry. It has the `ending`, `status` and `reason`, and the `head` of the journal's chain, if there is one."""
+"""The kind of a run's last entry. Its data are the `ending`, `status` and `reason` and, if there is a chain, the
+`head` of the journal's chain."""
 
 ORDERED = "ordered"
-"""The kind of an observation of a command to the mission. It has the command's `verb` and `label`, its author `by` if known, the
-`reason`, the `refusal` (empty if the command was accepted), and `is_told`: whether other events already show the command."""
+"""The kind of an observation of a command to the mission. Its data are the command's `verb` and `label`, the author
+`by` if known, the `reason`, the `refusal` (empty if the command was accepted), and `is_told`, which says whether
+other events already show the command."""
 
 PROPERTIES_WATCHED, PROPERTIES_OWED = "properties_watched", "properties_owed"
-"""The kinds of observations about the monitored properties. `properties_watched` is written once, with the `file`, its
-`properties`, each with its `name` and the reaction `if_broken`, and the names `left_out`. `properties_owed` is written after every
-change, with the names `owed` of the properties that have a pending obligation."""
+"""The kinds of observations about the monitored properties. `properties_watched` is written once. It contains the
+`file`, the `properties` of the file (each with `name` and the reaction `if_broken`), and the names `left_out`.
+`properties_owed` is written after every change. It contains the names `owed` of the properties that have a pending
+obligation."""
 
 PROPERTY_BROKEN, ASSUMPTION_FAILED = "property_broken", "assumption_failed"
-"""The kinds of events that the runtime monitor records. The first names the violated `property` and the `event` that violated it, or the
-obligation still `owed` at the end. The second names the `assumption` that an outcome contradicts. Both have the `tick`, the `node`
-(the leaf's number, or null) and the `run`: the preceding events, each with time in seconds, tick, node and event."""
+"""The kinds of events that the runtime monitor records. `property_broken` names the violated `property`, and the
+`event` that violated it or the obligation that is still `owed` at the end. `assumption_failed` names the `assumption`
+that an outcome contradicts. Both contain the `tick`, the `node` (the leaf's number, or null) and the `run`, which
+lists the preceding events, each with time in seconds, tick, node and event."""
 
 LEAF_RAISED = "leaf_raised"
-"""The kind of an entry about a leaf's exception, which ends the run. It has the leaf's number `node`, null if unknown, and the `text`."""
+"""The kind of an entry about a leaf's exception, which ends the run. Its data are the `node`, which is the leaf's
+number or null, and the `text`."""
 
 CHANGED = "changed"
-"""The kind of the entry after an event. It has a sentence about the event, and the changes of the mission's display."""
+"""The kind of the entry that follows an event. The entry contains a sentence about the event, and the changes of the mission's display."""
 
 STATUS, LACKS, BREAKPOINT = "status", "lacks", "breakpoint"
 """The kinds of observations of a node's status, of the reason why the robot cannot drive, and of the breakpoint that pauses the tree."""
@@ -65,7 +70,8 @@ _VALUE_TYPES: dict[str, dict[str, type]] = {
     ASSUMPTION_FAILED: _NUMBERS,
     RUN_BEGAN: dict.fromkeys(("tree_id", "tree_file"), str),
 }
-"""The required types of values, by kind and name. A value may be missing, and except in a `status` entry it may be null."""
+"""The required types of values, by kind of entry and name of the value. A value may be missing. It may also be null,
+except in a `status` entry."""
 
 
 def check_value_types(kind: str, data: Mapping[str, Any]) -> None:
@@ -115,7 +121,8 @@ class JournalEntry(NamedTuple):
     """An event or an observation.
 
     Attributes:
-        number: The entry's number in the journal, in chronological order; in a stream, its number in the stream.
+        number: The entry's number in the journal, in chronological order. In a stream, entries are numbered
+            from the start of the stream.
         run: The number of the run that wrote the entry, from 1.
         wall: The time of writing, in seconds since 1970.
         time: The time of the mission's clock, in seconds.

@@ -1,4 +1,4 @@
-"""Follow the journal that a mission in another process writes."""
+"""Read the journal of a mission that runs in another process, while the journal grows."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ _TRIES = 4
 
 
 class JournalFollower:
-    """Reads the new entries of a journal, whose file need not exist yet.
+    """Reads the new entries of a journal. The journal's file need not exist yet.
 
     Args:
         path: The path of the journal.

@@ -1,4 +1,4 @@
-"""Open the journal of a run: select the file, and start a mission or resume the mission in the file."""
+"""Open the journal of a run: choose the file, and start a new mission or resume the mission in the file."""
 
 import glob
 import os
@@ -35,7 +35,8 @@ def simulated_place(node: str, *, resume: bool, environment: Mapping[str, str] =
 
     Args:
         node: The node's full name.
-        resume: Whether to return the journal of the last simulated run, to resume its mission, or a new path.
+        resume: Whether to return the journal of the last simulated run, whose mission is then resumed,
+            instead of a new path.
         environment: The environment variables, as for `default_place`.
     """
     default = default_place(node, environment)
@@ -48,7 +49,7 @@ def simulated_place(node: str, *, resume: bool, environment: Mapping[str, str] =
 
 
 def delete_old_simulated(place: Path) -> None:
-    """Delete the journals of simulated runs except the last ten, including *place*, and journals in use."""
+    """Delete journals of simulated runs; keep the last ten, one of which is *place*, and journals in use."""
     others = [path for path in _journals_by_age(place.parent) if path != place]
     for path in others[: 1 - _KEPT_SIMULATED]:
         if not is_locked(path):
@@ -70,7 +71,7 @@ def _journals_by_age(folder: Path) -> list[Path]:
 def open_journal(
     place: Path, *, resume: bool = False, start_over: bool = False, is_named: bool = True
 ) -> Journal:
-    """Open the journal of a run; a journal of another mission is only renamed when the run starts.
+    """Open the journal of a run; a file with another mission is not renamed before the run starts.
 
     Args:
         place: The path of the file.
@@ -122,7 +123,7 @@ def _run_description(run: JournalRun) -> str:
 
 
 def _backup_path(place: Path, began: float) -> Path:
-    """Return an unused backup path for a journal, which contains the start time of the journal's mission."""
+    """Return an unused backup path for a journal; the path contains the start time of the journal's mission."""
     stamp = day_and_time(began, "%Y%m%d-%H%M%S")
     names = (
         f"{place.stem}.{stamp}{count}{place.suffix}" for count in ("", *(f"-{n}" for n in range(2, 1000)))

@@ -1,4 +1,4 @@
-"""The events and ticks of a journal's last run, which are read from the file at each use to save memory."""
+"""The events and ticks of a journal's last run. To save memory, each use reads them from the file again."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -40,7 +40,7 @@ _PHASE_KINDS = (
 
 
 class RunProcess(NamedTuple):
-    """The state of the process that runs a mission, which the entries do not contain.
+    """The state of the process that runs a mission. The journal's entries do not contain this state.
 
     Attributes:
         is_gone: Whether the process no longer exists.
@@ -106,7 +106,7 @@ class WatchedProperty(NamedTuple):
 
     Attributes:
         name: The name of the property.
-        if_broken: The reaction to a violation: `tell`, `hold` or `abort`.
+        if_broken: The reaction to a violation: `tell`, `hold` or `abort`, as in the properties file.
         is_owed: Whether the property still requires an event.
         broken: The time of the violation; None if the property is not violated.
         event: The event that violated the property, such as `Drive aborted`; empty for the end of the run.
@@ -124,7 +124,8 @@ def outcome_words(status: str, label: str | None) -> str:
 
     Args:
         status: The status.
-        label: The label of the outcome; empty if several are possible, None if the leaf declares none.
+        label: The label of the outcome; empty if several labels are possible, None if the leaf declares no
+            outcomes.
     """
     if label is None or not status:
         return status
@@ -149,7 +150,8 @@ class NodeState:
         start: The start of the run, in seconds of the mission's clock.
         status: The last status in the entries; empty if the node was never ticked. IDLE and HALTED mean that the node is inactive.
         message: The message of the node; empty while the node is inactive.
-        label: The label of a leaf's outcome; empty if several are possible, None if the leaf declares none.
+        label: The label of a leaf's outcome; empty if several labels are possible, None if the leaf declares
+            no outcomes.
         changed: The entry of the last status change; None if the node was never ticked.
         tick: The number of the tick of the last `status` entry.
     """
@@ -229,7 +231,8 @@ class MissionState:
         runs: The runs in the order of their starts.
         nodes: The nodes of the tree, in pre-order.
         situation: The display state of the mission.
-        is_told: Whether the mission has reported a display state; if not, only its events are known.
+        is_told: Whether the mission has reported a display state; otherwise only the mission's events are
+            known.
         since: The time at which each alarm was raised, by the alarm's text.
         figure_history: The times and values of each figure in percent, by the figure's name.
         facts: The events and the operator's commands in order, except events about goals (see `goals`).
@@ -237,7 +240,7 @@ class MissionState:
         trail: All poses so far.
         plan: The planned path, as x and y in the frame `map`, metres.
         drive: The remaining part of the current drive; None if the robot does not drive to a target.
-        lacks: The reason why the robot cannot drive, in words; empty if it can.
+        lacks: The reason why the robot cannot drive, in words; empty if the robot can drive.
         breakpoint: The breakpoint that pauses the tree, in words; empty if there is none.
         battery: The charge of the battery, as reported by the robot; None before the first report.
         map: The map: `x` and `y` of its lower left corner and the edge `resolution` of a cell in metres, `width` and
@@ -247,10 +250,12 @@ class MissionState:
         tick: The number of the last tick with a status change.
         since_phase: The start of the current phase.
         finished: The times at which landmarks were finished or abandoned in the last run, by kind and name.
-        process: The state of the process that runs the mission; by default, the process exists and has just written an entry.
+        process: The state of the process that runs the mission; by default, a process that exists and has
+            just written an entry.
         awaited: The resources that the next run waits for; empty if no run is about to start.
         properties: The monitored properties of the last run, by name; empty if there are none.
-        assumption_failed_at: The first time that the last run contradicted an assumption of the verification; None if it did not.
+        assumption_failed_at: The first time at which the last run contradicted an assumption of the
+            verification; None if no assumption was contradicted.
         place: A georeference that replaces the georeference in the parameters; None to use the parameters.
     """
 
@@ -329,7 +334,7 @@ class MissionState:
         return state
 
     def adopt_statuses(self, other: "MissionState") -> None:
-        """Replace the states of the nodes by those of another mission state of the same run."""
+        """Replace the states of the nodes by the node states of another `MissionState` of the same run."""
         self.nodes, self.tick = other.nodes, other.tick
         last = other._entry  # noqa: SLF001 - an attribute of this class
         if (self._entry.run, self._entry.number) < (last.run, last.number):
@@ -352,7 +357,7 @@ class MissionState:
             self._phase, self.since_phase = name, self.now
 
     def update_process(self, *, is_gone: bool) -> None:
-        """Update the state of the process: whether it no longer exists, and the time since its last entry."""
+        """Update the state of the process: whether the process is gone, and the time since the last entry."""
         self.process = RunProcess(is_gone, max(0.0, time.time() - self.now.wall))
 
     @property
@@ -368,7 +373,7 @@ class MissionState:
 
     @property
     def phase(self) -> MissionPhase:
-        """The phase of an active run: a breakpoint, the phase according to the mission, a missing requirement, or the robot's activity."""
+        """The phase of an active run, from a breakpoint, the mission, a missing requirement, or the robot's activity."""
         reported = self.situation.phase
         reported = reported._replace(reason=self.order or reported.reason)
         if self.breakpoint:
@@ -383,7 +388,7 @@ class MissionState:
 
     @property
     def order(self) -> str:
-        """The reason for the phase, with the author of the command that led to it; empty if either is unknown."""
+        """The reason for the phase, and the author of the command that caused it; empty if either is unknown."""
         reason, author = self._phase_cause
         return with_author(reason, author) if author.name and reason else ""
 
@@ -395,7 +400,7 @@ class MissionState:
         return [*own, *reported.values()]
 
     def word_of(self, watched: WatchedProperty) -> str:
-        """Return the state of a property in a word: `broken`, `owed`, `watched`, or `kept` after the run."""
+        """Return the state of a property in a word: `broken`, `owed` or `watched`; after the run, `kept`."""
         if watched.broken is not None:
             return "broken"
         if watched.is_owed:

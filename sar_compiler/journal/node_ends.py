@@ -1,8 +1,8 @@
-"""Explanations of the ends of a tree's nodes, derived tick by tick from the statuses in a journal.
+"""Explain why the nodes of a tree ended, tick by tick, from the statuses in a journal.
 
 The end of a node is explained by the children that have the node's status. An only child also explains the end if it has the
-opposite status, because a decorator may invert the status. If no child explains the end, the node itself has decided: it is a
-leaf, or its time limit, its scripted condition or an empty loop ended it.
+opposite status, because a decorator may invert the status. If no child explains the end, the node itself has
+decided: the node is a leaf, or it was ended by a time limit, by a scripted condition or by an empty loop.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,13 +11,13 @@ from typing import Any
 from sar_compiler.journal.mission_state import FAILURE, RUNNING, SUCCESS, NodeState
 
 OTHER_END = {FAILURE: SUCCESS, SUCCESS: FAILURE}
-"""The two final statuses of a node, each with its opposite."""
+"""The two final statuses of a node, each mapped to the opposite status."""
 
 _INACTIVE = ("IDLE", "HALTED")
 
 
 class NodeEnds:
-    """The last end of each node, with an explanation.
+    """The last end of each node, and an explanation of this end.
 
     An explanation is determined in the tick in which the node ended, because the node's descendants may be reset afterwards.
 
@@ -25,7 +25,7 @@ class NodeEnds:
         nodes: The nodes of the tree, in pre-order.
 
     Attributes:
-        tick: The number of the tick whose entries are received.
+        tick: The number of the tick whose entries are being received.
         status: The last result of each node, by its number.
         causes: The numbers of the children that explain the end of a node, by the node's number; empty if the node itself decided.
         halted: The numbers of the nodes that were running and were stopped in the last finished tick.
@@ -71,7 +71,7 @@ class NodeEnds:
         self._above[number if parent is None else parent] = None
 
     def end_tick(self) -> list[int]:
-        """End the current tick; return the numbers of the nodes that ended in it, in the order of their entries."""
+        """End the current tick; return the numbers of the nodes that ended in this tick, in the order of their entries."""
         self._gone.update(self._going)
         self.halted, self._halting = self._halting, []
         ended = []
@@ -88,7 +88,7 @@ class NodeEnds:
 
     @property
     def has_failed(self) -> bool:
-        """Whether the root failed in the last finished tick, or failed earlier and was not reset."""
+        """Whether the root failed in the last finished tick, or failed in an earlier tick and was not reset since."""
         return self.status.get(0) == FAILURE and 0 not in self._gone
 
     def is_running(self, number: int) -> bool:

@@ -1,6 +1,7 @@
 """The open tasks that a mission leaves to people, most urgent first.
 
-The page, the terminal and reports all use this module and therefore never disagree. A green status means that there are no open tasks.
+The page, the terminal and reports all use this module, so they always show the same tasks. A green status
+means that there are no open tasks.
 """
 
 import re
@@ -45,7 +46,7 @@ class OpenTask(NamedTuple):
         kind: The kind of the landmark to which the task refers; empty if there is none.
         name: The name of the landmark to which the task refers; empty if there is none.
         command: The name or the role of the operator's command that completes the task; empty if there is none.
-        is_alarm: Whether the task is an alarm of the mission, whose message is the text.
+        is_alarm: Whether the task is an alarm of the mission; the text is then the alarm's message.
     """
 
     level: str
@@ -86,7 +87,7 @@ def severity(state: MissionState) -> str:
 
 
 def _robot_tasks(state: MissionState) -> Iterator[OpenTask]:
-    """Yield the tasks about the robot and its process."""
+    """Yield the tasks about the robot, and about the process that controls the robot."""
     now, run = condition(state), state.runs[-1]
     if "imported" in run.about:
         return  # nobody can command another program's robot from its record
@@ -123,7 +124,7 @@ def _is_over(state: MissionState) -> bool:
 
 
 def _missed_end(state: MissionState) -> Landmark | None:
-    """Return the location at which the robot must end; None if the robot has reached one or the mission has none."""
+    """Return the location at which the robot must end; None if it has reached such a location or there is none."""
     ends = [each for each in state.situation.landmarks.values() if state.situation.kind_of(each).is_end]
     return ends[0] if ends and all(each.level != Level.DONE for each in ends) else None
 
@@ -184,7 +185,7 @@ def _location_tasks(state: MissionState) -> Iterator[OpenTask]:
 
 
 def _cause(reason: str) -> str:
-    """Return the end of a task that states a reason; the number of attempts is not stated."""
+    """Return the end of a task's sentence, which states the reason; a mere number of attempts is not stated."""
     if not reason or reason.startswith("after attempt "):
         return ""
     return f" because {reason}" if _VERB.search(reason) else f", {reason}"

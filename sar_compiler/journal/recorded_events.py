@@ -1,8 +1,8 @@
-"""Convert the journal of a recorded run to events: results of leaves, and decisions of other nodes.
+"""Convert the journal of a recorded run to events: the results of leaves, and the decisions of other nodes.
 
 A journal contains an entry when a node's result differs from its result in the previous tick. A leaf that returns the same
-result in consecutive ticks therefore has one event for all of these ticks. Ticks without entries have no events, and at the end of a
-run they are unknown.
+result in consecutive ticks therefore has one event for all of these ticks. Ticks without entries have no
+events. At the end of a run, the number of such ticks is unknown.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -87,7 +87,7 @@ class _RecordedRun:
         self._events: list[Event] = []
 
     def add_entry(self, entry: JournalEntry) -> Sequence[Event]:
-        """Process an entry; if it starts a tick, return the previous tick's events."""
+        """Process an entry; if the entry starts a new tick, return the events of the previous tick."""
         ended: Sequence[Event] = ()
         data = entry.data
         if is_status(entry, self._count):
@@ -123,7 +123,7 @@ class _RecordedRun:
         return ended
 
     def end_tick(self) -> Sequence[Event]:
-        """Return the events of the current tick, with the tick's end as the last event; empty if no tick has started."""
+        """Return the events of the current tick, ending with the tick's end; empty if no tick has started."""
         events, self._events = self._events, []
         if not self._tick:
             return events

@@ -1,6 +1,7 @@
 """A compact store of a recorded run's ticks, most of which have equal statuses.
 
-The events of the ticks are those of `recorded_events`, except starts, decisions and facts, which statuses alone do not determine.
+The events of the ticks are those of `recorded_events`, except starts, decisions and facts, because statuses
+alone do not determine these.
 """
 
 from abc import ABC, abstractmethod
@@ -15,7 +16,7 @@ from sar_compiler.journal.recorded_events import GONE, is_status
 from sar_compiler.runtime.events import RETURNED, TICKED, Event
 
 StatusAndLabel = tuple[str, str]
-"""A status, and the label of a leaf's outcome; the label is empty if there is none."""
+"""A status, and the label of a leaf's outcome. The label is empty if the leaf has none."""
 RESET_IN_TICK = "\0reset"
 """The value that replaces the label if the node was reset in the tick."""
 UNSURE = "\0unsure"
@@ -37,7 +38,8 @@ class LoggedTick(NamedTuple):
     Attributes:
         number: The number of the tick, from 1.
         time_sec: The time of the tick, seconds since the run's start.
-        content: A value that is equal for two ticks if their events differ only in tick and time.
+        content: A value that is equal for two ticks whose events differ only in the numbers of the ticks and
+            the times.
         events: Returns the events of leaves in the tick, and the tick's end.
     """
 
@@ -65,7 +67,7 @@ class TickLog(TickSource):
 
     Args:
         nodes: The nodes of the tree.
-        is_alone: Whether only this log needs the statuses, so that they are not converted to entries, too.
+        is_alone: Whether only this log needs the statuses; if so, statuses are not converted to entries.
 
     Attributes:
         count: The number of nodes.
@@ -95,7 +97,7 @@ class TickLog(TickSource):
         return self._omits_ticks
 
     def add_status(self, node: int, tick: int, time_sec: float, outcome: StatusAndLabel) -> None:
-        """Add a status of a node, whose number must be valid."""
+        """Add a status of a node; the node's number must be valid."""
         if tick != self._tick:
             self.end_tick()
             self._tick = tick
@@ -145,7 +147,7 @@ class TickLog(TickSource):
         self._tick = 0
 
     def _content_number(self, content: _TickContent) -> int:
-        """Return the number of a tick's content, which is stored if it is new."""
+        """Return the number of a tick's content; store the content if it is new."""
         number = self._known.setdefault(content, len(self._known))
         if number == len(self._by_number):
             self._by_number.append(content)

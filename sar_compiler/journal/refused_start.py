@@ -1,7 +1,7 @@
 """Store the last refused start of a run in a file beside the journal that the run would have written.
 
-A run that never started does not write a journal, because an empty journal would look like a mission that can be resumed.
-`sar-journal why` reads this file instead.
+A run that never started does not write a journal, because an empty journal would look like a mission that can
+be resumed. `sar-journal why` therefore reads this file.
 """
 
 import json
@@ -38,7 +38,7 @@ class RefusedStart(NamedTuple):
 
 
 def record_refusal(journal: Path, status: int, reason: str) -> None:
-    """Record that the start of a run was refused, if possible."""
+    """Try to record that the start of a run was refused."""
     with suppress(OSError, ValueError):
         place = _marker_path(journal)
         written = place.with_name(f"{place.name}.{os.getpid()}")
@@ -54,7 +54,7 @@ def forget_refusal(journal: Path) -> None:
 
 
 def read_refusal(journal: Path) -> RefusedStart | None:
-    """Return the start that was refused after the last run of a journal; None if there is none or its file is unreadable."""
+    """Return the start that was refused after a journal's last run; None if there is no readable record of one."""
     with suppress(SarError, ValueError, TypeError, RecursionError):
         place = _marker_path(journal)
         wall, status, reason = json.loads(

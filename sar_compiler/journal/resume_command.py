@@ -11,7 +11,7 @@ _OMITTED, _WITH_VALUE = ("--new", "--resume", "--check", "--journal"), "--journa
 
 
 def resume_command(state: MissionState, journal: str) -> str:
-    """Return the command that resumes a mission; empty if its last run is active or over, or its command line is unknown.
+    """Return the command that resumes a mission; empty if the last run is active or over, or its command is unknown.
 
     Args:
         state: The state of the mission.

@@ -1,10 +1,11 @@
 """Read the rows of a journal as entries, with a fast path for repeated statuses.
 
 A row that repeats a running node's status with another message is called a repetition. Most rows of a long journal are repetitions,
-because a leaf that drives reports its distance in every tick. Condensed reading omits a repetition under two conditions: all rows up
-to the node's next row are repetitions, and the node's parent is also running. (A parent that has ended and is ticked again ends again in
-each tick.) The results computed from statuses (`mission_state`, `reports.why`, `reports.leaf_statistics`) are the same without the
-omitted rows, because in a tick that only has repetitions no status changes.
+because a leaf that drives reports its distance in every tick. Condensed reading omits a repetition if two
+conditions hold: all rows up to the node's next row are repetitions, and the node's parent is also running. (A
+parent that has ended and is ticked again ends again in each tick.) The results computed from statuses
+(`mission_state`, `reports.why`, `reports.leaf_statistics`) are the same without the omitted rows, because no
+status changes in a tick that contains only repetitions.
 """
 
 import math
@@ -27,10 +28,10 @@ _UNKNOWN = -1
 
 
 class _StatusText:
-    """The data of a `status` entry as text, from the status on.
+    """The text of a `status` entry's data, from the value of `status` to the end.
 
     Attributes:
-        rest: The text after the message if the node is running, otherwise None.
+        rest: The part of the text after the message if the node is running, otherwise None.
         values: The values in the text; None if they were not parsed yet, empty if they include a further `node` or `tick`.
     """
 
@@ -59,7 +60,7 @@ class _StatusText:
         """Parse and return the values.
 
         Raises:
-            ValueError, TypeError: If the project never writes such values for a status.
+            ValueError, TypeError: If the text contains values that the project never writes for a status.
         """
         values = mapping(f'{{"status": {text}')
         check_value_types(STATUS, values)
@@ -75,7 +76,8 @@ def entries_of(  # noqa: C901, PLR0912, PLR0915 - without calls, because a long 
     Args:
         rows: The rows; for condensed reading, rows of a single run.
         parents: For condensed reading, the number of each node's parent, by the node's number; otherwise None.
-        log: Receives all rows, also those that condensed reading omits; if `log.is_alone`, statuses are not yielded.
+        log: Receives all rows, including the rows that condensed reading omits. If `log.is_alone` is true,
+            statuses are not yielded.
 
     Raises:
         ValueError, TypeError: If a row has values that the project never writes.
@@ -158,7 +160,7 @@ def _entry(row: RawRow) -> JournalEntry:
 
 
 def finite(number: Any) -> float:
-    """Convert a value from a file to a time, which must be finite.
+    """Convert a value from a file to a time; the value must be finite.
 
     Raises:
         ValueError, TypeError: If the value is not a finite number.

@@ -1,4 +1,4 @@
-"""The reserve of a journal: a file of fixed size beside it, for events that currently cannot be written to the journal.
+"""The reserve file of a journal: a file of fixed size that stores events while the journal cannot be written.
 
 The blocks of the file are allocated when a run starts, and only overwritten afterwards, so that a full disk, a quota or a lock on
 the database does not affect them. The file has two slots with checksums, which are written in turn. A process that dies while
@@ -36,7 +36,7 @@ class RunEnd(NamedTuple):
 
 
 class SpilledEntries(NamedTuple):
-    """The content of a reserve.
+    """The content of a reserve file.
 
     Attributes:
         began: The start of the journal's first run, in seconds since 1970, which identifies the journal.
@@ -50,13 +50,13 @@ class SpilledEntries(NamedTuple):
 
 
 def lost_events_row(rows: Sequence[Row], numbers: Mapping[str, int]) -> Row:
-    """Return the event that replaces lost events, with their count and the highest numbers in use."""
+    """Return the event that replaces lost events; it contains their count, and the highest numbers in use."""
     count = sum(json.loads(row.data)["count"] if row.kind == FACTS_LOST else 1 for row in rows)
     return rows[-1]._replace(kind=FACTS_LOST, data=json.dumps({"count": count, "numbers": dict(numbers)}))
 
 
 class SpillFile:
-    """An open reserve, whose file is created with all of its blocks if it is missing.
+    """An open reserve file; a missing file is created, and all of its blocks are allocated.
 
     Args:
         journal: The path of the journal.
@@ -83,10 +83,11 @@ class SpillFile:
         _write(self._descriptor, b"\0" * max(0, 2 * _SLOT_BYTES - size), size)
 
     def replace_content(self, spilled: SpilledEntries, numbers: Mapping[str, int]) -> None:
-        """Replace the content of the reserve; the new content is on disk when the function returns.
+        """Replace the content of the reserve file; the new content is on disk when the function returns.
 
         Args:
-            spilled: The new content; events that do not fit are replaced by an event with their number.
+            spilled: The new content; events that do not fit are replaced by one event that states how many
+                were replaced.
             numbers: The highest numbers in use, by the kind of the numbered objects.
 
         Raises:
@@ -102,7 +103,7 @@ class SpillFile:
         )
 
     def close(self, *, is_needed: bool) -> None:
-        """Close the reserve, and delete its file if the file is not needed."""
+        """Close the reserve file, and delete it if it is not needed."""
         os.close(self._descriptor)
         if not is_needed:
             with suppress(OSError):
@@ -110,11 +111,11 @@ class SpillFile:
 
 
 def read_reserve(journal: Path) -> SpilledEntries:
-    """Return the content of a journal's reserve; empty if there is none.
+    """Return the content of a journal's reserve file; empty if there is no such file.
 
     Raises:
-        OSError: If the reserve cannot be read.
-        JournalError: If the reserve is damaged.
+        OSError: If the reserve file cannot be read.
+        JournalError: If the reserve file is damaged.
     """
     path = Path(f"{journal}{SUFFIX}")
     try:
@@ -167,7 +168,7 @@ def _slots(content: bytes) -> list[tuple[int, bytes]]:
 
 
 def _fit_into_slot(spilled: SpilledEntries, numbers: Mapping[str, int]) -> str:
-    """Convert the content to a text that fits into a slot, by replacing the last events if necessary."""
+    """Convert the content to a text that fits into a slot; if the text is too long, replace the last events."""
     count = len(spilled.facts)
     while True:
         facts = [
@@ -178,7 +179,7 @@ def _fit_into_slot(spilled: SpilledEntries, numbers: Mapping[str, int]) -> str:
         if len(text) <= _SLOT_BYTES - _HEAD_BYTES:
             return text
         if not count:
-            raise OSError(f"the end of the run does not fit into the reserve: {spilled.end}")
+            raise OSError(f"the end of the run does not fit into the reserve file: {spilled.end}")
         count = count * 3 // 4
 
 

@@ -46,7 +46,7 @@ class StatusLine(NamedTuple):
     reason: str = ""
 
     def to_line(self, now: float | None = None) -> str:
-        """Return the status in one line, such as `PAUSED (0:19): by the operator`.
+        """Return the status as one line of text, such as `PAUSED (0:19): by the operator`.
 
         Args:
             now: The current time, in seconds of the mission's clock since the run's start; None to omit the duration.
@@ -59,7 +59,7 @@ class StatusLine(NamedTuple):
 
 
 def status_line_text(state: MissionState) -> str:
-    """Return the status of a mission in one line, as of its last entry."""
+    """Return the status of a mission, at the time of its last journal entry, as one line of text."""
     return condition(state).to_line(state.now.time)
 
 

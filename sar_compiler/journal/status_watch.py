@@ -21,11 +21,12 @@ _ACTIVE = {Status.RUNNING.value, Status.SUCCESS.value, Status.FAILURE.value}
 class StatusWatch(VisitorBase):
     """Records the statuses of nodes in `status` entries, with `node` (the node's number), `tick`, `status` and `message`.
 
-    An entry is written when the status, message or outcome of a ticked node differs from the node's last entry, or when the node was
-    not ticked in the previous tick. Nodes are numbered from 0 in pre-order, as in the journal's tree. The entry of a leaf with
-    declared outcomes has the `label` of the outcome, which is empty if several are possible. HALTED is the status of a node that was
-    stopped while running. IDLE is the status of a node that had ended and was reset because an ancestor started over or was
-    stopped. Both have `last`, the tick in which the node was last ticked.
+    An entry is written for a ticked node if its status, message or outcome differs from the node's last
+    entry, or if the node was not ticked in the previous tick. Nodes are numbered from 0 in pre-order, as in
+    the journal's tree. The entry of a leaf with declared outcomes has the `label` of the outcome, which is
+    empty if several are possible. HALTED is the status of a node that was stopped while running. IDLE is the
+    status of a node that had ended and was reset because an ancestor started over or was stopped. Entries
+    with either of these two statuses also contain `last`, the tick in which the node was last ticked.
 
     If a leaf records an event in a tick, the outcome of the leaf in this tick is written even if it is unchanged, so that the
     journal contains the outcome for each event.
@@ -66,10 +67,10 @@ class StatusWatch(VisitorBase):
         journal.leaf_in_hand = self._leaf_in_hand
 
     def _leaf_in_hand(self) -> Mapping[str, int]:
-        """Return the leaf whose method is running, and the tick; empty if there is none.
+        """Return the leaf whose method is running, and the tick; return an empty mapping if there is no such leaf.
 
-        Python's stack is searched at each event, so that ticks need no extra work, because events are rare and ticks are frequent.
-        The search finds leaves of any class, in any engine.
+        The function searches Python's stack at each event. Ticks then need no extra work, which matters
+        because ticks are frequent and events are rare. The search finds leaves of any class, in any engine.
         """
         frame: FrameType | None = sys._getframe(1) if self._is_ticking else None  # noqa: SLF001
         while frame is not None:
@@ -88,7 +89,7 @@ class StatusWatch(VisitorBase):
         self._to_check = [0]
 
     def run(self, behaviour: Behaviour) -> None:
-        """Record the status of a node that was ticked, if it must be recorded."""
+        """Record the status of a ticked node if the status must be recorded."""
         number = self._numbers.get(id(behaviour))
         if number is not None:
             status = "SKIPPED" if was_skipped(behaviour) else behaviour.status.value
@@ -112,7 +113,7 @@ class StatusWatch(VisitorBase):
         self._journal.write_when_due()
 
     def _label(self, behaviour: Behaviour, status: str) -> str | None:
-        """Return the label of a leaf's outcome; empty if several are possible, None if the leaf declares no outcomes."""
+        """Return the label of a leaf's outcome; empty if several labels are possible, None if no outcomes are declared."""
         declared = self._declared.get(behaviour.id)
         if declared is None:
             return None
