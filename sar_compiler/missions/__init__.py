@@ -1,4 +1,4 @@
-"""Everything that a mission needs: its base classes, and functions for parameters, events, displays and servers.
+"""The base classes of missions, and the functions with which missions handle parameters, events, displays and servers.
 
 This package contains the interface of missions (`mission`), the choice of a tree's mission (`mission_choice`), and the start of a run
 (`mission_start`).

@@ -18,7 +18,7 @@ NAVIGATION_FAULTS = {
     NAVIGATION: ("abort", "code", "late", "starved", "succeed", "delay", "reject", "die"),
     LOCALISATION: ("die",),
 }
-"""The possible faults of the simulated Nav2 by target, which every mission has."""
+"""The possible faults of the simulated Nav2, by target. Every mission has these faults."""
 
 
 class _FaultForm(NamedTuple):
@@ -26,9 +26,11 @@ class _FaultForm(NamedTuple):
 
     Attributes:
         text: The syntax, as in messages.
-        parts: The possible parts after the kind: `=` for a value, `@` for a location, `=@` for both, or an empty string for neither.
+        parts: The parts that may follow the kind: `=` for a value, `@` for a location, `=@` for both, or an
+            empty string for neither.
         amount: The attribute of `Fault` that the value sets; empty if the fault has no value.
-        option: The name of the option after the comma, whose value is in seconds; empty if the fault has no option.
+        option: The name of the option after the comma; empty if the fault has no option. The option's value
+            is in seconds.
     """
 
     text: str
@@ -73,9 +75,11 @@ class Fault:
         target: The service or action, such as `navigate_to_pose`, or the node `amcl`.
         kind: `drop`, `delay`, `refuse`, `abort`, `code`, `late`, `starved`, `succeed`, `reject` or `die`.
         count: The number of affected calls or goals (`drop`, `refuse`, `reject`).
-        seconds: A time in seconds of the server's clock: the delay of each response (`delay`), the drive before the goal ends (`code`), or
-                the delay until one Nav2 server acknowledges the goal of another (`late`).
-        place: The affected location (`abort`, `code`, `late`, `starved`, `succeed`, `die`); "" for all locations.
+        seconds: A time in seconds of the server's clock: the delay of each response (`delay`), the duration
+            of the drive before the goal ends (`code`), or the delay until one Nav2 server acknowledges the
+            goal of another server (`late`).
+        place: The affected location (`abort`, `code`, `late`, `starved`, `succeed`, `die`); an empty string
+            for all locations.
         code: The error code with which a goal ends (`code`).
         drives: How long the robot continues to drive after a goal has ended, in seconds of the server's clock (`late`).
         back: The time until a crashed server is available again, in simulated seconds; None if it stays unavailable (`die`).
@@ -167,7 +171,9 @@ class ServiceFaults:
 class NavigationFaults:
     """The remaining faults of the simulated Nav2.
 
-    `abort` and `code` affect every goal at their location. Without a location, so do `late`, `starved` and `succeed`. Other faults affect one goal.
+    The faults `abort` and `code` affect every goal at the fault's location. The faults `late`, `starved` and
+    `succeed` affect every goal if they have no location, and otherwise one goal. All other faults affect one
+    goal.
     """
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
@@ -193,7 +199,7 @@ class NavigationFaults:
         return reject
 
     def fault_for_goal(self, place: str | None) -> Fault | None:
-        """Return the fault of a newly accepted goal; None if it has none.
+        """Return the fault that affects a newly accepted goal; None if no fault does.
 
         Args:
             place: The location of the goal, or None.
@@ -241,11 +247,11 @@ class FaultPlan:
         self.seed = seed
 
     def for_service(self, name: str) -> ServiceFaults:
-        """Return the faults of the service *name*, none of which is consumed yet."""
+        """Return the faults of the service *name*, none of which has affected a call yet."""
         return ServiceFaults([fault for fault in self.faults if fault.target == name])
 
     def for_navigation(self) -> NavigationFaults:
-        """Return the faults of the simulated Nav2, none of which is consumed yet."""
+        """Return the faults of the simulated Nav2, none of which has affected a goal yet."""
         return NavigationFaults([fault for fault in self.faults if fault.target in NAVIGATION_FAULTS])
 
 

@@ -1,8 +1,8 @@
 """The interface of a mission: the base classes of your own missions.
 
-Missions are found through the entry point group `sar_compiler.missions`, each of whose entries names an instance of a `Mission`. Neither this
-module nor a module that an entry names may import ROS: `sar-run` imports them before ROS is initialised, and other commands import them on
-computers without ROS.
+Missions are found through the entry point group `sar_compiler.missions`. Each entry of this group names an
+instance of a `Mission`. Neither this module nor a module that an entry names may import ROS: `sar-run`
+imports them before ROS is initialised, and other commands import them on computers without ROS.
 """
 
 import sys
@@ -41,13 +41,14 @@ class CommandField(NamedTuple):
     Attributes:
         name: The field's name. Two fields `x` and `y` together are a position on the map, in metres.
         label: The field's label on the page.
-        kind: `text`; `number`; `choice`, one of `choices`; `found`, the name of a landmark that was found; `polygon`, the corners of an area
-            on the map in order, each as x and y in metres.
+        kind: `text`; `number`; `choice`, one of `choices`; `found`, the name of a landmark that the robot has
+            detected; `polygon`, the corners of an area on the map in order, each as x and y in metres.
         choices: Pairs of a value and its label, for `choice`.
         optional: Whether the field may be empty. An empty number is None, an empty polygon has no corners, and any other empty field is an
             empty string.
-        landmark: The kind of the landmark that the value names. The command is refused if the landmark has changed since its author saw it.
-            Empty if the value does not name a landmark.
+        landmark: The kind of the landmark that the value names. The command is refused if the landmark has
+            changed since the author of the command saw the landmark. Empty if the value does not name a
+            landmark.
     """
 
     name: str
@@ -87,10 +88,10 @@ class OperatorCommand(NamedTuple):
     named: str = ""
 
     def check(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Check the values of the command's fields; return the value of every field.
+        """Check the given values of the command's fields, and return a value for every field.
 
         Raises:
-            CommandError: If a value is missing or invalid, or its field is unknown.
+            CommandError: If a value is missing or invalid, or if a value names an unknown field.
         """
         if unknown := set(values) - {field.name for field in self.fields}:
             raise CommandError(f"{self.name} has no field {min(unknown)!r:.60}")
@@ -135,7 +136,7 @@ class SearchedArea(NamedTuple):
     Attributes:
         name: The area's name.
         corners: The corners of the area's polygon: x and y in metres, frame `map`.
-        swath: The distance between the legs of a sweep, in metres.
+        swath: The distance between adjacent legs of a sweep, in metres.
     """
 
     name: str
@@ -159,7 +160,7 @@ class MissionRun:
         return []
 
     def initial_facts(self) -> Mapping[str, bool | int | float | str]:
-        """Return the initial values of facts that the parameters determine, such as `{"zones_left": 4}`.
+        """Return the initial values of those facts that the parameters determine, such as `{"zones_left": 4}`.
 
         `simulate` and `verify`, which need no robot, start with these values if the leaves of the tree have such facts.
         """
@@ -173,7 +174,7 @@ class MissionRun:
         return {}
 
     def limits(self) -> Mapping[str, int]:
-        """Return upper limits of facts whose values are unknown at the start, such as `{"more_pieces": 10_000}`.
+        """Return the upper limits of facts with unknown initial values, such as `{"more_pieces": 10_000}`.
 
         The property monitor starts with the limit as the value of the fact. Outcomes may only decrease this fact.
         """
@@ -184,11 +185,12 @@ class MissionRun:
         return {}
 
     def use_journal(self, journal: "Journal") -> None:
-        """Apply the events of earlier runs, and record the mission's events in a journal from now on. Called once, before the tree is compiled.
+        """Apply the events of earlier runs; from now on, record the mission's events in the given journal. Called once, before the tree is compiled.
 
-        The mission records every event that must survive the process with `journal.record_event` before it reports the event anywhere. The
-        journal then calls `apply`, which changes the run's state. A resumed tree starts over; its leaves use this state to skip finished work.
-        A subclass that needs the journal overrides this method, calls the base class's method and stores the journal.
+        Some events must survive the process. The mission records such an event with `journal.record_event`
+        before it reports the event anywhere. The journal then calls `apply`, which changes the run's state. A
+        resumed tree starts over; its leaves use this state to skip finished work. A subclass that needs the
+        journal overrides this method, calls the base class's method and stores the journal.
 
         Raises:
             JournalError: If the mission cannot process the events of earlier runs.
@@ -258,7 +260,7 @@ class MissionRun:
         return None
 
     def open_points(self) -> list[str]:
-        """Return the sentences about open points of a complete mission that follow "Mission complete."."""
+        """Return sentences about open points of a complete mission, to be shown after "Mission complete."."""
         return []
 
     def idle_reason(self) -> str:
@@ -283,12 +285,14 @@ class Mission(ABC):
 
     Attributes:
         name: The mission's name, which selects it with `--mission` and is the default name of its node.
-        context_types: The types of the mission's context objects. A tree belongs to this mission if one of its leaves requires such an object.
-        parameter_names: The names of the parameters that the mission reads; for a group of parameters, the first part of their names. Used to
-                detect typos.
+        context_types: The types of the mission's context objects. A tree belongs to this mission if one of
+            the tree's leaves requires such an object.
+        parameter_names: The names of the parameters that the mission reads; for a group of parameters, the
+            first part of their names. The names are used to detect typos.
         path_parameters: The names of parameters that are file paths (`ParameterReader.read_file`). A client of `sar-run --serve` cannot set
                 them.
-        faults: The faults among `drop`, `delay` and `refuse` that `--fault` can inject into the mission's servers, by service.
+        faults: By service of the mission's servers, the faults that `--fault` can inject: `drop`, `delay` and
+            `refuse`, or some of them.
         default_tree: The name of a shipped tree, or a file; None if the user must name a tree.
         is_resumable: Whether a run records events in its journal (`MissionRun.use_journal`), so that a later run can resume the mission. On
                 a robot, such a run writes a journal by default.

@@ -1,4 +1,4 @@
-"""The choice of the mission to which a tree belongs."""
+"""Find the mission to which a tree belongs."""
 
 import functools
 import traceback
@@ -31,7 +31,7 @@ class MissionError(SarError):
 
 
 class _GuardedMission:
-    """Wraps a mission or its run, so that an exception in one of its methods names the mission."""
+    """Wraps a mission or a mission's run, so that an exception in a method names the mission."""
 
     def __init__(self, guarded: "Mission | MissionRun", name: str) -> None:
         self._guarded = guarded
@@ -59,7 +59,7 @@ class _GuardedMission:
         from sar_compiler.missions.mission import MissionRun
 
         if not isinstance(result, MissionRun):
-            raise MissionError(f"{failed}: it returned {result!r} instead of a MissionRun")
+            raise MissionError(f"{failed}: the method returned {result!r} instead of a MissionRun")
         return _GuardedMission(result, self._name)
 
 
@@ -87,7 +87,7 @@ def load_missions(checkout: Path | None = None) -> "dict[str, Mission]":
 
 
 def default_mission() -> str | None:
-    """Return the name of the mission whose default tree runs if no tree is given, or None."""
+    """Return the name of the mission whose default tree runs if the user names no tree, or None."""
     return next((entry_point.name for entry_point in entry_points(DEFAULT)), None)
 
 
@@ -128,15 +128,16 @@ def choose_mission(
 
     Args:
         binding: The tree, whose tags are bound to nodes.
-        name: The name of the mission to use whatever the leaves require; None to choose the mission by the leaves.
+        name: The name of the mission to use, regardless of the leaves; None to choose the mission by the
+            leaves.
         checkout: A folder whose packages are not regarded as installed.
 
     Returns:
         The mission; None if the leaves require no context objects of a mission.
 
     Raises:
-        MissionError: If there is no mission called *name*. The methods of the returned mission and its run also raise this error instead of
-                other exceptions.
+        MissionError: If there is no mission called *name*. The methods of the returned mission, and of the
+            mission's run, also raise this error instead of other exceptions.
         TreeError: If the leaves require the context objects of several missions.
     """
     if name is not None:

@@ -1,4 +1,4 @@
-"""The start of a mission: reads the node's parameters for the mission, the run and the tree."""
+"""Start a mission: read the node's parameters for the mission, the run and the tree."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -31,7 +31,7 @@ class MissionStart(NamedTuple):
     Attributes:
         mission: The run of the mission; an instance of the base class for a tree without a mission.
         parameters: The parameters that every run has, with or without a mission.
-        notes: Sentences about surprising parameters, such as a probable typo in a name.
+        notes: Sentences about suspicious parameters, such as a name that probably contains a typo.
     """
 
     mission: MissionRun
@@ -132,7 +132,7 @@ def parse_faults(texts: Iterable[str], mission: Mission | None) -> list[Fault]:
 
 
 def path_parameters(mission: Mission | None, binding: Binding) -> set[str]:
-    """Return the names of the parameters that are file paths: parameters of the mission, and ports of leaves (`{@photos}`)."""
+    """Return the names of the parameters that are file paths, for the mission or for ports of leaves (`{@photos}`)."""
     ports = (
         key.removeprefix("@")
         for bound in binding.all_nodes()
@@ -143,7 +143,7 @@ def path_parameters(mission: Mission | None, binding: Binding) -> set[str]:
 
 
 def fixed_parameters(mission: Mission | None, binding: Binding) -> set[str]:
-    """Return the names of the parameters that are only read at the start; for a group of parameters, the first part of their names."""
+    """Return the names of the parameters that are read only at the start; for a group, the first part of the names."""
     own = mission.parameter_names if mission is not None else ()
     names = (*RUN_PARAMETER_NAMES, *own, *(key for key in _keys(binding) if key.startswith("@")))
     return {"use_sim_time", *(name.removeprefix("@").partition(".")[0] for name in names)}

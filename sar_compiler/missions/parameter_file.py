@@ -1,8 +1,9 @@
 """Check a ROS parameter file before ROS reads it.
 
-ROS's parser (the parser of rcl, based on libyaml) accepts only a part of YAML, reports no column, and silently misreads or ignores some content. This
-check rejects all content that the parser would reject, misread or ignore, for whichever node. It accepts all other content. The parser also has its
-own rules for which scalars are numbers.
+ROS's parser (the parser of rcl, based on libyaml) accepts only a part of YAML, reports no column, and
+silently misreads or ignores some content. This check rejects all content that the parser would reject,
+misread or ignore, no matter to which node the content applies. It accepts all other content. The parser also
+has its own rules for which scalars are numbers.
 """
 
 import difflib
@@ -27,7 +28,7 @@ _PART = r"(?:\*\*?|[A-Za-z_][A-Za-z0-9_]*)"
 _NODE_NAME = re.compile(rf"/?{_PART}(?:/{_PART})*")
 _MAX_DEPTH = 64
 _MAX_EVENTS = 100_000
-"""The maximum number of names, values, and starts and ends of lists and mappings. A file with 30,000 parameters has fewer."""
+"""The maximum number of YAML events in a file: names, values, and starts and ends of lists and mappings. A file with 30,000 parameters stays below this number."""
 _SIGNS = re.compile("[:?]")
 
 
@@ -83,7 +84,7 @@ def check_parameter_file(path: Path | str) -> None:
 
 
 def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
-    """Return a note about the nodes to which parameter files apply, if no section applies to the given node.
+    """Return a note about the nodes to which files apply, if no section of the files applies to the given node.
 
     Args:
         paths: The files, which `check_parameter_file` accepts.
@@ -101,7 +102,7 @@ def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
 
 
 def read_parameter_file(path: Path | str, node: str) -> dict[str, object]:
-    """Return a node's parameters in a file, as ROS would read them.
+    """Read a node's parameters from a file, with the values that ROS would read.
 
     Args:
         path: The parameter file.
@@ -124,7 +125,7 @@ class _Given(NamedTuple):
 
 
 def _values_for(path: Path | str, node: str) -> dict[str, _Given]:
-    """Return a node's parameters in a file, by flat name."""
+    """Return the parameters that a file contains for a node, by flat name."""
     sections = _sections(path).items()
     return {key: given for name, values in sections if _is_for(name, node) for key, given in values.items()}
 
@@ -149,8 +150,9 @@ class ParameterLocations:
     def location_of(self, key: str, parameters: Mapping[str, object]) -> str:
         """Return the file, line and column of a parameter.
 
-        For a missing parameter, this is the location of a parameter in the nearest enclosing group that the files contain, or else the first
-        parameter in the last file. The result is empty if there are no files, or the parameter's value does not come from a file.
+        A missing parameter is located at a parameter of the nearest enclosing group that the files contain.
+        If there is no such group, it is located at the first parameter of the last file. The result is empty
+        if there are no files, or the parameter's value does not come from a file.
 
         Args:
             key: The flat name of the parameter.
@@ -187,7 +189,7 @@ def _sections(path: Path | str) -> dict[str, dict[str, _Given]]:
 
 
 def _is_for(section: str, node: str) -> bool:
-    """Return whether a section applies to a node; `*` matches one part of the node's name, `**` any number of parts."""
+    """Return whether a section applies to a node; `*` matches one part of the node's name, and `**` matches any number of parts."""
     parts = {"**": r"(/\w+)*", "*": r"/\w+"}
     pattern = "".join(parts.get(part, "/" + re.escape(part)) for part in section.split("/")[1:])
     return re.fullmatch(pattern, node) is not None
@@ -265,13 +267,13 @@ class _Walk:
             wrong = f"the file is empty: write a node's name (or /**) and {_SECTION} below it"
             self.problems = [FileProblem(1, 1, wrong)]
         elif not isinstance(root, yaml.MappingNode):
-            wrong = f"must be a mapping: a node's name (or /**), {_SECTION} below it, then the parameters"
+            wrong = f"the file must be a mapping: write a node's name (or /**), below it {_SECTION}, and below that the parameters"
             self._report(root, wrong)
         else:
             self._nodes(root, "", "")
 
     def _check_events(self) -> None:
-        """Report YAML features that ROS does not support, and a file that is too large or too deeply nested.
+        """Report YAML features that ROS does not support, and content that is too large or too deeply nested.
 
         The older libyaml in some versions of ROS rejects some characters in plain scalars within brackets.
         """
@@ -284,15 +286,20 @@ class _Walk:
                     self._report(event, f"ROS reads YAML 1.1 only: delete '{version}'")
                 if documents == 2:  # noqa: PLR2004
                     self._report(
-                        event, "ROS would merge this second document (---) into the first: delete one"
+                        event,
+                        "ROS would merge this second document (---) into the first one: delete one of the two documents",
                     )
             elif isinstance(event, yaml.AliasEvent):
-                self._report(event, f"ROS reads no aliases: write the value of '*{event.anchor}' in full")
+                self._report(
+                    event, f"ROS does not support aliases: write the value of '*{event.anchor}' in full"
+                )
             elif isinstance(event, yaml.CollectionStartEvent):
                 brackets += bool(event.flow_style)
                 depth += 1
                 if depth > _MAX_DEPTH:
-                    self._report(event, f"nested too deeply: use at most {_MAX_DEPTH} levels")
+                    self._report(
+                        event, f"the file is nested too deeply here: use at most {_MAX_DEPTH} levels"
+                    )
                     return
             elif isinstance(event, yaml.CollectionEndEvent):
                 brackets = max(brackets - 1, 0)
@@ -304,13 +311,13 @@ class _Walk:
     def _events(self) -> Iterator[Any]:
         for number, event in enumerate(yaml.parse(self._text, Loader=_LOADER)):
             if number > _MAX_EVENTS:
-                text = f"more than {_MAX_EVENTS:,} names and values, the limit of a parameter file"
+                text = f"the file has more than {_MAX_EVENTS:,} names and values, which is the limit for a parameter file"
                 self._report(event, text)
                 return
             yield event
 
     def _nodes(self, mapping: yaml.MappingNode, name: str, above: str) -> None:
-        """Read the names of nodes and namespaces, which may be nested, and the parameters below them."""
+        """Read the names of nodes and namespaces, which may be nested, and the parameters below these names."""
         if not mapping.value:
             whose = f"'{name}' has no {_SECTION} below it" if name else f"has no {_SECTION}"
             self._report(mapping, whose)
@@ -327,7 +334,7 @@ class _Walk:
                 self._parameters(value, "", given)
                 self.sections.setdefault(above, {}).update(given)
             else:
-                self._report(key, f"{_SECTION} must contain parameters, 'name: value'")
+                self._report(key, f"{_SECTION} must contain parameters, each written as 'name: value'")
 
     def _node(self, key: yaml.ScalarNode, value: yaml.Node, above: str) -> None:
         if _is_meant_for_section(key.value, value):
@@ -402,7 +409,7 @@ class _Walk:
         return values
 
     def _scalar(self, name: str, node: yaml.ScalarNode) -> object:
-        """Return a value as ROS would read it; report a value that is probably meant differently."""
+        """Return the value that ROS would read; report a value that ROS probably reads differently than intended."""
         text = node.value
         if node.tag != "tag:yaml.org,2002:str":
             # ROS ignores tags: it reads `!degrees 90` as 90 and `!!int '3'` as a string.
@@ -446,8 +453,8 @@ _WORDS = re.compile(r"[+-]?(inf|infinity|nan)|[+-]?\.inf|\.nan", re.IGNORECASE)
 def rcl_kind(text: str) -> str:
     """Return the type of an unquoted scalar according to ROS's parser.
 
-    The parser uses the rules of C's `strtol` (base 0) and `strtod` instead of YAML's rules: `1e3` and `0x10` are numbers. `1_000` and `0o10` are
-    text, and so is a number that is too large for a double.
+    The parser uses the rules of C's `strtol` (base 0) and `strtod` instead of YAML's rules: `1e3` and `0x10`
+    are numbers. `1_000` and `0o10` are text. A number that is too large for a double is text, too.
 
     Returns:
         `a Boolean`, `an integer`, `a number` or `text`.

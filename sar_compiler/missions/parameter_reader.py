@@ -42,7 +42,7 @@ class ParameterProblem:
     Attributes:
         key: The flat name of the parameter, such as `points.yard.x`.
         text: The description of the error.
-        place: File, line and column of the parameter; empty if no file contains it.
+        place: File, line and column of the parameter; empty if no file contains the parameter.
     """
 
     key: str
@@ -81,7 +81,7 @@ def lookalikes(
         given: The flat names of a node's parameters.
         read: The names of the parameters that are used, in addition to the parameters of every ROS node. For a group, such as `points`, only the
             first part of the names.
-        place_of: Returns file, line and column of a parameter; empty if no file contains it.
+        place_of: Returns file, line and column of a parameter; empty if no file contains the parameter.
 
     Returns:
         A note for each probable typo, with the name that was probably meant.
@@ -103,7 +103,7 @@ def lookalikes(
 
 
 def report_unused_files(reader: "ParameterReader", read: Iterable[str]) -> list[str]:
-    """Return a note if no parameter of the parameter files is used; otherwise an empty list.
+    """Return a list with a note if the run uses no parameter of the parameter files; otherwise an empty list.
 
     Args:
         reader: The reader of the parameters.
@@ -123,7 +123,7 @@ def report_unused_files(reader: "ParameterReader", read: Iterable[str]) -> list[
 
 _MOST_NAMED = 5
 MOST_PLACES = 1_000
-"""The maximum number of locations that a mission visits, which can be ordered within two seconds."""
+"""The maximum number of locations that a mission visits. This many locations can be ordered within two seconds."""
 
 
 class ParameterReader:
@@ -131,8 +131,9 @@ class ParameterReader:
 
     Args:
         parameters: A node's parameters by flat name. Unused parameters are ignored.
-        elsewhere: A note that the parameter files only apply to other nodes (`parameter_file.sections_elsewhere`), which is added to the
-            message about a missing list of locations.
+        elsewhere: A note that the parameter files only apply to other nodes
+            (`parameter_file.sections_elsewhere`). The note is added to the message about a missing list of
+            locations.
         places: The locations of the parameters in parameter files; None if there are no files.
 
     Attributes:
@@ -141,7 +142,8 @@ class ParameterReader:
         problems: All errors so far.
         notes: Notes about valid but surprising parameters, such as a point that is never visited.
         files: The files that parameters name, with the content that was read, by parameter name.
-        places_elsewhere: For each parameter that comes from such a file, a function that returns file, line and column.
+        places_elsewhere: For each parameter that was read from such a file, a function that returns file,
+            line and column.
     """
 
     def __init__(
@@ -176,13 +178,13 @@ class ParameterReader:
             self.problems.append(problem)
 
     def place_of(self, key: str) -> str:
-        """Return the file, line and column of a parameter, or of the nearest group if it is missing; empty if no file contains it."""
+        """Return file, line and column of a parameter, or of the nearest group if it is missing; empty without files."""
         if key in self.places_elsewhere:
             return self.places_elsewhere[key]()
         return self._places.location_of(key, self.parameters) if self._places is not None else ""
 
     def group(self, prefix: str, allowed: tuple[str, ...]) -> dict[str, set[str]]:
-        """Return the names in the parameters `<prefix>.<id>.<name>` by ID; report all other parameters with this prefix."""
+        """Return, by ID, the names in parameters `<prefix>.<id>.<name>`; report other parameters with this prefix."""
         groups: dict[str, set[str]] = {}
         pattern = f"{prefix}.<id>.{{{','.join(allowed)}}}"
         for key in self.parameters:
@@ -202,10 +204,10 @@ class ParameterReader:
 
         Args:
             noun: The noun in the names of the parameters, such as `point`.
-            more: Further names allowed in `<noun>s.<id>`, which the caller reads.
+            more: Further names that are allowed in `<noun>s.<id>`. The caller reads these parameters.
 
         Returns:
-            The poses, each with `id`, `x`, `y` (m) and `yaw` (rad), in the order of their visits.
+            The poses, each with `id`, `x`, `y` (m) and `yaw` (rad), in the order in which they are visited.
         """
         groups = self.group(f"{noun}s", (*_POSE, *more))
         order = self._order(noun, groups)
@@ -224,7 +226,7 @@ class ParameterReader:
         return {name: self.number(f"{prefix}.{name}") for name in names}
 
     def _order(self, noun: str, known: Collection[str]) -> list[str]:
-        """Return the IDs in `<noun>_order` that have a pose, each of them once; report all other entries."""
+        """Return the IDs in `<noun>_order` that have a pose, each ID once; report all other entries as errors."""
         key, allowed = f"{noun}_order", f"must be a list of {noun} ids"
         example = f': list the {noun}s to visit, for example {key}: ["{noun}_a", "{noun}_b"]'
         if key not in self.parameters:
@@ -278,7 +280,7 @@ class ParameterReader:
                 self.report_error(key, f"is unknown, {_did_you_mean(key.partition('.')[2], names)}")
 
     def number(self, key: str, default: float | None = None) -> float:
-        """Return the finite number of a parameter; a missing parameter has the default, or is an error without a default."""
+        """Read a finite number; return the default for a missing parameter, or report an error without a default."""
         if key not in self.parameters:
             if default is None:
                 self.report_error(key, "is missing: write a number")
@@ -286,7 +288,7 @@ class ParameterReader:
         return self._check_unit(key, self.parameters[key])
 
     def _check_unit(self, key: str, value: object, whose: str = "") -> float:
-        """Return a number; report it if it is not a finite number, or implausible in the parameter's unit.
+        """Return the value as a number; report a value that is not a finite number, or is implausible in its unit.
 
         Args:
             key: The flat name of the parameter.
@@ -317,7 +319,7 @@ class ParameterReader:
         return number
 
     def numbers(self, key: str) -> list[float]:
-        """Return the list of finite numbers of a parameter; a missing parameter is an empty list."""
+        """Read a list of finite numbers; return an empty list for a missing parameter."""
         value = self.parameters.get(key, ())
         if isinstance(value, str | bytes) or not isinstance(value, Iterable):
             self.report_error(key, f"must be a list of numbers, but is {_describe(value)}")
@@ -339,7 +341,7 @@ class ParameterReader:
             most_bytes: The maximum size of the file.
 
         Returns:
-            The text; None if the file cannot be read, which is reported as an error of the parameter.
+            The text; None if the file cannot be read. In this case, an error of the parameter is reported.
         """
         value = self.parameters[key]
         if not isinstance(value, str) or not value:
@@ -365,7 +367,7 @@ class ParameterReader:
         return text
 
     def read_json_file(self, key: str, noun: str, most_bytes: int) -> JsonFile | None:
-        """Return the content of the JSON file that a parameter names; None if it has errors, which are reported."""
+        """Read the JSON file that a parameter names; report the errors of a malformed file, and return None."""
         text = self.read_file(key, noun, most_bytes)
         if text is None:
             return None
@@ -388,7 +390,7 @@ class ParameterReader:
             raise ParameterError(self.problems)
 
     def positive(self, key: str, default: float, most: float = math.inf) -> float:
-        """Return the positive number of a parameter, which must be at most *most*, in the unit of the parameter."""
+        """Read a positive number in the unit of the parameter; report a number that is greater than *most*."""
         value = self.number(key, default)
         is_reported = any(problem.key == key for problem in self.problems)
         if not 0.0 < value <= most and key in self.parameters and not is_reported:
@@ -397,11 +399,11 @@ class ParameterReader:
         return value
 
     def cruise_speed(self) -> float:
-        """Return the speed of the robot that time estimates assume, in m/s."""
+        """Return the speed, in m/s, at which estimates of time assume the robot to drive."""
         return self.positive("cruise_speed_mps", RunParameters.cruise_speed_mps)
 
     def switch(self, key: str, *, default: bool) -> bool:
-        """Return the Boolean of a parameter; a missing parameter has the default."""
+        """Read a Boolean; return the default for a missing parameter."""
         value = self.parameters.get(key, default)
         if isinstance(value, bool):
             return value
@@ -454,7 +456,7 @@ def _did_you_mean(name: str, allowed: tuple[str, ...]) -> str:
 
 
 SETTLE_SEC = 5.0
-"""The maximum wait until the goals of a halted tree have ended, in seconds: Nav2 has to brake, and responds late on a busy machine."""
+"""The maximum time to wait until the goals of a halted tree have ended, in seconds. Nav2 needs time to brake the robot, and responds late on a busy machine."""
 BLOCKED_TICK_SEC = 10.0
 """The time for which a leaf may block a tick before the goals are cancelled, in seconds. The supervisor has the same limit."""
 
@@ -474,11 +476,11 @@ class RunParameters:
         startup_timeout_sec: The maximum wait for the tree's requirements before the first tick, in seconds.
         time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
         robot_radius_m: The radius of the robot's body, for planning before the run, in metres.
-        cruise_speed_mps: The speed of the robot that time estimates assume, in m/s.
+        cruise_speed_mps: The speed at which estimates of time assume the robot to drive, in m/s.
         settle_timeout_sec: The maximum wait until the goals have ended when the run is stopped, in seconds.
         blocked_tick_timeout_sec: The time for which a leaf may block a tick before the goals are cancelled, in seconds of the steady clock.
-        arrival_tolerance_m: The maximum distance between the robot and its goal at which it has arrived, in metres; None for Nav2's tolerance
-            plus half a metre.
+        arrival_tolerance_m: The distance from the goal within which the robot counts as arrived, in metres;
+            None for Nav2's tolerance plus half a metre.
         georeference: The position and heading of the frame `map` on the earth; None if no parameter sets it.
     """
 
@@ -499,7 +501,7 @@ RUN_PARAMETER_NAMES = tuple(field.name for field in fields(RunParameters))
 
 
 def read_run(reader: ParameterReader) -> RunParameters:
-    """Read the parameters that every run has. Missing parameters have their defaults, and the reader collects errors."""
+    """Read the parameters that every run has. Missing parameters get default values, and the reader collects errors."""
     limit, start, tolerance = "time_limit_sec", reader.pose("initial_pose"), "arrival_tolerance_m"
     return RunParameters(
         tick_rate_hz=_rate(reader, "tick_rate_hz", RunParameters.tick_rate_hz),

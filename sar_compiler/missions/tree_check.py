@@ -7,7 +7,7 @@ from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 
 
 def check_mission(tree: ProjectTree) -> list[Diagnostic]:
-    """Return a finding if the leaves of a file's main tree belong to several missions; empty if the tree has errors.
+    """Return a finding if the main tree's leaves belong to several missions; no finding if the tree has errors.
 
     Raises:
         MissionError: If the mission that the user has named does not exist, or a mission cannot be imported.

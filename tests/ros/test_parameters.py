@@ -437,7 +437,7 @@ class TestParameterFiles:
             ("x: 1\nx: 2", 4, 5, "'x' is given twice (first in line 3)"),
             ("a.b: 1\na:\n  b: 2", 5, 7, "'a.b' is given twice (first in line 3)"),
             ("z: {x: 1}\nz: {y: 1}", 4, 5, "'z' is given twice"),
-            ("x: &a 1\ny: *a", 4, 8, "no aliases: write the value of '*a' in full"),
+            ("x: &a 1\ny: *a", 4, 8, "ROS does not support aliases: write the value of '*a' in full"),
             ("x: !degrees 90", 3, 8, "has the tag !degrees"),
             ("x: !!int '3'", 3, 8, "which ROS ignores"),
             ("x: 1_000", 3, 8, "'x' is 1_000, which ROS reads as a string"),
