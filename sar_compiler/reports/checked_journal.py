@@ -1,4 +1,4 @@
-"""Check of a journal's hash chain, which shows whether the journal was altered."""
+"""Check a journal's hash chain, to find out whether the journal was altered."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from sar_compiler.journal.chain import ChainEntry, JournalChain
     from sar_compiler.journal.database import JournalFile
 
-_NOT_KNOWN = "Without --head HEX from the run's summary or a report, a recomputed or truncated chain cannot be detected"
+_NOT_KNOWN = "A recomputed or truncated chain can only be detected with --head HEX; the hash is in the run's summary and in reports"
 _OMITTED = ("what", "data", "link")
 
 
@@ -21,9 +21,9 @@ class CheckedJournal(NamedTuple):
     Attributes:
         file: The path of the journal.
         state: `whole`, `open` (unaltered, but the last run has no end), `altered` or `other head`.
-        words: The state as a predicate of the journal, such as `is unaltered: …`.
+        words: The state in words that follow the journal's name, such as `is unaltered: …`.
         chain: The result for the hash chain; None if it was not checked.
-        notes: The limits of the check, in sentences.
+        notes: Sentences that say what the check cannot detect.
     """
 
     file: Path

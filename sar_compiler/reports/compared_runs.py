@@ -1,4 +1,4 @@
-"""The comparison of recorded runs with the possible runs of their tree, as text and as JSON."""
+"""Report as text and as JSON whether recorded runs are possible runs of their tree."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -31,7 +31,7 @@ class ComparedRun(NamedTuple):
         run: The number of the run, from 1; 0 if the journal has no run.
         end: The end of the run in a word: `over`, `stopped`, `failed`, `crashed`, `running`.
         found: The result of the comparison; None if the run could not be compared.
-        problem: The reason why the run could not be compared; empty if it was.
+        problem: The reason why the run could not be compared; empty if the run was compared.
         changed: The changes of the tree since the run, in words; empty for none.
     """
 
@@ -54,7 +54,7 @@ class ComparedRun(NamedTuple):
 
 
 def runs_as_text(runs: Sequence[ComparedRun]) -> str:
-    """Return the comparison of one run with all details, or several runs as a table and the details of failed ones."""
+    """Return the details of one compared run, or for several runs a table and the details of failed runs."""
     if len(runs) == 1:
         return "\n".join(map(escape_to_one_line, _run_lines(runs[0])))
     lines = [table_text([*map(_row, runs)], 4)]
@@ -115,7 +115,7 @@ def _property_lines(found: Conformance) -> Iterator[str]:
         listed = ", ".join(f"{counts[fate]} {fate.value}" for fate in PropertyResult if counts[fate])
         yield f"{'1 property' if len(found.properties) == 1 else f'{len(found.properties)} properties'}: {listed}"
     if found.misfit is not None and found.properties:
-        yield f"  from tick {found.misfit.tick} on, properties are checked only with the events of leaves"
+        yield f"  from tick {found.misfit.tick} on, only the events of leaves are used to check properties"
     width = max((len(each.name) for each in found.properties), default=0) + 1
     yield from (f"  {each.name + ':':{width}} {each.fate.value}" for each in found.properties)
     for each in found.left_out:
@@ -131,7 +131,7 @@ def _violation_lines(broken: RecordedProperty) -> Iterator[str]:
     place = f"  ({broken.place})" if broken.place else ""
     yield f"{broken.name}: {broken.fate.value} {said} tick {broken.tick}, {clock_text(broken.time_sec)}{place}"
     if broken.fate is PropertyResult.IN_DOUBT:
-        yield "  the record matches runs that violate the property and runs that do not"
+        yield "  the record matches runs that violate the property, and also runs that do not violate it"
     yield from _event_lines(broken.run)
 
 
@@ -170,7 +170,7 @@ def _run_data(compared: ComparedRun) -> dict[str, object]:
 
 
 def _with_run(data: dict[str, object]) -> dict[str, object]:
-    """Replace the events in `run` by lists as in journals: time, tick, node, action."""
+    """Replace each event in `run` by a list as in journals: time, tick, node, action."""
     run = data["run"]
     assert isinstance(run, tuple)  # noqa: S101 - of events
     return {**data, "run": [[each.time_sec, each.tick, each.number, each.action] for each in run]}

@@ -49,7 +49,7 @@ class Explanation(NamedTuple):
     Attributes:
         reasons: The causes of the run's failure.
         nodes: The nodes of the run's tree.
-        otherwise: The changes with which the run would have succeeded, if requested.
+        otherwise: The changes that would have made the run succeed, if requested.
     """
 
     reasons: "CauseOfFailure"
@@ -70,7 +70,7 @@ class Explanation(NamedTuple):
 
         Args:
             file: The journal, open as a snapshot.
-            projects: Loads the tree; None if no changes for a success are requested.
+            projects: Loads the tree; None if the changes that lead to success are not requested.
             tree_file: The tree file; by default the tree file of the run.
             is_gone: Whether the process that wrote the journal no longer exists.
             budget: The limits of the search for changes.
@@ -125,7 +125,7 @@ class Explanation(NamedTuple):
 
 
 def tree_entries(file: "JournalFile") -> Iterator[JournalEntry]:
-    """Yield the entries of the last run, except for the robot's observations."""
+    """Yield the entries of the last run, except observations of the robot."""
     return file.last_run(without=OF_ROBOT)
 
 
@@ -161,7 +161,7 @@ def find_counterfactual(
         missing = _missing_options(state, projects)
         if missing:
             return CounterfactualRun(
-                reason=f"{path} cannot be loaded without options of the run: {error.findings[0].message}. Add {shlex.join(missing)}"
+                reason=f"{path} cannot be loaded without the options of the run: {error.findings[0].message}. Add {shlex.join(missing)}"
             )
         return CounterfactualRun(reason=f"{path} now has errors: {error.findings[0].message}")
     except SarError as error:
@@ -179,7 +179,7 @@ def _options_of(about: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _missing_options(state: "MissionState", projects: "Workspace") -> list[str]:
-    """Return the last run's node options that the user must repeat, because they are not applied from the journal."""
+    """Return the last run's node options that the user must repeat; they are not taken from the journal."""
     added = projects.additions
     given = {*map(str, added.nodes), *(str(each.resolve()) for each in (*added.models, *added.include_path))}
     return [
@@ -191,7 +191,7 @@ def _missing_options(state: "MissionState", projects: "Workspace") -> list[str]:
 
 
 def palettes_of(about: Mapping[str, Any]) -> list[Path]:
-    """Return the installed palettes that a run used, given the run's description."""
+    """Return the installed palettes that a run used, as stated in the run's description."""
     return [
         Path(value) for option, value in _options_of(about) if option == "--model" and is_palette_name(value)
     ]
@@ -207,7 +207,7 @@ def _add_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspace
 def candidate_trees(
     state: "MissionState", projects: "Workspace", tree_file: Path | None = None
 ) -> "Iterator[SimulatedTree]":
-    """Yield the last run's tree with stub leaves, first with and then without assumed limits.
+    """Yield the last run's tree with stub leaves, first with assumed limits of facts, then without them.
 
     Raises:
         GoneTreeError: If the tree file is unknown or missing.

@@ -17,7 +17,7 @@ _END = "\n}"
 
 
 def journal_json(file: JournalFile, state: MissionState, *, with_watched: bool = False) -> Iterator[str]:
-    """Yield a journal as the lines of a JSON object, with a line for each event and each observation.
+    """Yield the lines of a JSON object that contains a journal; each event and each observation has a line.
 
     Args:
         file: The journal.
@@ -55,12 +55,12 @@ def _json_items(entries: Iterable[JournalEntry]) -> Iterator[str]:
 def journal_lines(
     file: JournalFile, state: MissionState, why: str = "", *, with_watched: bool = False
 ) -> Iterator[str]:
-    """Yield a journal as text: the mission with its status, and its runs with their events and times.
+    """Yield a journal as lines of text: the mission's status, then each run with the times of its events.
 
     Args:
         file: The journal.
         state: The state of the mission after the journal's entries.
-        why: The likeliest cause of a failure, for a mission that is not complete.
+        why: The likeliest cause of a failure; shown if the mission is not complete.
         with_watched: Whether to include observations.
     """
     runs, about = file.runs(), file.description()
@@ -110,7 +110,7 @@ def _entry_lines(
 
 
 def entry_text(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[str]:
-    """Yield the fields of an entry as text; nodes are named if *nodes* contains the names of all nodes."""
+    """Yield the fields of an entry as text; if *nodes* contains the names of all nodes, nodes appear by name."""
     for key, value in data.items():
         if key in ("node", "leaf") and isinstance(value, int) and 0 <= value < len(nodes):
             yield f"{key} '{nodes[value]}'"

@@ -1,4 +1,4 @@
-"""Counts and running times of leaf results, and of other nodes' own results, in recorded runs.
+"""Count the results of leaves in recorded runs, and the results that other nodes decide; measure running times.
 
 The statistics can also be written as assumptions for the analysis of other runs.
 """
@@ -19,7 +19,7 @@ from sar_compiler.tree.display_text import escape_to_one_line
 from sar_compiler.tree.plain import as_json, count_with_noun
 
 FEWEST = 10
-"""The minimum number of a leaf's results from which assumptions about the leaf are written."""
+"""The minimum number of results of a leaf that is required to write assumptions about the leaf."""
 
 # The assumed results of a leaf that does not declare its outcomes.
 _USUAL = "SUCCESS", "FAILURE"
@@ -47,12 +47,13 @@ class OutcomeTimes:
 
 @dataclass
 class LeafStatistics:
-    """The results of a leaf in recorded runs; leaves with the same path are combined.
+    """The results of a leaf in recorded runs. Leaves that have the same path are combined.
 
     Attributes:
         path: The names of the nodes from the root down to the leaf.
         outcomes: The results that ended an activation, by status and label.
-        retries: The number of results that directly followed a failure of the leaf in the same run.
+        retries: The number of results whose preceding result, by the same leaf in the same run, was a
+            failure.
         halted: The number of times that the leaf was halted while running.
         has_run: Whether the leaf was running at the end of a tick.
         is_declared: Whether the leaf declares its possible outcomes.
@@ -87,7 +88,8 @@ class RunStatistics:
     Attributes:
         runs: The number of runs.
         leaves: The leaves with events, by path, in the order of their first events.
-        decisions: The own results of other nodes, such as time limits, by node path, status and message.
+        decisions: The results that other nodes decided themselves, such as expired time limits, by node path,
+            status and message.
     """
 
     runs: int = 0
@@ -123,7 +125,7 @@ class RunStatistics:
 
 
 def _record_labels(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[JournalEntry]:
-    """Yield entries, and add the numbers of the leaves whose outcomes have labels to *declared*."""
+    """Yield the entries, and add to *declared* the numbers of leaves whose outcomes have labels."""
     for entry in entries:
         if entry.kind == STATUS and "label" in entry.data:
             declared.add(entry.data["node"])
@@ -157,17 +159,14 @@ class _ActiveLeaves:
 
 
 def statistics_as_text(found: RunStatistics, confidence: float) -> str:
-    """Return a line for each outcome of each leaf, with its share in percent."""
+    """Return a table with a line for each outcome of each leaf, which states the outcome's share in percent."""
     interval = f"{100 * confidence:g} % interval"
     lines = [
         _line(leaf, outcome, interval, confidence, is_first=not place)
         for leaf in found.leaves.values()
         for place, outcome in enumerate(leaf.outcomes.values() or [None])
     ]
-    remarks = (
-        f"{count_with_noun(found.runs, 'run')}. Shares refer to results that ended an activation of a leaf. Intervals "
-        "are Wilson score intervals. A result repeated on consecutive ticks is counted once."
-    )
+    remarks = f"{count_with_noun(found.runs, 'run')}. A share is a part of the results that ended an activation of the leaf. Intervals are Wilson score intervals. A result that is repeated on consecutive ticks is counted once."
     if not lines:
         return f"{count_with_noun(found.runs, 'run')}. No leaf has returned a result."
     decided = [
@@ -245,7 +244,7 @@ def _times_data(outcome: OutcomeTimes) -> Mapping[str, float]:
 def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
     """Return the section `outcomes:` of a properties or scenario file, with `p` and `sec`.
 
-    A leaf with fewer than `FEWEST` results is only named in a comment.
+    A leaf with fewer than `FEWEST` results is named only in a comment.
     """
     known = [leaf for leaf in found.leaves.values() if leaf.result_count >= FEWEST]
     lines = [

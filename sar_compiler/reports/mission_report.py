@@ -22,7 +22,7 @@ from sar_compiler.tree.plain import as_json
 
 
 class ReportError(SarError):
-    """A report cannot be written to a file, or not in the file's format."""
+    """A report cannot be written to a file, or cannot be written in the file's format."""
 
 
 def georeference(state: MissionState) -> Georeference | None:
@@ -31,7 +31,7 @@ def georeference(state: MissionState) -> Georeference | None:
 
 
 def detections_to_visit(state: MissionState) -> list[Landmark]:
-    """Return the detections to which a person must go, that is, all detections that were not abandoned."""
+    """Return the detections that a person must visit, which are all detections that were not abandoned."""
     return [each for each in state.situation.detections() if each.level != Level.GIVEN_UP]
 
 
@@ -49,7 +49,8 @@ def report_data(state: MissionState, why: CauseOfFailure | None = None) -> dict[
     """Return the report of a mission, with the cause of a failure, as a JSON object.
 
     Positions are `x` and `y` in the frame `map`, in metres, and also `lat` and `lon` in degrees if the map has a
-    georeference. Times are `utc`, and `time`: seconds on the mission's clock since the start of the run.
+    georeference. Each time is given as `utc` and as `time`, which is the number of seconds on the mission's
+    clock since the start of the run.
 
     Raises:
         ImportError: If the map has a georeference, but pyproj is not installed.
@@ -169,7 +170,7 @@ def json_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
 
 
 def require_form(file: Path, place: Georeference | None) -> None:
-    """Check that a report can be written, before the run.
+    """Check before the run that a report can be written after the run.
 
     Args:
         file: The path of the report.
@@ -184,9 +185,7 @@ def require_form(file: Path, place: Georeference | None) -> None:
         raise ReportError(f"unknown report format of {file} (known endings: {', '.join(FORMS)})")
     if form.is_of_the_world and place is None:
         raise ReportError(
-            f"{file} contains world coordinates. Add {GEOREFERENCE}: {{lat: …, lon: …, heading: …}} to the parameter "
-            "file, with the origin of the frame map and the direction of its x axis clockwise from north, in degrees. "
-            "Or create the report after the run: sar-journal report --georeference LAT,LON,HEADING"
+            f"{file} contains world coordinates. Add {GEOREFERENCE}: {{lat: …, lon: …, heading: …}} to the parameter file, with the origin of the frame map, and the heading of the x axis clockwise from north, in degrees. Or create the report after the run: sar-journal report --georeference LAT,LON,HEADING"
         )
     for library in (*(() if place is None else ("pyproj",)), *form.libraries):
         import_module(library)
@@ -221,8 +220,9 @@ _WITHOUT_PATHS = {*OF_ROBOT} - {LOG}
 class PathShortener:
     """Shortens the paths in the entries of a journal.
 
-    A path becomes relative to the common folder of the tree's files, the journal's folder or the current folder,
-    whichever is nearest to the path. Other paths in the user's folder begin with `~`.
+    A path becomes relative to one of three folders: the common folder of the tree's files, the journal's
+    folder or the current folder. The folder nearest to the path is used. Other paths in the user's folder
+    begin with `~`.
 
     Args:
         folder: The journal's folder.

@@ -136,7 +136,7 @@ def _path_placemarks(state: MissionState, reference: Georeference) -> Iterator[A
 
 
 def _style(name: str, *, is_certain: bool = False) -> Any:
-    """Return the style of a placemark, with the colours for a dark background because aerial pictures are dark."""
+    """Return the style of a placemark; the colours suit a dark background, because aerial pictures are dark."""
     colour = "".join(f"{round(part * 255):02x}" for part in reversed(rgb(name, dark=True)))
     return _E.Style(
         _E.IconStyle(_E.color(f"ff{colour}"), *([_E.scale(_CERTAIN_SCALE)] if is_certain else [])),
@@ -268,12 +268,12 @@ def _cot_event(
 
 
 def _name(state: MissionState, name: str) -> str:
-    """Return a name that is unique among several robots, such as `robot1/find_1`."""
+    """Return a landmark's name that is unique even among several robots, such as `robot1/find_1`."""
     return f"{state.robot}/{name}" if state.robot else name
 
 
 def _state_of(landmark: Landmark) -> str:
-    """Return the state of a landmark with its reason, and the details of an area."""
+    """Return the state of a landmark, the reason for the state and, for an area, the details."""
     state = ", ".join(filter(None, (landmark.state, landmark.reason)))
     return "; ".join(filter(None, (state, *(_details(landmark) if landmark.corners else ()))))
 
@@ -319,7 +319,7 @@ def _text(text: str) -> str:
 
 
 def _to_plain_properties(data: dict[str, Any]) -> dict[str, Any]:
-    """Return a landmark's data as GeoJSON properties, with times in UTC and without positions."""
+    """Return a landmark's data, except positions, as GeoJSON properties; times are in UTC."""
     return {
         key: value["utc"] if isinstance(value, dict) else value
         for key, value in data.items()

@@ -1,4 +1,4 @@
-"""Writing of a mission's reports from its journal."""
+"""Write the reports of a mission from the mission's journal."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -82,7 +82,7 @@ def _georeference_text(place: Georeference) -> str:
 
 
 def _report_obstacle(state: MissionState, file: Path) -> str:
-    """Return the reason why a report cannot be written in the file's format, or an empty string."""
+    """Return the reason why a report cannot be written in the file's format; empty if it can be written."""
     try:
         require_form(file, georeference(state))
     except SarError as error:

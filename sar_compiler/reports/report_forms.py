@@ -1,4 +1,4 @@
-"""The formats of reports by file name extension. For the help of commands, their modules are not imported."""
+"""The formats of reports, by file name extension. Showing the help of a command does not import the formats' modules."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -11,7 +11,7 @@ class ReportForm(NamedTuple):
         function: The import path of the function that returns the report; imported when a report is written.
         is_of_the_world: Whether the report is in world coordinates.
         libraries: Further libraries that the format requires.
-        use: The purpose that the help of commands states; may be empty.
+        use: The purpose of the format, as stated in the help of commands; may be empty.
     """
 
     function: str
@@ -44,4 +44,4 @@ def describe_forms() -> str:
         )
         for is_of_the_world in (False, True)
     )
-    return f"in the format of the file name extension: {here}, or {world} in world coordinates"
+    return f"in the format that the file name extension selects: {here}, or {world} in world coordinates"

@@ -1,4 +1,4 @@
-"""The report of a mission as a self-contained HTML page, to be read, printed and forwarded.
+"""The report of a mission as a single, self-contained HTML page, which can be printed and forwarded.
 
 The page contains a map in SVG with the mission's landmarks and the path of the robot.
 """
@@ -103,7 +103,7 @@ def _first_and_last(facts: Sequence[KnownEvent], count: int) -> list[KnownEvent]
 
 
 def _summary_lines(state: MissionState) -> Iterator[tuple[str, str]]:
-    """Yield the lines of the summary, each as a term and its description."""
+    """Yield the lines of the summary, each as a pair of a term and a description."""
     for run in state.runs:
         yield (f"run {run.number}" if len(state.runs) > 1 else "time", _duration(run.began, run.ended))
     if state.runs and not state.runs[-1].ending:
@@ -129,7 +129,7 @@ def _robot(state: MissionState) -> str:
 
 
 def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[Mapping[str, object]]:
-    """Yield a table for each kind of detections, or for each other kind of landmark that has states."""
+    """Yield tables of landmarks: one for each kind of detection, or for each other kind whose landmarks have states."""
     situation = state.situation
     for kind in situation.kinds.values():
         listed = situation.of_kind(kind.name)
@@ -168,7 +168,7 @@ def _detail(state: MissionState, value: Any) -> str:
 
 
 def next_steps(state: MissionState) -> Iterator[str]:
-    """Yield the tasks of the report's readers: detections to visit, open tasks of the mission, and data to request."""
+    """Yield the tasks for readers of the report: detections to visit, open tasks, and data to request."""
     finds = detections_to_visit(state)
     for find in finds:
         known = "confirmed" if find.is_certain else "not confirmed"
@@ -184,7 +184,7 @@ def next_steps(state: MissionState) -> Iterator[str]:
 
 
 def limits(state: MissionState) -> Iterator[str]:
-    """Yield the limitations of the report that its readers must know."""
+    """Yield the limitations that readers of the report must know."""
     found = [each for each in state.situation.detections() if each.level != Level.GIVEN_UP]
     if unsure := [each.name for each in found if not each.is_certain]:
         yield f"No person has confirmed {', '.join(unsure)}"
@@ -222,7 +222,7 @@ def _position(state: MissionState, x: float, y: float) -> list[str]:
 
 
 def _local_time(state: MissionState, instant: EventTime | None) -> str:
-    """Return the local time and the mission's clock, with the run if there are several, and the day if it differs."""
+    """Return local time and mission time; add the run if there are several runs, and the day if it differs."""
     if instant is None:
         return _NONE
     run = f"run {instant.run}, " if len(state.runs) > 1 else ""
@@ -232,7 +232,7 @@ def _local_time(state: MissionState, instant: EventTime | None) -> str:
 
 
 def _day(instant: EventTime, form: str = "%Y-%m-%d %H:%M:%S %z") -> str:
-    """Return the local time with its offset from UTC; the mission's clock if the local time is out of range."""
+    """Return the local time and its offset from UTC; if the local time is out of range, the mission's clock."""
     try:
         return datetime.fromtimestamp(instant.wall).astimezone().strftime(form)
     except (OSError, OverflowError, ValueError):
@@ -287,7 +287,7 @@ class _Symbol(NamedTuple):
 
 
 def _legend(state: MissionState) -> Sequence[tuple[_Symbol | None, str]]:
-    """Return each different symbol on the map with its description; the symbol None is the path of the robot."""
+    """Return each different symbol on the map, and a description of it; the symbol None is the robot's path."""
     drawn = {
         (_symbol(state, each), _landmark_text(state, each)): None
         for each in state.situation.landmarks.values()
@@ -390,7 +390,7 @@ def _drawing(state: MissionState) -> Mapping[str, object] | None:
 
 
 def _north(state: MissionState, extent: MapBox, size: float) -> Mapping[str, object]:
-    """Return the direction sign in the map's upper right corner: north, or the axes if north is unknown."""
+    """Return the sign in the map's upper right corner: an arrow to the north or, if north is unknown, the axes."""
     place = georeference(state)
     return {
         "x": f"{extent.right - 4 * size:.3f}",
@@ -473,7 +473,7 @@ def _split_trail(trail: list[RobotPose]) -> Iterator[list[RobotPose]]:
 def _labels(
     state: MissionState, places: Sequence[Landmark], extent: MapBox, size: float
 ) -> Iterator[tuple[str, str, str, str, str]]:
-    """Yield the text lines of the landmarks' labels, each with its class, anchor and position."""
+    """Yield the text lines of the landmarks' labels, with the class, anchor and position of each line."""
     taken = [_box_around(each.x, each.y, 1.5 * size, 1.5 * size) for each in places]
     for each in places:
         found = state.situation.kind_of(each).is_found
@@ -486,7 +486,7 @@ def _labels(
 
 
 class _Label(NamedTuple):
-    """The position of a label: its box, and the x position (in metres) and the anchor of its lines."""
+    """The position of a label: the label's box, and the x position (in metres) and anchor of the label's lines."""
 
     box: MapBox
     x: float
@@ -498,7 +498,7 @@ class _Label(NamedTuple):
 
 
 def _label(landmark: Landmark, text: str, size: float, taken: Sequence[MapBox], extent: MapBox) -> _Label:
-    """Return the position at which a landmark's label covers least: to the right, to the left, below or above.
+    """Return the position at which a label hides least: right of the landmark, left of it, below or above.
 
     Args:
         landmark: The landmark.

@@ -1,4 +1,4 @@
-"""Run extensions that write reports at the end of a run, and find the cause of a failure."""
+"""Run extensions that write reports at the end of a run, or find the cause of a failed run."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The cause of a mission's failure: the chain of nodes from the root's FAILURE to leaf results, or the run's end."""
+"""Explain a mission's failure, by the chain of nodes from the root's FAILURE to leaf results, or by the run's end."""
 
 import itertools
 import signal
@@ -68,13 +68,15 @@ class NodeStatus(NamedTuple):
 
 
 class FormerFailure(NamedTuple):
-    """The failures of a node that decides its own status, such as a leaf, that did not determine the mission's result.
+    """Failures, of a leaf or another node that decides its own status, that did not determine the mission's result.
 
     Attributes:
         first: The first failure.
-        in_hand: The last location at which the mission had worked when the last failure occurred; empty for none.
+        in_hand: The location at which the mission had last worked when the last failure occurred; empty if
+            there is none.
         has_recovered: Whether the node has succeeded since the last failure.
-        is_alternative: Whether the node only failed when it was ticked because another branch had failed.
+        is_alternative: Whether the node was ticked, each time it failed, only because another branch had
+            failed.
         has_led_elsewhere: Whether the parent had other children with which it could continue after a failure.
         times: The number of failures.
         last: The time of the last failure.
@@ -93,10 +95,11 @@ class CauseOfFailure(NamedTuple):
     """The causes of a mission's failure.
 
     Attributes:
-        chain: The nodes from the root down to the causes, parents first; empty if the root has not failed.
+        chain: The nodes from the root to the causes, each parent before its children; empty if the root has
+            not failed.
         causes: The node results that caused the failure, the likeliest cause first.
         before: The earlier failures, by time.
-        outcome: The result of the mission in a word, as in its status line.
+        outcome: The result of the mission in a word, as in the mission's status line.
         reason: The reason for the result.
         said: The status line, with the result and the reason.
         ended: The time of the root's failure; None if the root has not failed.
@@ -124,16 +127,18 @@ class CauseOfFailure(NamedTuple):
 
 
 class FailureAnalysis:
-    """Finds the cause of the failure of a mission's last run while journal entries are processed one by one.
+    """Finds the cause of the failure of a mission's last run. Journal entries are processed one by one.
 
-    A node's status is explained by the children that returned the same status, or the opposite status below an
-    inverting node. A status that no child explains is the node's own result: of a leaf, a time limit, a script or a
-    loop without items. A condition only reports a state. If all causes are conditions, earlier failures precede them,
-    unless the tree was meant to fail in response to a condition.
+    A node's status is explained by the children that returned the same status or, below an inverting node,
+    the opposite status. A status that no child explains is the node's own result. Examples are the results of
+    leaves, time limits, scripts and loops without items. A condition only reports a state. If all causes are
+    conditions, earlier failures are listed before these conditions, unless the tree was meant to fail in
+    response to a condition.
 
     Attributes:
         state: The state of the mission after the last run's entries, without observations of the robot.
-        failed_tick: The last tick in which the root failed, after `find_cause` was called; 0 if it has never failed.
+        failed_tick: The last tick in which the root failed; 0 if the root has never failed. Valid after a
+            call of `find_cause`.
     """
 
     def __init__(self) -> None:
@@ -157,7 +162,7 @@ class FailureAnalysis:
 
     @classmethod
     def with_state(cls, stream: Iterable[JournalEntry]) -> "tuple[FailureAnalysis, MissionState]":
-        """Return an analysis that has processed the entries of all runs, and the state of the mission after them."""
+        """Return an analysis that has processed the entries of all runs, and the mission's state after these entries."""
         analysis, state = cls(), MissionState()
         for entry in stream:
             if _is_status(entry, len(analysis.state.nodes)):
@@ -261,7 +266,7 @@ class FailureAnalysis:
         return reasons._replace(causes=causes, before=before)
 
     def _only_reports(self, cause: NodeStatus) -> bool:
-        """Return whether a result only reports a state: of a condition, or a constant status as an alternative."""
+        """Return whether a result only reports a state: a condition's result, or an alternative's constant status."""
         return cause.node in self._kinds.conditions or (
             cause.node in self._kinds.constant and cause.node in self._explained.alternatives
         )
@@ -279,7 +284,8 @@ class FailureAnalysis:
     def _may_be_cause(self, failure: FormerFailure, *, only_missing: bool) -> bool:
         """Return whether a handled failure may still be the cause of the mission's result.
 
-        A condition may be the cause if another branch was ticked instead and the location was abandoned.
+        The failure of a condition may be the cause if another branch was ticked instead, and the location was
+        abandoned.
         """
         if failure.first.node in self._kinds.conditions:
             return failure.has_led_elsewhere and _is_abandoned(self.state, failure)
@@ -298,7 +304,7 @@ class FailureAnalysis:
         )
 
     def _add_run_end(self, causes: Sequence[NodeStatus], *, has_failed: bool) -> list[NodeStatus]:
-        """Return the causes, with the end of the run as a further cause if the root's result did not end the run."""
+        """Return the causes; add the end of the run as a cause if the root's result did not end the run."""
         run = self.state.runs[-1] if self.state.runs else None
         if self._raised is not None:
             return [self._raised, *causes]
@@ -317,7 +323,7 @@ class FailureAnalysis:
         return [*self._stalled_leaf(), ended]
 
     def _stalled_leaf(self) -> list[NodeStatus]:
-        """Return the leaves that ran at the end and for most of the run, after the results that led to their ticks."""
+        """Return the results that led to ticks of stalled leaves, and then these leaves, which ran for most of the run."""
         run, now, ends = self.state.runs[-1], self.state.now.wall, self._explained.ends
         # A journal does not record the end of a run on the mission's clock.
         enough = _STALLED_SHARE * (now - run.began.wall)
@@ -347,7 +353,7 @@ def _is_status(entry: JournalEntry, count: int) -> bool:
 
 
 class _NodeKinds(NamedTuple):
-    """The properties of a tree's nodes that a journal records at the start of a run.
+    """The kinds and time limits of a tree's nodes, as recorded in a journal at the start of a run.
 
     Attributes:
         conditions: The numbers of the leaves that only report a state.
@@ -363,7 +369,7 @@ class _NodeKinds(NamedTuple):
 
     @classmethod
     def from_run_start(cls, began: JournalEntry) -> "_NodeKinds":
-        """Return the properties that the entry of a run's start contains; invalid data is ignored."""
+        """Return the kinds and limits in the entry of a run's start; ignore invalid data."""
         about = began.data.get("run")
 
         def value(name: str, kind: type) -> Any:
@@ -387,17 +393,19 @@ class _NodeKinds(NamedTuple):
 
 
 class _ExplainedFailure:
-    """The last FAILURE of a root, with its explanation.
+    """The last FAILURE of a root, and the explanation of this failure.
 
     Args:
-        state: The state of the mission, which must process each entry before this object.
+        state: The state of the mission; each entry must be applied to the state before it is passed to this
+            object.
         kinds: The properties of the nodes.
 
     Attributes:
         ends: The explanations of all nodes that have ended.
         chain: The nodes that explain the failure, from the root down; empty if the root has never failed.
         causes: The results in `chain` that no child explains.
-        alternatives: The numbers of the causes whose nodes were only ticked because another branch had failed.
+        alternatives: The numbers of the causes whose nodes were ticked only because another branch had
+            failed.
         responses: The alternatives with a constant status, which are meant to fail.
         triggers: The numbers of the results to which `responses` respond.
     """
@@ -430,7 +438,7 @@ class _ExplainedFailure:
             self._own.discard(node.number)
 
     def end_tick(self) -> bool:
-        """End a tick; return whether the root failed in the tick, or failed earlier and was not reset."""
+        """End a tick; return whether the root failed in this tick, or failed in an earlier tick and was not reset since."""
         self.ended = self.ends.end_tick()
         for number in self.ended:
             if not self.ends.causes[number] and not self._has_expired(number):
@@ -440,7 +448,7 @@ class _ExplainedFailure:
         return self.ends.has_failed
 
     def last_end(self, number: int) -> NodeStatus:
-        """Return the status with which a node last ended; if no child explains it, the message includes the node's own reason."""
+        """Return a node's last final status; if no child explains the status, the message includes the node's reason."""
         node = self._state.nodes[number]
         status, label, message, changed = self._last[number]
         if number in self._own:
@@ -452,7 +460,7 @@ class _ExplainedFailure:
         return number in self._last
 
     def _has_expired(self, number: int) -> bool:
-        """Return whether a node has failed because its time limit expired; if so, set its message to say so."""
+        """Return whether a node has failed because a time limit expired; if so, state this in the node's message."""
         limit = self._kinds.limits.get(number)
         if limit is None or not self._state.nodes[number].children:
             return False
@@ -466,7 +474,7 @@ class _ExplainedFailure:
         return True
 
     def _reason(self, node: NodeState, status: str, message: str) -> str:
-        """Return a node's message with the value of the attribute that it names, or a condition's code with its value."""
+        """Return a node's message, with the value of an attribute it names, or a condition's code and the code's value."""
         for name, value in node.attributes.items():
             if message.endswith(f" {name}"):
                 return f"{message}: {value}"
@@ -484,7 +492,7 @@ class _ExplainedFailure:
         return above == ancestor
 
     def explained_ancestors(self, number: int) -> Iterator[int]:
-        """Yield a node that has ended, and the ancestors whose FAILURE it explains, from the parent up."""
+        """Yield a node that has ended, then the ancestors whose FAILURE this node explains, starting with the parent."""
         above: int | None = number
         while above is not None:
             yield above
@@ -502,7 +510,7 @@ class _ExplainedFailure:
         ]
 
     def results_leading_to(self, number: int) -> list[int]:
-        """Return the results because of which a running node is ticked instead of earlier siblings."""
+        """Return the results that caused a running node, instead of an earlier sibling, to be ticked."""
         found: list[int] = []
         above: int | None = number
         while above is not None:
@@ -572,7 +580,8 @@ class _History:
 
     Attributes:
         worked: The numbers of the nodes that have succeeded at least once.
-        tolerated: The numbers of the nodes whose parents have succeeded or continued after their failure.
+        tolerated: The numbers of the nodes whose parents have succeeded or continued after the node's
+            failure.
     """
 
     def __init__(self, kinds: _NodeKinds) -> None:
@@ -591,7 +600,7 @@ class _History:
         return copied
 
     def add_change(self, state: MissionState) -> None:
-        """Process a change of the mission, given the mission's state after the change."""
+        """Process a change of the mission; *state* is the mission's state after the change."""
         # A tick's statuses are written after its events, after which the mission may have left the location.
         landmarks, place = state.situation.landmarks.values(), state.situation.phase.place
         if any(each.name == place and each.level == Level.IN_HAND for each in landmarks):
@@ -613,7 +622,7 @@ class _History:
                 self.worked.add(number)
 
     def end_tick(self, explained: _ExplainedFailure, state: MissionState) -> None:
-        """Record the explanations of the tick's failures that did not make the failed node's parent fail."""
+        """Record the causes of those failures in the tick that did not make the failed node's parent fail."""
         ends = explained.ends
         for top in explained.ended:
             if ends.status[top] != FAILURE:
@@ -653,7 +662,7 @@ class _History:
         )
 
     def earlier_failures(self) -> list[FormerFailure]:
-        """Return the failures that did not make a parent fail, by the time of each node's first failure."""
+        """Return the failures that did not make a parent fail, sorted by the time of each node's first failure."""
         former = [
             each._replace(has_recovered=node in self._recovered) for node, each in self._failures.items()
         ]
@@ -724,7 +733,7 @@ def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
 
 
 def counterfactual_text(change: "Counterfactual", nodes: Sequence[NodeState]) -> str:
-    """Describe the change with which a mission whose tree has these nodes would have succeeded."""
+    """Describe the change that would have made a mission succeed; *nodes* are the nodes of the mission's tree."""
     leaf = nodes[change.instead.number]
     words = f"{change.instead.status}{_label_text(change.instead)} instead of {change.was.status}{_label_text(change.was)}"
     place = f"  ({leaf.location})" if leaf.location else ""
@@ -743,7 +752,7 @@ def _label_text(cause: Event) -> str:
 
 
 def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) -> dict[str, Any]:
-    """Return the change with which a mission would have succeeded as a JSON object; see `counterfactual_text`."""
+    """Return, as a JSON object, the change that would have made a mission succeed; see `counterfactual_text`."""
 
     def data(cause: Event) -> dict[str, object]:
         outcome = {"node": cause.number, "status": cause.status, "label": cause.label}
@@ -761,7 +770,7 @@ def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) ->
 
 
 def cause_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
-    """Describe the causes of a mission's failure, followed by the given description of changes for a success."""
+    """Describe the causes of a mission's failure, then the changes that would have led to success (*otherwise*)."""
     lines = [escape_to_one_line(reasons.said)]
     if reasons.likeliest is not None and reasons.has_cause:
         lines += ["", "Likeliest cause:", f"  {_status_line(reasons.likeliest)}"]
@@ -799,7 +808,7 @@ def _status_line(cause: NodeStatus) -> str:
 
 
 def difference_text(difference: RunDifference | None, names: tuple[str, str]) -> str:
-    """Describe the first difference between two runs, which are named by their journals."""
+    """Describe the first difference between two runs; *names* are the names of the runs' journals."""
     if difference is None:
         return "In both runs all nodes had the same statuses, in the same order."
     lines = [f"The runs differ after {difference.step} equal status changes:"]

@@ -109,7 +109,7 @@ def test_a_tree_with_mistakes_says_the_first_of_them(why, tree):
 
 def test_the_options_of_the_run_that_are_missing_are_named(why):
     said = why(nodes=(), options=[["--nodes", NODES[1]], ["--model", "ros:jazzy"]])
-    assert "cannot be loaded without options of the run: there is no node 'A'" in said
+    assert "cannot be loaded without the options of the run: there is no node 'A'" in said
     assert f"Add --nodes {NODES[1]}\n" in said
     assert "instead of FAILURE" in why()
 
