@@ -1,4 +1,4 @@
-"""Readers of zone parameters other than poses: probabilities, priorities, polygons and sensor ranges."""
+"""Read the parameters of zones except poses: probabilities, priorities, polygons and sensor ranges."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ AREA_KEYS = (*_PROBABILITIES, _POLYGON, *_SENSOR, "priority")
 MIN_CORNERS = 3
 """Minimum number of corners of a polygon."""
 MAX_RANGE_M = 1_000.0
-"""Maximum detection range and maximum sweep width, metres. The map is examined cell by cell up to the detection range."""
+"""Maximum detection range and maximum sweep width, metres. Both are limited because every map cell within the detection range is examined."""
 # A polygon that extends beyond the geofence by at most this distance is inside.
 _TOLERANCE_M = 1e-6
 # If every corner is this close to the numbers of the georeference (latitude and longitude), the corners are probably in degrees.
@@ -55,7 +55,7 @@ def read_areas(
         areas[zone["id"]] = SearchExpectation(poa, pod, look_sec)
     total = math.fsum(area.poa for area in areas.values())
     if len(reader.problems) == mistakes and total > 1.0 + ROUNDING:
-        text = f"the poa of all zones sum to {total:g}: the sum must be at most 1, less if the person may be elsewhere"
+        text = f"the poa of all zones sum to {total:g}: the sum must be at most 1, and below 1 if the person may be outside all zones"
         reader.report_error(f"zones.{zones[0]['id']}.poa", text)
     return areas
 
@@ -68,7 +68,7 @@ def read_priorities(reader: ParameterReader, zones: Sequence[Mapping[str, Any]])
 def read_grounds(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], fence: Geofence
 ) -> dict[str, Ground]:
-    """Read the grounds of the zones with a polygon from `zones.<id>.{polygon,sweep_width,detection_range,visibility}`.
+    """Read the grounds of all zones with polygons: `zones.<id>.{polygon,sweep_width,detection_range,visibility}`.
 
     Raises:
         ImportError: If a zone has a polygon, and shapely is not installed.
@@ -80,7 +80,7 @@ def read_grounds(
 def add_plausibility_notes(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], grounds: Mapping[str, Ground]
 ) -> None:
-    """Add notes about probable typos: a zone's pose far outside the zone's polygon, or a ground with too many stops for a sweep.
+    """Add notes about probable typos: a pose far outside the zone's polygon, or too many stops for a sweep.
 
     Raises:
         ImportError: If `grounds` is not empty, and shapely is not installed.
@@ -96,7 +96,7 @@ def add_plausibility_notes(
             pose = f"({zone['x']:g}, {zone['y']:g})"
             reader.notes.append(f"the pose {pose} of {key} is {away:.1f} m outside the {_POLYGON} of {key}")
         if ground.area_m2 > MAX_PIECES * (ground.sweep_width / COVERAGE) ** 2:
-            stops = f"more than {MAX_PIECES} stops at coverage {COVERAGE:g}, the maximum of a sweep"
+            stops = f"more than {MAX_PIECES} stops (the maximum of a sweep) at coverage {COVERAGE:g}"
             reader.notes.append(f"{key} needs {stops}: divide the zone, or check {_SENSOR[0]}")
 
 
@@ -113,7 +113,7 @@ def _ground(reader: ParameterReader, prefix: str, fence: Geofence) -> Ground | N
 
 
 def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
-    """Return the sweep width and the detection range, metres; if only one is given, derive the other from the visibility."""
+    """Return sweep width and detection range, metres; a missing value is derived from the other and the visibility."""
     width_key, range_key, visibility_key = (f"{prefix}.{name}" for name in _SENSOR)
     visibility = reader.parameters.get(visibility_key, "medium")
     if visibility not in SWEEP_FACTORS:
@@ -136,7 +136,7 @@ def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
 
 
 def _polygon(reader: ParameterReader, key: str, fence: Geofence) -> Corners:
-    """Return the corners of a polygon parameter; report errors in the parameter, and then return no corners."""
+    """Return the corners in a polygon parameter; if the parameter has errors, report them and return no corners."""
     mistakes = len(reader.problems)
     numbers = reader.numbers(key)
     if len(reader.problems) > mistakes:
@@ -154,7 +154,7 @@ def _polygon(reader: ParameterReader, key: str, fence: Geofence) -> Corners:
 
 
 def outline_objection(corners: Corners, fence: Geofence) -> str:
-    """Return the error in a polygon of at least three corners (metres, frame `map`) as a predicate; empty if the polygon is valid.
+    """Return the error in a polygon, in words that follow its name, such as `has no area`; empty if it is valid.
 
     Raises:
         ImportError: If shapely is not installed.

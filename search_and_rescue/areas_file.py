@@ -1,4 +1,4 @@
-"""Reader of zones in a GeoJSON file, as exported by the planning tools CalTopo, QGIS and TAK."""
+"""Read zones from a GeoJSON file that a planning tool such as CalTopo, QGIS or TAK has exported."""
 
 import math
 from collections.abc import Collection, Mapping
@@ -45,7 +45,7 @@ class _AreasFileError(ValueError):
 
 
 def read_areas_file(reader: ParameterReader) -> None:
-    """Add the zones in the file of the parameter `areas_file` to the parameters; existing parameters take precedence.
+    """Add the zones in the file that `areas_file` names to the parameters; existing parameters take precedence.
 
     Each polygon becomes the parameter `zones.<name>.polygon`, in metres. Properties of the polygon that are zone parameters are added as well.
     Other geometries are skipped with a note. A zone without a pose gets the pose of a point inside the polygon. Without the parameter
@@ -53,7 +53,7 @@ def read_areas_file(reader: ParameterReader) -> None:
 
     Raises:
         ImportError: If the parameter `areas_file` is given, and shapely or pyproj is not installed.
-        ParameterError: If the file has errors, and the parameter `zone_order` is missing.
+        ParameterError: If the file has errors and the parameter `zone_order` is missing.
     """
     if AREAS_FILE not in reader.parameters:
         return
@@ -150,7 +150,7 @@ def _geometry_type(feature: Mapping[str, Any]) -> Any:
 
 
 def _origin(reader: ParameterReader) -> tuple[float, float, float] | None:
-    """Return latitude, longitude and heading of the map's origin; if any is missing, report an error and return None."""
+    """Return the latitude, longitude and heading of the map's origin; report a missing one, and return None."""
     values = [reader.number(key, math.nan if key not in reader.parameters else None) for key in _GEOREFERENCE]
     if any(math.isnan(value) for value in values):
         text = f"contains degrees, which need the georeference of the map: add {', '.join(_GEOREFERENCE)}"
@@ -183,7 +183,7 @@ def _zone(feature: Mapping[str, Any], origin: tuple[float, float, float], where:
 
 
 def _ring(geometry: Mapping[str, Any], where: str) -> tuple[_JsonPath, list[Any]]:
-    """Return the JSON path of a polygon's outer ring within the feature, and the corners of the ring."""
+    """Return the outer ring of a polygon feature: the ring's JSON path within the feature, and its corners."""
     kind, rings, path = geometry.get("type"), geometry.get("coordinates"), _RINGS
     # QGIS can export a polygon as a MultiPolygon with a single polygon.
     if kind == "MultiPolygon" and isinstance(rings, list) and len(rings) == 1:
@@ -237,5 +237,5 @@ def _pose(corners: list[tuple[float, float]]) -> dict[str, object]:
 
 
 def _extra_parameters(properties: Mapping[str, Any]) -> dict[str, object]:
-    """Return the properties that are zone parameters and not null; ignore all other properties."""
+    """Return those properties that are zone parameters and are not null; ignore all other properties."""
     return {key: value for key, value in properties.items() if key in AREA_KEYS and value is not None}

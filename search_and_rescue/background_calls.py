@@ -1,4 +1,4 @@
-"""Computation in a background thread, so that ticks do not wait for the result."""
+"""Run computations in a background thread, so that ticks do not wait for the result."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor

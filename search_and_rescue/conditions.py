@@ -75,7 +75,7 @@ class IsSurvivorDetected(Behaviour):
     facts={"zones_left": 3, "zones_abandoned": 0, "reports_kept": 0, "at": ""},
 )
 class MissionComplete(Behaviour):
-    """Check that every zone is visited, every survivor's report is acknowledged, and the robot is home; otherwise FAILURE.
+    """Check that all zones are visited, all survivors' reports acknowledged, and the robot is home; else FAILURE.
 
     Args:
         name: The node's name.

@@ -1,9 +1,10 @@
-"""Coverage of an area, computed from the robot's path and the map.
+"""Compute the coverage of an area from the robot's path and the map.
 
 Driving one metre with a sensor of sweep width W is an effort of W square metres. The effort is spread evenly over the circle of the detection
-range R: each metre adds W / (π R²) to the coverage of every cell within the range and in sight. The coverage of an area is the mean over the
-cells, and equals W · L / A for a track of length L in an area A if the robot sees only cells of the area, and nothing is hidden.
-A cell of coverage c was searched with the POD 1 - exp(-c), which is Koopman's law of random search and a lower bound. Passes add up.
+range R: each metre adds W / (π R²) to the coverage of every cell within the range and in sight. The coverage
+of an area is the mean over the cells. For a track of length L in an area A, it equals W · L / A if the robot
+sees only cells of the area, and no cell is hidden. A cell of coverage c was searched with the POD 1 -
+exp(-c), which is Koopman's law of random search and a lower bound. The coverages of several passes are added.
 """
 
 import base64
@@ -48,7 +49,7 @@ class ObstacleMap:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def are_blocked(self, points: Points) -> npt.NDArray[np.bool_]:
-        """Return whether each position (metres, frame `map`) is blocked; the last axis of `points` is x and y."""
+        """Return whether each position (metres, frame `map`) is blocked; the last axis of `points` holds x and y."""
         cells = np.floor(self._to_cells(points)).astype(int)
         column, row = cells[..., 0], cells[..., 1]
         rows, columns = self.blocked.shape
@@ -80,7 +81,7 @@ class ObstacleMap:
         return behind | self.are_blocked(points)
 
     def _to_cells(self, points: Points) -> Points:
-        """Convert positions in the frame `map`, metres, to columns and rows of the map, with fractions."""
+        """Convert positions in the frame `map`, metres, to fractional columns and rows of the map."""
         x, y, yaw = self.origin
         right, up = points[..., 0] - x, points[..., 1] - y
         along, across = right * math.cos(yaw) + up * math.sin(yaw), up * math.cos(yaw) - right * math.sin(yaw)
@@ -88,7 +89,7 @@ class ObstacleMap:
 
     @cached_property
     def _walls(self) -> npt.NDArray[np.bool_]:
-        """Blocked cells with a free neighbour. They hide all cells behind them, so the other blocked cells can be ignored."""
+        """Blocked cells with a free neighbour. All other blocked cells can be ignored, because walls hide the cells behind them."""
         around = np.pad(self.blocked, 1, constant_values=True)
         within = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
         walls: npt.NDArray[np.bool_] = self.blocked & ~within
@@ -116,7 +117,7 @@ class CoverageRaster:
 
     Args:
         ground: The ground of a zone.
-        obstacles: The map; None if there is no map, so that nothing blocks sight.
+        obstacles: The map; None if there is no map, in which case nothing blocks sight.
         cells: The result of `share_text` of an earlier raster of the same ground; empty for coverage 0.
 
     Raises:
@@ -193,7 +194,7 @@ class CoverageRaster:
         return near[~self.obstacles.hides(eye, self.centres[near], reach)]
 
     def pod(self) -> float:
-        """Return the probability, 0 to 1, that the drives so far have detected a survivor in the ground."""
+        """Return the probability, 0 to 1, that a survivor in the ground would have been detected by the drives so far."""
         found = 1.0 - np.exp(-self.coverage[self.searchable])
         return float(found.mean()) if len(found) else 0.0
 
@@ -212,7 +213,7 @@ class CoverageRaster:
         return float(self.searchable.sum()) * self.cell_m**2
 
     def gaps(self, until_pod: float) -> list[Corners]:
-        """Return the polygons of the searchable cells with a POD below `until_pod`, the largest first.
+        """Return polygons around the searchable cells with a POD below `until_pod`, the largest polygon first.
 
         Corners are in the frame `map`, metres. A gap with a hole is cut into several polygons; gaps of a few cells are omitted.
         """

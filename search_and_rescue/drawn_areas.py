@@ -1,4 +1,4 @@
-"""Areas that the operator draws during a mission: validation, and addition to the plan."""
+"""Validate the areas that the operator draws during a mission, and add them to the plan."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Model of the battery consumption by driving and waiting: a prior estimate, corrected by the robot's battery readings.
+"""Model the battery consumption by driving and waiting: a prior estimate is corrected by battery readings.
 
 Energy is a share of a full battery, 0 to 1, as in `sensor_msgs/msg/BatteryState.percentage`.
 """
@@ -10,7 +10,7 @@ from statistics import median
 from typing import NamedTuple
 
 WINDOW_SHARE = 0.01
-"""Minimum expected consumption between two compared readings. Many batteries report their charge with about this resolution."""
+"""Minimum expected consumption between two readings that are compared. Many batteries report their charge with about this resolution."""
 RISE_SHARE = 0.03
 """Minimum rise of the charge that is regarded as a charged or swapped battery."""
 
@@ -60,8 +60,9 @@ class _BatteryReading(NamedTuple):
 class EnergyModel:
     """Model of a robot's battery consumption by distance and time, learned during the run.
 
-    Both rates are multiples of a prior, fitted by least squares to the consumption between battery readings. The prior is included as
-    additional observations. If the readings cannot separate the two rates, as in a drive at constant speed, the prior determines their ratio.
+    Each rate is a multiple of a prior rate. The multiples are fitted by least squares to the consumption
+    between battery readings, with the prior as additional observations. If the readings cannot separate the
+    two rates, as in a drive at constant speed, the prior determines the ratio of the rates.
 
     Args:
         prior: The expected rates before the run; both are above 0.
@@ -131,7 +132,7 @@ class EnergyModel:
                 self._since = reading
 
     def _add_observation(self, driven: float, waited: float, used: float) -> None:
-        """Add an observed consumption and the shares that the prior expects for driving and waiting; decay earlier observations."""
+        """Add an observed consumption, and the shares expected for driving and waiting; decay earlier observations."""
         expected = driven + waited
         decay = math.exp(-expected / _MEMORY_SHARE)
         self._mm = decay * self._mm + driven * driven / expected
@@ -160,7 +161,8 @@ class EnergyModel:
     def need(self, trip: TripEstimate) -> float:
         """Return the maximum consumption of a trip, as a share of a full battery.
 
-        The learned rates are between the true rates and the prior. The remaining weight of the prior bounds the error for this trip.
+        The learned rates are between the true rates and the prior. The remaining weight of the prior limits
+        the error for this trip.
         """
         rates, (metres, seconds) = self.rates, trip
         weights = self._solve(self.prior.per_m * metres, self.prior.per_sec * seconds)

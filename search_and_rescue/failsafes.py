@@ -31,7 +31,7 @@ _BASE_LOST = "losses_left -= base_lost ? 0 : 1; base_lost = true"
 
 @dataclass(eq=False, repr=False)
 class _Failsafe(RosLeaf):
-    """Base class of the failsafe conditions. Each condition reports a problem once until the problem is solved.
+    """Base class of the failsafe conditions. A condition reports a problem only once, until the problem is solved.
 
     Args:
         record: Records each problem as an alarm, whose text `AbandonZones` uses as the reason.
@@ -46,7 +46,7 @@ class _Failsafe(RosLeaf):
         self._raised = False
 
     def _report_problem(self, problem: str) -> Status:
-        """Return FAILURE if there is a problem, and report a new problem; return SUCCESS if the string is empty."""
+        """Return SUCCESS if *problem* is empty; otherwise return FAILURE, and report the problem if it is new."""
         if problem and not self._raised:
             self.warn(f"Failsafe: {problem}.")
             self.record.record_alarm(problem)
@@ -57,7 +57,7 @@ class _Failsafe(RosLeaf):
 
 @dataclass(eq=False, repr=False)
 class _CommandCondition(_Failsafe):
-    """Base class of conditions that fail once the operator has given a command that ends the mission early.
+    """Base class of conditions that fail as soon as the operator has given a command that ends the mission early.
 
     Args:
         orders: The operator's commands.
@@ -126,7 +126,8 @@ class NotRecalled(_CommandCondition):
 class NavigationAvailable(_Failsafe):
     """Check that navigation is available: FAILURE if Nav2 or the localisation was unavailable when the last drive ended.
 
-    A drive that failed for this reason does not show whether the target is reachable, so the zone is neither postponed nor abandoned.
+    A drive that failed for this reason does not show whether the target is reachable. The zone is therefore
+    neither postponed nor abandoned.
 
     Args:
         record: Contains the state of navigation, and records the problem as an alarm.
@@ -150,7 +151,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
 
     A percentage that is not a number from 0 to 1 is ignored.
 
-    If the tree checks the way home (`ReturnInReach`), this limit is added to the reserve of `ReturnInReach`.
+    If the tree also contains `ReturnInReach`, this limit is added to the reserve for the way home.
 
     Args:
         record: Records the problem as an alarm.
@@ -210,10 +211,11 @@ class BatterySuffices(_Failsafe, TopicLeaf):
 )
 @dataclass(eq=False, repr=False)
 class InsideFence(_Failsafe):
-    """Check that the robot is inside the parameter `geofence`. SUCCESS also without a geofence, and while the robot's position is unknown.
+    """Check that the robot is inside the geofence: SUCCESS also without a geofence or a known position.
 
-    The position comes from the transform from `map` and the odometry, otherwise from the last `amcl_pose`. FAILURE also if the last pose is
-    unusable, such as the NaN that a diverged localisation publishes.
+    The parameter `geofence` defines the geofence. The position is computed from the transform from `map` and
+    the odometry, or otherwise taken from the last `amcl_pose`. The condition also returns FAILURE if the last
+    pose is unusable, for example because a diverged localisation publishes NaN.
 
     Args:
         fence: The geofence.
@@ -252,10 +254,11 @@ class InsideFence(_Failsafe):
 )
 @dataclass(eq=False, repr=False)
 class MissionTimeLeft(_Failsafe):
-    """Check that mission time is left: FAILURE after the time limit, which starts with the first tick and includes times of halted nodes.
+    """Check that mission time is left: FAILURE after the time limit, measured from the first tick.
 
     Args:
-        limit: Time limit of the mission, seconds of the mission's clock.
+        limit: Time limit of the mission, seconds of the mission's clock. The time continues while nodes are
+            halted.
         clock: The mission's clock.
         record: Records the problem as an alarm.
     """
@@ -289,9 +292,10 @@ class MissionTimeLeft(_Failsafe):
 )
 @dataclass(eq=False, repr=False)
 class BaseInReach(_Failsafe):
-    """Check that the base station is available: FAILURE if no node has offered the base station's service for longer than `patience`.
+    """Check that the base station is available: FAILURE if its service was missing for longer than `patience`.
 
-    The service of a killed base station remains visible for about 20 s (the lease duration of the middleware), in addition to `patience`.
+    If the base station is killed, its service remains visible for about 20 s, which is the lease duration of
+    the middleware. The time `patience` starts after these 20 s.
 
     Args:
         clock: The mission's clock, which measures the absence of the service.

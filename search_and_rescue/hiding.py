@@ -1,4 +1,4 @@
-"""A simulated hidden survivor, whose position and detection are random according to the probabilities of the areas.
+"""Simulate a hidden survivor; the probabilities of the areas determine the random position and detection.
 
 In an area with a polygon, the survivor is at a random position inside the polygon, and is detected only within the detection range.
 """
@@ -12,16 +12,16 @@ from search_and_rescue.search_theory import Ground, SearchExpectation
 from search_and_rescue.zone_manager import MapPose
 
 HIDDEN = "hidden_survivor"
-"""The parameter that makes the simulator hide a survivor at random."""
+"""The parameter that makes the simulator hide a survivor at a random position."""
 # In an area without a polygon, the distance of the survivor ahead of the robot's search pose, metres.
 _AHEAD_M = 1.0
 
 
 class HiddenSurvivor:
-    """A survivor who is in each area with the probability POA, and is detected by each search of that area with the probability POD.
+    """A survivor whose area is random (probability POA); each search of this area detects them with probability POD.
 
-    The seed determines the survivor's position, and the number of searches of the survivor's area until the detection. Both are independent
-    of the order of areas and searches.
+    The seed determines the survivor's position, and how many searches of the survivor's area are needed until
+    the detection. Neither depends on the order of areas and searches.
 
     Args:
         poses: The pose from which the robot searches each area, by area name.
@@ -69,11 +69,12 @@ class HiddenSurvivor:
                 return x, y
 
     def search(self, area: str, robot: tuple[float, float] | None = None) -> tuple[float, float] | None:
-        """Search an area, and return the position of a detected survivor, metres, frame `map`; None if no survivor is detected.
+        """Search an area; return the position of a detected survivor (metres, frame `map`), or None if none is detected.
 
         Args:
             area: The name of the area.
-            robot: The robot's position, metres, frame `map`; None if unknown, so that no survivor in a polygon is detected.
+            robot: The robot's position, metres, frame `map`; None if unknown; a survivor in a polygon is then
+                not detected.
         """
         if area != self.area:
             return None
@@ -85,13 +86,13 @@ class HiddenSurvivor:
 
 
 def read_hidden_survivor(reader: ParameterReader, areas: Mapping[str, SearchExpectation]) -> bool:
-    """Read the parameter `hidden_survivor`, and return whether the simulator hides a survivor at random."""
+    """Return whether the parameter `hidden_survivor` makes the simulator hide a survivor at a random position."""
     hides = reader.switch(HIDDEN, default=False)
     if hides and not areas:
         reader.report_error(HIDDEN, "needs probabilities to place the survivor: add poa and pod of each zone")
     if hides and any(key.partition(".")[0] == "survivors" for key in reader.parameters):
         reader.report_error(
             HIDDEN,
-            f"places a survivor at random, but survivors has fixed positions: remove {HIDDEN} or survivors",
+            f"places a survivor at random, but the parameters survivors contain fixed positions: remove {HIDDEN} or survivors",
         )
     return hides

@@ -1,4 +1,4 @@
-"""Estimates of the battery charge and the time that the robot needs for the next leg and the way home."""
+"""Estimate how much battery charge and time the robot needs for the next leg and the way home."""
 
 import math
 
@@ -30,9 +30,10 @@ def _preview() -> "HomingEstimator":
 
 @mission_context(preview=_preview)
 class HomingEstimator:
-    """Estimates the charge and the time for the way home, from the robot's position and after the next leg.
+    """Estimates the charge and time that the way home needs, both from the robot's position and after the next leg.
 
-    Path lengths come from the `ZoneManager`. The search of a piece is assumed to take `look_sec` of the zone divided by the number of pieces.
+    Path lengths come from the `ZoneManager`. The search of a piece is assumed to take the zone's `look_sec`,
+    divided by the number of pieces.
 
     Args:
         zones: The mission's zones and base station.
@@ -47,7 +48,7 @@ class HomingEstimator:
         reserve: Charge that must be left on arrival at home, in addition to `ends_below`.
         ends_below: Charge below which a failsafe ends the mission, 1 for a full battery; 0 without such a failsafe.
         place: The robot's last known pose; None if unknown.
-        is_asked: Whether the tree checks the way home, so that `figures` are displayed.
+        is_asked: Whether the tree checks the way home. Only then are `figures` displayed.
         ends_at: Time at which the mission must end, seconds of the mission's clock.
     """
 
@@ -122,7 +123,7 @@ class HomingEstimator:
         return self._drive(self._trip_from_robot(self.zones.base_pose()))
 
     def leg(self, start: MapPose | None = None) -> TripEstimate:
-        """Return the trip to the current zone or piece, including the search and the way home afterwards.
+        """Return the trip to the current zone or piece, including the search there and the way home.
 
         Args:
             start: The start of the trip; None for the robot's position.
@@ -147,7 +148,7 @@ class HomingEstimator:
 
     @property
     def spare_charge(self) -> float:
-        """Charge above the reserve and the failsafe's limit, 1 for a full battery; negative if below."""
+        """Charge above the reserve and the failsafe's limit, 1 for a full battery; negative if the charge is below them."""
         return self.energy.share - self._reserve
 
     @property
@@ -155,7 +156,7 @@ class HomingEstimator:
         return self.reserve + self.ends_below
 
     def late(self, now: float) -> str:
-        """Return why the mission time does not suffice for the next leg and the way home; empty if the time suffices.
+        """Return why the mission time is too short for the next leg and the way home; empty if it suffices.
 
         Args:
             now: The current time, seconds of the mission's clock.
@@ -169,7 +170,7 @@ class HomingEstimator:
         return f"{self.next_leg} and the way home need {needed:.0f} s, but only {max(0.0, left):.0f} s of the mission time are left"
 
     def shortage(self, now: float = 0.0) -> str:
-        """Return why charge or mission time do not suffice for the next leg and the way home; empty if both suffice.
+        """Return why charge or mission time is too small for the next leg and the way home; empty if both suffice.
 
         Args:
             now: The current time, seconds of the mission's clock.
@@ -182,16 +183,14 @@ class HomingEstimator:
         if need <= self.spare_charge:
             return self.late(now)
         above = f" above the limit of {self.ends_below:.0%} that ends the mission" if self.ends_below else ""
-        return (
-            f"{self.next_leg} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s, "
-            f"the battery is at {self.energy.share:.0%}, the reserve is {self.reserve:.0%}{above}"
-        )
+        return f"{self.next_leg} needs {need:.0%} of a full battery ({trip.metres:.0f} m, {trip.seconds:.0f} s), but the battery is at {self.energy.share:.0%}, and the reserve is {self.reserve:.0%}{above}"
 
     def charging_stop(self) -> tuple[str, MapPose]:
-        """Return the best place for charging: the ID of the charging place (empty for the base station), and the pose.
+        """Return the best place for charging: the charging place's ID (empty for the base station), and the pose.
 
         The best place is the nearest one that the robot reaches without using the reserve. Places from which a full battery suffices for the
-        next leg are preferred. If no charging place is reachable, the base station is assumed to be, because every leg is planned to end there.
+        next leg are preferred. If no charging place is reachable, the base station is returned. It is assumed
+        to be reachable, because every leg is planned so that the robot can return to it.
         """
         stops = self._reachable_stops()
         useful = {
@@ -206,7 +205,7 @@ class HomingEstimator:
         return self._drive(self._trip_from_robot(pose))
 
     def _reachable_stops(self) -> dict[str, MapPose]:
-        """Return the poses of the places for charging that the robot reaches without using the reserve, by ID; empty ID for home."""
+        """Return by ID the poses of charging places that the robot reaches without the reserve; home has an empty ID."""
         near = {name: pose for name, pose in self.zones.charging.items() if self._is_in_reach(pose)}
         base = self.zones.base_pose()
         return {"": base, **near} if not near or self._is_in_reach(base) else near
@@ -218,7 +217,7 @@ class HomingEstimator:
         return self.energy.need(self.leg(start)) <= 1.0 - self._reserve
 
     def excess(self) -> str:
-        """Return why even a full battery does not suffice for the next leg and the way home; empty if a full battery suffices.
+        """Return why even a full battery is too small for the next leg and the way home; empty if it suffices.
 
         Raises:
             IndexError: If every zone is visited.
@@ -230,13 +229,10 @@ class HomingEstimator:
             return ""
         trip = self.leg(self.zones.base_pose())
         need = self.energy.need(trip)
-        return (
-            f"{self.next_leg} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s from home and back, "
-            f"and a full battery leaves {1.0 - self._reserve:.0%} above the reserve"
-        )
+        return f"{self.next_leg} needs {need:.0%} of a full battery from home and back ({trip.metres:.0f} m, {trip.seconds:.0f} s), but only {1.0 - self._reserve:.0%} is available above the reserve"
 
     def shortage_figures(self) -> dict[str, float | None]:
-        """Return the figures for the event of a shortage: needed charge, metres and seconds of the next leg, and the battery's charge.
+        """Return figures for a shortage event: charge, metres and seconds of the next leg, and the battery's charge.
 
         Raises:
             IndexError: If every zone is visited.
@@ -252,7 +248,7 @@ class HomingEstimator:
     def figures(self) -> list[Figure]:
         """Return the charge for the way home, and the distance and time before the point of no return.
 
-        There are no figures until the tree checks the way home and the battery's charge is known.
+        Figures are only returned after the tree has checked the way home and the battery's charge is known.
         """
         if not self.is_asked or not math.isfinite(self.energy.share):
             return []
@@ -271,7 +267,7 @@ class HomingEstimator:
 def read_homing(
     reader: ParameterReader, zones: ZoneManager, sweeps: SweepStates, speed_mps: float
 ) -> HomingEstimator:
-    """Read the parameters `energy.{per_m,per_sec,wrong_by,reserve}`, and return the estimator; all of them have defaults."""
+    """Read the optional parameters `energy.{per_m,per_sec,wrong_by,reserve}`, and return the estimator."""
     reader.report_unknown_names(ENERGY, _NAMES)
     prior = ConsumptionRates(
         *(reader.positive(f"{ENERGY}.{name}", getattr(PRIOR, name)) for name in ConsumptionRates._fields)

@@ -1,4 +1,4 @@
-"""The operator's commands: declarations with service, button, event and text, and the commands given in a mission."""
+"""The operator's commands: their declarations (service, button, event and text), and the commands given so far."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +26,8 @@ _UNKNOWN_AUTHOR = "the operator"
 class OperatorCommands:
     """The commands that the operator has given in one mission, and the services for commands.
 
-    The leaves that execute the commands create the services. A tree without such leaves therefore offers no service.
+    The services are created by the leaves that execute the commands. A tree without such leaves therefore
+    offers no service.
 
     Attributes:
         given: Author and reason of each command in effect, by command name.
@@ -45,7 +46,7 @@ class OperatorCommands:
 
     @property
     def author(self) -> CommandAuthor:
-        """Name and reason of the author of the command being executed; a name is, for example, `Ann (page, 127.0.0.1)`."""
+        """The author of the command that is being executed: name, such as `Ann (page, 127.0.0.1)`, and reason."""
         author = self.journal.author
         return author if author.name else CommandAuthor(_UNKNOWN_AUTHOR)
 
@@ -87,7 +88,7 @@ class OperatorCommands:
         return f"{_COMMANDS[command].done} by {self.given.get(command, _UNKNOWN_AUTHOR)}"
 
     def line(self, command: str, more: str = "") -> str:
-        """Return a log line about the command being executed; the first sentence ends with `more` unless empty."""
+        """Return a log line about the command that is being executed; `more` is added to the first sentence."""
         by, reason = self.author
         sentence = f"Command {command} by {by}{f': {more}' if more else ''}."
         return f"{sentence} Reason: {reason}." if reason else sentence
@@ -105,7 +106,7 @@ class OperatorCommands:
             self._services[command] = node, node.create_service(kind, f"~/{command}", execute)
 
     def destroy_services(self) -> None:
-        """Destroy the services, unless the node was destroyed together with the services."""
+        """Destroy the services, unless they were already destroyed together with the node."""
         services, self._services = self._services, {}
         for node, service in services.values():
             if is_node_valid(node):
@@ -172,11 +173,12 @@ class CommandSpec(NamedTuple):
     """The declaration of a command to the mission.
 
     Attributes:
-        verb: The service with the fields of the request, and the button of the command.
+        verb: The command's service, the fields of the service's request, and the command's button.
         served_by: Tags of the leaves that offer the service; a tree needs at least one of these leaves.
         fact: The kind of the event that records the command.
         sentence: Formats the event as a sentence; None if leaves also record events of this kind without a command.
-        done: The effect in messages, such as `paused`, which is followed by `by` and the author; empty if the command does not change the mode.
+        done: The effect in messages, such as `paused`; messages add `by` and the author. Empty if the command
+            does not change the mode.
     """
 
     verb: OperatorCommand
@@ -231,10 +233,10 @@ COMMANDS = (
         OperatorCommand(
             "add_area",
             "Draw an area",
-            "A further area is swept. An area whose search has not started can be changed.",
+            "A further area is swept. You can also change an area if its search has not started.",
             "sar_interfaces/srv/AddArea",
             (
-                CommandField("zone", "Name; the name of an existing area changes that area", landmark="zone"),
+                CommandField("zone", "Name (an existing name changes that area)", landmark="zone"),
                 CommandField("corners", "Corners", "polygon", optional=True),
                 CommandField("poa", "probability that a person is there, 0 to 1", "number", optional=True),
                 CommandField(
@@ -256,7 +258,7 @@ COMMANDS = (
             (
                 CommandField(
                     "zone",
-                    "Zone; empty for the zone at the position, or the nearest zone",
+                    "Zone (if empty: the zone at the position, or the nearest zone)",
                     optional=True,
                     landmark="zone",
                 ),

@@ -38,12 +38,13 @@ _SKIPPED = "orders_left -= 1; zones_left -= 1; zones_abandoned += 1"
 )
 @dataclass(eq=False, repr=False)
 class NotHeld(RosLeaf):
-    """Check that the mission may run: FAILURE between `~/pause` and `~/resume`, and for one tick after the operator changed the plan.
+    """Check that the mission may run: FAILURE while paused, and for one tick after the plan was changed.
 
-    Put this condition before the mission in a ReactiveSequence. FAILURE halts the mission, which cancels the current goal; the mission
-    later starts over. The services on the mission's node are `~/pause`, `~/resume` and `~/skip_zone` for the current zone
-    (`std_srvs/srv/Trigger`), `~/add_zone` (`sar_interfaces/srv/AddZone`) and `~/judge_survivor`
-    (`sar_interfaces/srv/JudgeSurvivor`).
+    Put this condition before the mission in a ReactiveSequence. The mission is paused between the commands
+    `~/pause` and `~/resume`. FAILURE halts the mission, which cancels the current goal. Afterwards the
+    mission's nodes start over. The services on the mission's node are `~/pause`, `~/resume` and `~/skip_zone`
+    for the current zone (`std_srvs/srv/Trigger`), `~/add_zone` (`sar_interfaces/srv/AddZone`) and
+    `~/judge_survivor` (`sar_interfaces/srv/JudgeSurvivor`).
 
     Args:
         orders: The operator's commands.
@@ -97,7 +98,7 @@ class NotHeld(RosLeaf):
     def _execute(
         self, command: str, carry_out: Callable[[Any], str | None], request: Any, response: Any
     ) -> Any:
-        """Execute a command and return the response; if `carry_out` returns an error, the response refuses the command."""
+        """Execute a command and return the response; refuse the command if `carry_out` returns an error."""
         refusal = carry_out(request)
         response.success, response.message = not refusal, refusal or "done"
         if refusal:
@@ -154,10 +155,11 @@ class NotHeld(RosLeaf):
     outcomes=(Outcome("SUCCESS", "stands"), Outcome("RUNNING", "moves")),
 )
 class AwaitStandstill(RosLeaf):
-    """Wait until the odometry shows that the robot stands still: RUNNING for at most `settle_timeout_sec`, then SUCCESS with a warning.
+    """Wait until the robot stands still: RUNNING, then SUCCESS, with a warning after `settle_timeout_sec`.
 
-    The goals of all actions must have ended as well, because a robot with an active goal may be about to drive. Without odometry, the robot is
-    assumed to stand still as soon as the goals have ended.
+    The odometry must show standstill, and the goals of all actions must have ended, because a robot with an
+    active goal may be about to drive. Without odometry, the robot is assumed to stand still as soon as the
+    goals have ended.
     """
 
     def __init__(self, name: str) -> None:

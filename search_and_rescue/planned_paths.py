@@ -1,4 +1,4 @@
-"""Requests for path lengths to Nav2's planner."""
+"""Request the lengths of paths from Nav2's planner."""
 
 import itertools
 import math
@@ -53,7 +53,7 @@ class PathRequests:
         self._reported_reason = ""
 
     def request_paths(self, paths: Sequence[PosePair]) -> None:
-        """Start to request the paths of unknown length; if no server is available, request none."""
+        """Start to request the paths whose length is unknown; if no server is available, request none."""
         self.give_up()
         self._paths, self._reasons = paths, set()
         self._open = [path for path in paths if not self._zones.has_path_length(*path)]
@@ -62,7 +62,7 @@ class PathRequests:
             self._stop(f"no server offers {_ACTION}")
 
     def are_awaited(self) -> bool:
-        """Return whether a path is still awaited; send the first request as soon as the server is available."""
+        """Return whether a response is still awaited; send the first request as soon as the server is available."""
         if self._open and self._due.has_passed:
             self._stop(f"no response within {self._timeout_sec:g} s")
         elif self._open and not self._is_waiting:
@@ -70,14 +70,14 @@ class PathRequests:
         return bool(self._open)
 
     def shortfall(self) -> str:
-        """Return a sentence with the number of estimated paths and the reason; empty if the length of every path is known."""
+        """Return a sentence on how many paths are estimated, and why; empty if the length of every path is known."""
         unknown = sum(not self._zones.has_path_length(*path) for path in self._paths)
         if not unknown:
             return ""
         return f"{unknown} of {len(self._paths)} paths are estimated as {DETOUR:g} times the straight line: {self._reason}"
 
     def new_shortfall(self) -> str:
-        """Return the shortfall if its reason differs from the reason at the previous call; otherwise an empty string."""
+        """Return the shortfall if the reason has changed since the previous call; otherwise an empty string."""
         previous, self._reported_reason = self._reported_reason, self._reason
         return self.shortfall() if self._reason != previous else ""
 

@@ -67,7 +67,7 @@ class SearchAndRescue(Mission):
         return shared_file_path("config", "mission_params.yaml")
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:
-        """Return the path of the property file for trees with these leaves; None for trees that do not visit zones and return home."""
+        """Return the property file for trees with these leaves; None for trees that do not visit zones and return home."""
         if not {ZonesRemaining, NavigateToBase} <= set(leaves):
             return None
         early = "search_areas" if ReturnInReach in leaves else "mission"

@@ -1,4 +1,4 @@
-"""The record of a mission, from which the summary and the exit status are derived."""
+"""The record of a mission. The summary and the exit status are derived from this record."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -80,7 +80,7 @@ class FoundSurvivor:
 
     @property
     def counts(self) -> bool:
-        """Whether the base station must receive a report: the operator has neither rejected nor merged the detection."""
+        """Whether the base station must receive a report. Rejected and merged detections need no report."""
         return self.standing in (DetectionVerdict.CANDIDATE, DetectionVerdict.CONFIRMED)
 
     @property
@@ -105,7 +105,7 @@ class ZoneRecord:
         started: Start of the last drive to the zone; None if there is none.
         searched: End of the last finished search of the zone; None if there is none.
         left: Time at which the zone was visited, postponed or abandoned; None if not yet.
-        unplaced: Why the position of a survivor from the last search is unusable; empty if there is no such survivor.
+        unplaced: Why the last search reported a survivor at an unusable position; empty if it did not.
         given_up: How and why the zone was abandoned, such as `abandoned after attempt 3`; empty if the zone was not abandoned.
     """
 
@@ -180,10 +180,11 @@ class StoredReports:
 
 
 class ResumedOutcomes:
-    """Results of earlier runs of a mission, which a resumed tree reuses instead of repeating the work.
+    """Results of a mission's earlier runs. A resumed tree uses these results instead of repeating the work.
 
-    The results are the searches and survivor names since the robot last left a zone or finished a piece of a sweep. Each result is returned
-    only once and in order, so that a search that the tree repeats on purpose is repeated.
+    The results are the searches and the survivor names since the robot last left a zone or finished a piece
+    of a sweep. The results are returned in order, and each result only once. If the tree later repeats a
+    search on purpose, the search is therefore executed.
 
     Attributes:
         home: Whether the robot was at the base station at the end of the earlier runs.
@@ -224,15 +225,15 @@ class ResumedOutcomes:
             self.home = fact.kind == search_events.BASE_REACHED
 
     def has_searched(self, zone_id: str) -> bool:
-        """Return whether the result of a search of a zone is available."""
+        """Return whether an earlier run's search of a zone is available as a result."""
         return any(zone == zone_id for zone, _ in self._searches)
 
     def has_found(self, zone_id: str) -> bool:
-        """Return whether the first available search of a zone detected a survivor."""
+        """Return whether the first available result for a zone contains a detected survivor."""
         return next((place is not None for zone, place in self._searches if zone == zone_id), False)
 
     def pop_search(self, zone_id: str) -> tuple[float, float] | None:
-        """Remove the first search of a zone, and return the position of the detected survivor; None if none was detected."""
+        """Remove a zone's first search, and return the position of the detected survivor, or None if none was detected."""
         index = next(index for index, (zone, _) in enumerate(self._searches) if zone == zone_id)
         return self._searches.pop(index)[1]
 
@@ -242,7 +243,7 @@ class ResumedOutcomes:
         return None if index is None else self._names.pop(index)[0]
 
     def has_open_name(self, x: float, y: float) -> bool:
-        """Return whether the name of a survivor at a position is available."""
+        """Return whether an earlier run's name for the survivor at a position is available."""
         return any(place == (x, y) for _, place in self._names)
 
     def has_named(self, survivor_id: str) -> bool:
@@ -259,21 +260,24 @@ class ResumedOutcomes:
 class MissionRecord:
     """The record of one mission, built from the events that the mission's leaves report.
 
-    Each method that records something writes an event to the journal. The event updates the record (`apply`), both immediately and when a
-    later run resumes. A survivor who is detected again in the same zone at the same position is the same survivor. A detection near another
-    survivor is a separate survivor with a mark (`FoundSurvivor.possibly`), and only the operator can merge the two.
+    Each method that records something writes an event to the journal. The event updates the record (`apply`)
+    immediately, and again when a later run resumes the mission. A survivor who is detected again in the same
+    zone at the same position is the same survivor. A detection near another survivor is a separate survivor
+    with a mark (`FoundSurvivor.possibly`), and only the operator can merge the two.
 
     Args:
         duplicate_radius_m: Distance below which two detections may be the same survivor, metres.
 
     Attributes:
-        journal: Stores an event before anything else is informed of it. The `ZoneManager` records the events of zones.
-        before: Results of earlier runs, which a resumed mission does not repeat.
+        journal: Stores each event before any other object learns of it. The `ZoneManager` records the events
+            of zones.
+        before: Results of earlier runs. A resumed mission does not repeat the work.
         zones_visited: The visited zones, in the order of the visits.
         zone: The zone that the robot drives to or searches; empty if there is none.
         home: Whether the robot has returned to the base station and has not left for a zone since.
         alarms: The reasons to end the mission early, in words; the latest is last.
-        homing_for: Why the robot goes home or to a charging place before the next zone; empty if it does not, after a charge, or after an alarm.
+        homing_for: Why the robot goes home or to a charging place before the next zone; empty if the robot
+            does not go there, and after a charge or an alarm.
         homing_to: The charging place where the robot charges; empty for the base station.
         charging_at: The charging place where the robot is; empty if the robot is elsewhere.
         navigation_lost: Why navigation was unavailable when the last drive ended; empty if available. Not part of the journal.
@@ -317,7 +321,7 @@ class MissionRecord:
 
     @property
     def first_detection_sec(self) -> float | None:
-        """Time from the start of the mission to the first detection that counts, seconds; None if there is none."""
+        """Time from the mission's start to the first detection that was not rejected or merged, seconds; None without one."""
         found = next((each.found_at for each in self._survivors if each.counts), None)
         if found is None or self._began is None:
             return None
@@ -344,7 +348,7 @@ class MissionRecord:
         self.journal.record_event(search_events.ZONE_SEARCHED, zone=zone_id, survivor=survivor)
 
     def survivor_unplaced(self, zone_id: str, reason: str) -> None:
-        """Record that a search detected a survivor at an unusable position; the next search of the zone removes this record.
+        """Record that a search found a survivor at an unusable position; the zone's next search removes this record.
 
         Args:
             zone_id: The zone.
@@ -375,7 +379,7 @@ class MissionRecord:
         self.journal.record_event(search_events.CHARGING_REACHED, place=place)
 
     def record_charge(self, share: float) -> None:
-        """Record that the battery suffices again, with the battery's charge (1 for a full battery)."""
+        """Record that the battery suffices again, and record the battery's charge (1 for a full battery)."""
         self.journal.record_event(search_events.CHARGED, share=round(share, 4))
 
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
@@ -430,7 +434,7 @@ class MissionRecord:
         self.journal.record_event(search_events.BASE_REACHED)
 
     def was_reported(self, survivor_id: str) -> bool:
-        """Return whether an earlier run has named a survivor, and the base station has acknowledged the report."""
+        """Return whether an earlier run named a survivor whose report the base station has acknowledged."""
         found = self.survivor(survivor_id)
         return self.before.has_named(survivor_id) and found is not None and found.acknowledged
 
@@ -448,7 +452,7 @@ class MissionRecord:
         return [zone for zone in self.zones_visited if self.zone_record(zone).searched is None]
 
     def open_points(self) -> list[str]:
-        """Return sentences about visited but unsearched zones, which do not make the mission incomplete."""
+        """Return sentences about zones that were visited but not searched; the mission can be complete nevertheless."""
         return _state_sentences((zone, UNSEARCHED) for zone in self.unsearched_zones)
 
     def shortfalls(self, zones: ZoneManager) -> list[str]:
@@ -559,12 +563,12 @@ class MissionRecord:
     }
 
     def _index_at(self, x: float, y: float) -> int:
-        """Return the index of the last survivor detected at a position; if there is none, return the length of the list."""
+        """Return the index of the last survivor detected at a position, or the length of the list if there is none."""
         found = [index for index, known in enumerate(self._survivors) if (known.x, known.y) == (x, y)]
         return found[-1] if found else len(self._survivors)
 
     def _nearby_survivor(self, before: int, x: float, y: float) -> str | None:
-        """Return the name of the nearest survivor with an index below `before` who may be the same person; None if there is none."""
+        """Return the name of the nearest survivor, with an index below `before`, who may be the same person, or None."""
         named = [known for known in self._survivors[:before] if known.survivor_id and known.counts]
         nearest = min(named, key=lambda known: math.hypot(known.x - x, known.y - y), default=None)
         if nearest is None or math.hypot(nearest.x - x, nearest.y - y) > self._duplicate_radius_m:

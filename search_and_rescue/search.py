@@ -69,7 +69,7 @@ BASE = "base station"
 
 @dataclass(eq=False, repr=False)
 class Search(MissionRun):
-    """A run of a search. The parts of the run share one journal, and each event updates all parts that the event concerns.
+    """A run of a search. The parts of the run share one journal. Each event updates all parts that it concerns.
 
     Args:
         zones: The plan of the mission.
@@ -79,7 +79,8 @@ class Search(MissionRun):
         homing: The estimator for the way home; None for an estimator with default rates.
         sweeps: The grounds of the zones that can be swept, and the coverage of the grounds.
         hides: Whether the simulator hides a survivor at random, instead of using the table of survivors.
-        wanted_success: The wanted probability of success, 0 to 1. If a search ends below it, a person must decide.
+        wanted_success: The required probability of success, 0 to 1. If a search ends with a lower
+            probability, a person must decide whether to search again.
     """
 
     zones: ZoneManager
@@ -150,7 +151,7 @@ class Search(MissionRun):
         ]
 
     def identity(self) -> dict[str, object]:
-        """Return the data that identify the mission: zones in order, base station, probabilities, charging places and grounds."""
+        """Return the data that identify the mission: ordered zones, base station, probabilities, charging places, grounds."""
         return self._identity
 
     def use_journal(self, journal: Journal) -> None:
@@ -219,7 +220,7 @@ class Search(MissionRun):
         )
 
     def _objects(self, phase: MissionPhase) -> dict[str, str]:
-        """Return what each command refers to, by command: the mission's phase, the zones of the plan, or the current zone."""
+        """Return the object of each command, by command: the mission's phase, the planned zones, or the current zone."""
         zones, plan = self.zones, ", ".join(self._plan)
         state = " ".join(filter(None, (phase.name or "active", phase.reason)))
         return {
@@ -286,7 +287,7 @@ class Search(MissionRun):
         return [Landmark("geofence", "geofence", *corners[0], corners=corners)] if corners else []
 
     def _grounds(self, zones: Sequence[Landmark], likely: Mapping[str, float]) -> Iterator[Landmark]:
-        """Yield a landmark for each polygon of a zone, with the progress of the sweep, and for each gap in the polygon."""
+        """Yield a landmark for each zone polygon, which shows the progress of the sweep, and one for each gap in it."""
         for zone in zones:
             ground, sweep = self.sweeps.grounds.get(zone.name), self.sweeps.state_of(zone.name)
             if ground is None:
@@ -305,7 +306,7 @@ class Search(MissionRun):
                 yield Landmark("gap", name, *gap[0], level=Level.GIVEN_UP, within=zone.name, corners=gap)
 
     def _swept(self, zone: str, likely: Mapping[str, float]) -> dict[str, object]:
-        """Return the figures of a zone's sweep, labelled with the terms of the search manuals."""
+        """Return the figures of a zone's sweep; the labels are the terms of search manuals."""
         ground, sweep = self.sweeps.grounds[zone], self.sweeps.state_of(zone)
         before = self.zones.areas.get(zone)
         return {
@@ -324,7 +325,7 @@ class Search(MissionRun):
         }
 
     def sentence(self, fact: JournalEntry) -> str:
-        """Return a sentence about an event; empty for events of every mission."""
+        """Return a sentence about an event of this mission; empty for events that every mission has."""
         say = _SENTENCES.get(fact.kind)
         return say(**fact.data) if say is not None else ""
 
@@ -333,11 +334,11 @@ class Search(MissionRun):
         return {"zones_left": self.zones.total_zones()}
 
     def added_facts(self) -> dict[str, int]:
-        """Return the number of zones that commands have added since the start, as an addition to the fact `zones_left`."""
+        """Return the number of zones that commands have added, as the amount to add to the fact `zones_left`."""
         return {"zones_left": self.zones.total_zones() - self._zones_at_start}
 
     def limits(self) -> dict[str, int]:
-        """Return the upper limits of the facts that a search cannot bound: the numbers of further pieces and commands."""
+        """Return upper limits of the facts whose start values are unknown: the numbers of further pieces and commands."""
         return {"more_pieces": _ANY_NUMBER, "orders_left": _ANY_NUMBER}
 
     def verbs(self) -> Sequence[OperatorCommand]:
@@ -359,7 +360,7 @@ class Search(MissionRun):
         return [(name, pose["x"], pose["y"]) for name, pose in self.zones.charging.items()]
 
     def searched_areas(self) -> list[SearchedArea]:
-        """Return the grounds of the remaining zones with their sweep widths, for the estimate of one sweep at coverage 1."""
+        """Return the grounds and sweep widths of the remaining zones, to estimate a sweep of each at coverage 1."""
         left = {zone["id"] for zone in self.zones.remaining_zones()}
         return [
             SearchedArea(zone, ground.polygon, ground.sweep_width)
@@ -392,7 +393,7 @@ class Search(MissionRun):
         return self.record.open_points()
 
     def idle_reason(self) -> str:
-        """Return the reason why a run has nothing to do: no zone is left; empty if a zone is left."""
+        """Return the reason why a run has nothing left to do; empty if a zone is left."""
         return "" if self.zones.has_remaining() else "No zone is left"
 
     def summary(self, elapsed_sec: float, ticks: int) -> str:
@@ -439,7 +440,7 @@ def _survivor(survivor: FoundSurvivor, number: int) -> Landmark:
         within=survivor.zone_id,
         is_certain=standing is DetectionVerdict.CONFIRMED,
         details=details,
-        task=f"Report {name} yourself: the base station does not acknowledge it"
+        task=f"Report {name} yourself: the base station does not acknowledge the report"
         if survivor.is_unanswered
         else "",
     )

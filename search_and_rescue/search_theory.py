@@ -26,7 +26,7 @@ Corners = tuple[tuple[float, float], ...]
 
 
 class Ground(NamedTuple):
-    """The polygon of a zone that can be swept, with the ranges of the sensor in this zone.
+    """The polygon of a zone that can be swept, and the ranges of the sensor in this zone.
 
     Attributes:
         polygon: The corners of the polygon in the frame `map`, metres.
@@ -80,7 +80,7 @@ class SearchExpectation(NamedTuple):
 
 @dataclass(frozen=True)
 class PoaMap:
-    """Probabilities of a missing person's location after searches without a detection.
+    """The probabilities of a missing person's location, given searches that did not detect the person.
 
     If the probabilities of the areas sum to less than 1, the rest is the probability of all other locations, which are never searched.
 
@@ -142,7 +142,7 @@ class PoaMap:
         return {area: value / total if total else 0.0 for area, value in left.items()}
 
     def pos(self) -> float:
-        """Return the POS of the searches so far, as estimated before the first search: Σ POA · (1 - Π(1 - POD))."""
+        """Return the POS of all searches so far, computed from the initial POA: Σ POA · (1 - Π(1 - POD))."""
         return math.fsum(poa * (1.0 - self.missed_probability(area)) for area, poa in self.poa.items())
 
 
@@ -163,7 +163,7 @@ class TourInputs:
     finds: Sequence[float]
 
     def ends(self, order: Sequence[int]) -> list[float]:
-        """Return the end of each search in an order of areas, seconds from the start of the tour."""
+        """Return the time at which each search ends, for an order of areas, in seconds from the start of the tour."""
         steps = [self.from_start[order[0]]] if order else []
         steps += [float(self.between[before][after]) for before, after in itertools.pairwise(order)]
         return list(
@@ -171,7 +171,7 @@ class TourInputs:
         )
 
     def expected_find(self, order: Sequence[int]) -> float:
-        """Return the expected time to the first detection, if there is one, in an order of areas, seconds; 0 if detection is impossible."""
+        """Return the expected time to the first detection, given an order of areas, seconds; 0 if none is possible."""
         pos = sum(self.finds[area] for area in order)
         cost = sum(end * self.finds[area] for end, area in zip(self.ends(order), order, strict=True))
         return cost / pos if pos else 0.0

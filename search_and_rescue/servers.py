@@ -1,4 +1,4 @@
-"""The servers of the services `detect_survivor`, which searches for survivors, and `report_survivor`, which is the base station."""
+"""Simulated servers: `detect_survivor` searches for survivors, and `report_survivor` is the base station."""
 
 import math
 from typing import Any
@@ -24,7 +24,7 @@ _SEEN_EVERY_SEC = 0.5
 
 
 class DetectSurvivorServer(DataNode):
-    """Server of `detect_survivor`, which responds from a table of survivors: the parameters `survivors.<zone>.{x,y}`, or the default table.
+    """Server of `detect_survivor`, with survivors from the parameters `survivors.<zone>.{x,y}` or a default table.
 
     In a zone with the parameter `zones.<zone>.detection_range` (metres), a survivor is detected only while the robot is within this distance.
     Unless a survivor is hidden, the server also publishes these survivors on `survivor_detections` twice a second while they are detected
@@ -79,7 +79,7 @@ class DetectSurvivorServer(DataNode):
                 self._seen.publish(message)
 
     def _detect(self, zone: str) -> tuple[float, float] | None:
-        """Return the position of a survivor detected in a zone, metres, frame `map`; None if no survivor is detected."""
+        """Return the position of the survivor detected in a zone (metres, frame `map`), or None if none is detected."""
         pose = self._robot.last_pose() if self._robot is not None else None
         robot = pose[:2] if pose is not None else None
         if self._hiding is not None:

@@ -32,7 +32,7 @@ class SweepState:
         metres: Distance driven inside the ground (L), metres.
         area_m2: Area of the searchable ground (A), square metres.
         coverage: The mean coverage of the ground (C).
-        pod: Probability that the sweeps have detected a person in the ground, 0 to 1.
+        pod: Probability that the sweeps would have detected a person in the ground, 0 to 1.
         seen: Share of the searchable ground that was visible at least once, 0 to 1.
         cells: The coverage of each cell, as returned by `CoverageRaster.share_text`.
         layer: The display layer with the POD of each cell; None before the first swept piece.
@@ -56,7 +56,7 @@ class SweepState:
 
     @property
     def pod_of_legs(self) -> float | None:
-        """The POD of exact parallel legs; None unless the first plan had legs and was swept completely."""
+        """The POD if all legs were exact and parallel; None unless the first plan had legs and was swept completely."""
         in_legs = self.pattern in ("parallel", "creeping_line") and self.passes == 1
         return (
             parallel_sweep_pod(self.coverage) if in_legs and not (self.open_count or self.skipped) else None
@@ -80,7 +80,8 @@ class SweepState:
 class SweepStates:
     """The sweeps of one mission, shared by the mission's leaves.
 
-    Events update the state of the sweeps. Driven distances are summed until the next `piece_swept` event, which contains the sum.
+    Events update the state of the sweeps. Driven distances are added up until the next `piece_swept` event,
+    which contains the sum.
 
     Args:
         grounds: The grounds by zone ID, for the zones with a polygon.
@@ -106,7 +107,10 @@ class SweepStates:
         return [zone for zone, ground in self.grounds.items() if Geofence(ground.polygon).contains(x, y)]
 
     def seen_m2(self) -> tuple[float, float]:
-        """Return the seen area and the total area of all grounds, square metres; obstacles count until a zone's first piece is swept."""
+        """Return the seen and the total area of all grounds, square metres.
+
+        The total area of a ground includes obstacles until the zone's first piece is swept.
+        """
         sweeps = {zone: self.state_of(zone) for zone in self.grounds}
         seen = math.fsum(sweep.seen * sweep.area_m2 for sweep in sweeps.values())
         sizes = [sweep.area_m2 or self.grounds[zone].area_m2 for zone, sweep in sweeps.items()]
@@ -117,7 +121,7 @@ class SweepStates:
         return [sweep.layer for sweep in self._sweeps.values() if sweep.layer is not None]
 
     def raster(self, zone: str, obstacles: "ObstacleMap | None") -> "CoverageRaster":
-        """Return the coverage raster of a zone's ground, with the current map as obstacles.
+        """Return the coverage raster of a zone's ground, with the obstacles of the current map.
 
         Raises:
             ImportError: If shapely is not installed.
@@ -130,23 +134,24 @@ class SweepStates:
         return self._rasters[zone]
 
     def drive(self, zone: str, path: Sequence[tuple[float, float]], obstacles: "ObstacleMap | None") -> None:
-        """Add a drive along positions (metres, frame `map`) to the coverage of a zone; the next `piece_swept` event records the distance."""
+        """Add a drive along positions (metres, frame `map`) to a zone's coverage; the next event records the distance."""
         self._driven[zone] += self.raster(zone, obstacles).drive(path)
 
     def plan(self, zone: str, pattern: str, spacing: float, pieces: Sequence[MapPose]) -> None:
-        """Record the plan of a sweep; open pieces of an earlier plan are dropped."""
+        """Record the plan of a sweep, which replaces the open pieces of an earlier plan."""
         poses = [[round(pose[axis], 3) for axis in ("x", "y", "yaw")] for pose in pieces]
         self.journal.record_event(
             search_events.SWEEP_PLANNED, zone=zone, pattern=pattern, spacing=round(spacing, 3), pieces=poses
         )
 
     def finish_piece(self, zone: str, obstacles: "ObstacleMap | None", until_pod: float) -> None:
-        """Record that the current piece was swept, with the coverage of the ground so far.
+        """Record that the current piece was swept, and record the coverage of the ground so far.
 
         Args:
             zone: The zone.
             obstacles: The map; None without a map.
-            until_pod: Cells with a lower POD form the gaps, which are computed with the last piece of a plan.
+            until_pod: Cells with a POD below this value form the gaps. Gaps are computed after the last piece
+                of a plan.
         """
         sweep, raster = self.state_of(zone), self.raster(zone, obstacles)
         gaps = [list(map(list, each)) for each in raster.gaps(until_pod)] if sweep.open_count <= 1 else []

@@ -1,4 +1,4 @@
-"""Sweep planner: the stops of the IAMSAR manual's search patterns (vol. II), without stops on obstacles."""
+"""Plan sweeps: compute the stops of the search patterns in the IAMSAR manual (vol. II), and avoid obstacles."""
 
 import itertools
 import math
@@ -82,7 +82,7 @@ def sweep(
 def _require_small(
     ground: "BaseGeometry", spacing: float, here: _Point, pattern: SweepPattern, cell_m: float
 ) -> None:
-    """Check that the extent of a ground is not too large for the computation of a sweep.
+    """Check that the ground is small enough for the computation of a sweep.
 
     Raises:
         GroundError: If the ground has too many legs or map cells, or an expanding square would have too many stops.
@@ -157,7 +157,7 @@ def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_lon
 
 
 def _legs(ground: "BaseGeometry", spacing: float) -> list[list[_Point]]:
-    """Return the stops on legs along the x axis over a ground, as a list for each uninterrupted piece of a leg."""
+    """Return the stops on legs along the x axis over a ground: one list for each uninterrupted part of a leg."""
     import shapely
 
     left, low, right, high = ground.bounds
@@ -168,7 +168,10 @@ def _legs(ground: "BaseGeometry", spacing: float) -> list[list[_Point]]:
 
 
 def _long_side(free: "BaseGeometry") -> float:
-    """Return the direction of the longer side of the smallest enclosing rectangle, radians; of a square, the side closer to the x axis."""
+    """Return the direction, in radians, of the longer side of the smallest rectangle that encloses a ground.
+
+    If the rectangle is a square, the side closer to the x axis is used.
+    """
     import shapely
 
     a, b, c = shapely.get_coordinates(free.minimum_rotated_rectangle)[:3].tolist()
@@ -187,7 +190,7 @@ def _lines(cut: "BaseGeometry") -> "list[BaseGeometry]":
 
 
 def _stops(line: "BaseGeometry", spacing: float) -> list[_Point]:
-    """Return stops on a line, at the centres of equal parts no longer than the spacing."""
+    """Return the stops on a line: the centres of equal parts of the line, which are no longer than the spacing."""
     count = max(1, math.ceil(line.length / spacing - 1e-9))
     points = [line.interpolate((at + 0.5) / count, normalized=True) for at in range(count)]
     return [(point.x, point.y) for point in points]
@@ -207,7 +210,7 @@ def _nearest_first(parts: Sequence[list[_Point]], here: _Point) -> list[_Point]:
 
 
 def _square(spacing: float, reach: float) -> Iterator[_Point]:
-    """Yield the stops of an expanding square around (0, 0), whose legs have the lengths S, S, 2 S, 2 S, 3 S and so on for a spacing S."""
+    """Yield the stops of an expanding square around (0, 0); for a spacing S the legs are S, S, 2 S, 2 S, 3 S, … long."""
     x = y = 0.0
     yield x, y
     for leg in itertools.count():

@@ -39,7 +39,7 @@ _MIN_SEC = 1e-3
 VisitingOrder = Literal["listed", "nearest", "expected_find"]
 """The rules by which `ChooseZone` can order the zones."""
 MAP_FRAME = "map"
-"""The TF frame of every position that the mission sends or receives."""
+"""The TF frame in which the mission sends and receives all positions."""
 
 
 def is_ratio(value: float) -> bool:
@@ -71,10 +71,11 @@ def _preview() -> "ZoneManager":
 
 @mission_context(preview=_preview)
 class ZoneManager:
-    """The plan of one mission, shared by all leaves of the mission: the zones in the order of the visits.
+    """The plan of one mission: the zones in the order in which they are visited. All leaves share the plan.
 
-    The plan stores and returns copies, so that callers cannot change the plan by accident. Each change is recorded as an event, and the event
-    updates the plan (`apply`), both immediately and when a later run resumes.
+    The plan stores and returns copies, so that callers cannot change the plan by accident. Each change is
+    recorded as an event. The event updates the plan (`apply`) immediately, and again when a later run resumes
+    the mission.
 
     Args:
         zones: The zones, each with `id`, `x`, `y` (metres) and `yaw` (radians) in the frame `map`.
@@ -90,7 +91,8 @@ class ZoneManager:
             `zone_abandoned`.
         areas: The probabilities and the search duration of each zone, by ID.
         speed_mps: The robot's speed for estimates of time, m/s.
-        looks: Number of searches of each zone, without searches whose detection was rejected. Swept zones have `swept` instead.
+        looks: Number of searches of each zone, except searches whose detection was rejected. Swept zones have
+            `swept` instead.
         swept: Probability that the sweeps of each zone have detected a person in the zone, 0 to 1.
         hints: Likelihood ratio (presence to absence) of all hints on each zone.
     """
@@ -128,13 +130,15 @@ class ZoneManager:
         self._path_lengths: dict[frozenset[tuple[float, float]], float] = {}
 
     def current_zone(self) -> Zone:
-        """Return the current zone, which is the first zone left to visit.
+        """Return the current zone, which is the first of the zones that are left to visit.
 
         Raises:
             IndexError: If every zone is visited.
         """
         if not self.has_remaining():
-            raise IndexError(f"there is no current zone: all {self.total_zones()} zones are visited")
+            raise IndexError(
+                f"there is no current zone: all {self.total_zones()} zones have already been visited"
+            )
         return deepcopy(self._zones[self._index])
 
     def has_remaining(self) -> bool:
@@ -150,14 +154,15 @@ class ZoneManager:
         return any(zone["id"] == zone_id for zone in (*self._zones, *self._abandoned))
 
     def eligible_zones(self) -> list[Zone]:
-        """Return the candidates for the next zone: the zones with the highest priority among the least postponed zones.
+        """Return the candidates for the next zone: of the least often postponed zones, those with the highest priority.
 
-        A postponed zone is therefore repeated only after all other zones have been tried equally often. The order is that of the plan.
+        A postponed zone is therefore repeated only after all other zones have been tried equally often. The
+        candidates are in the order of the plan.
         """
         return next(iter(self.zones_by_urgency()), [])
 
     def zones_by_urgency(self) -> list[list[Zone]]:
-        """Return the remaining zones in groups: less often postponed zones first, and among these, higher priorities first."""
+        """Return the remaining zones in groups: groups postponed less often are first, then groups of higher priority."""
         groups: defaultdict[tuple[int, float], list[Zone]] = defaultdict(list)
         for zone in self.remaining_zones():
             groups[self._urgency(zone)].append(zone)
@@ -240,9 +245,10 @@ class ZoneManager:
         return seconds
 
     def zones_to_plan(self, zones: Sequence[Zone]) -> list[Zone]:
-        """Return the zones for which paths are requested from a planner, at most `MAX_PLANNED`, in the order of `zones`.
+        """Return the zones for which the planner is asked for paths: at most `MAX_PLANNED`, in the order of `zones`.
 
-        Of more zones, those with the highest probability per second of drive and search are chosen; without probabilities, the nearest zones.
+        If there are more zones, the zones with the highest probability per second of drive and search are
+        chosen. Without probabilities, the nearest zones are chosen.
         """
         looks, finds = self._durations_and_probabilities(zones)
         if not any(finds):
@@ -252,11 +258,14 @@ class ZoneManager:
         return [zones[at] for at in sorted(ranked[:MAX_PLANNED])]
 
     def required_paths(self, zones: Sequence[MapPose], *, between: bool = True) -> list[PosePair]:
-        """Return the pairs of poses whose path lengths are needed to order zones, return home and charge; each pair is listed in one direction only.
+        """Return the pairs of poses whose path lengths are needed to order zones, return home and charge.
+
+        Each pair is listed in only one direction.
 
         Args:
             zones: The zones, or pieces of a sweep.
-            between: Whether to include the pairs of two zones, whose number grows with the square of the number of zones.
+            between: Whether to include the pairs of two zones. The number of these pairs grows with the
+                square of the number of zones.
         """
         places = list(self.charging.values())
         pairs: list[PosePair] = [
@@ -276,12 +285,12 @@ class ZoneManager:
         return _ends(start, target) in self._path_lengths
 
     def path_length_m(self, start: MapPose, target: MapPose) -> float:
-        """Return the length of a path, metres: the planned length if stored, otherwise the straight line times `DETOUR`."""
+        """Return the length of a path, metres: the stored planned length, otherwise the straight line times `DETOUR`."""
         line = math.dist((start["x"], start["y"]), (target["x"], target["y"]))
         return self._path_lengths.get(_ends(start, target), DETOUR * line)
 
     def last_pose(self) -> MapPose:
-        """Return the pose of the last search, or of the base station or charging place if the robot has reached it since."""
+        """Return the pose of the last search, or of a base station or charging place that was reached since then."""
         return deepcopy(self._here)
 
     def _travel_sec(self, start: MapPose, target: MapPose) -> float:
@@ -321,7 +330,7 @@ class ZoneManager:
         return shrunk
 
     def select_next_zone(self) -> None:
-        """Record that the current zone was visited, so that the next zone becomes the current zone; do nothing if no zone is left."""
+        """Record that the current zone was visited, and make the next zone current; do nothing if no zone is left."""
         if self.has_remaining():
             self.journal.record_event(search_events.ZONE_VISITED, zone=self._zones[self._index]["id"])
 
@@ -365,7 +374,7 @@ class ZoneManager:
         return f"survivor_{self._survivors}"
 
     def current_index(self) -> int:
-        """Return the number of visited zones, which is the index of the current zone."""
+        """Return the number of visited zones, which is also the index of the current zone."""
         return self._index
 
     def total_zones(self) -> int:

@@ -1,4 +1,4 @@
-"""Orders of searches that minimise the expected time to the first detection.
+"""Compute orders of searches that minimise the expected time to the first detection.
 
 The cost of an order is the sum over all searches of (end of the search) · (probability that the search makes the first detection). This equals
 the sum over all steps of (duration of the step) · (probability of a detection in this step or later). A step is the drive to an area and the
@@ -33,7 +33,7 @@ _Durations = npt.NDArray[np.float64]
 
 
 def order_areas(order: VisitingOrder, tour: TourInputs) -> list[int]:
-    """Return the indices of the areas in a visiting order, which is approximate for more than `EXACT_UP_TO` areas."""
+    """Return the indices of the areas in a good order of visits; up to `EXACT_UP_TO` areas, the order is optimal."""
     count = len(tour.finds)
     if order == "listed" or count < 1:
         return list(range(count))
@@ -138,7 +138,7 @@ def greedy_index_order(tour: TourInputs) -> list[int]:
 def _improve_order(
     order: list[int], start: _Durations, between: _Durations, weights: _Durations
 ) -> list[int]:
-    """Move each area of an order to the best position, until no move improves the order or the passes are used up."""
+    """Move each area of an order to the best position, until no move improves the order or all passes are done."""
     for _ in range(_MAX_PASSES):
         before = order
         for area in before:
@@ -162,7 +162,10 @@ def _improve_order(
 def _best_of_each(
     ranked: npt.NDArray[np.intp], states: npt.NDArray[np.intp], costs: _Durations, width: int
 ) -> list[int]:
-    """Return the indices of the first `width` partial orders; of orders with the same areas and the same last area, only the cheapest."""
+    """Return the indices of the `width` cheapest partial orders.
+
+    Of several orders with the same areas and the same last area, only the cheapest is used.
+    """
     best: dict[bytes, int] = {}
     for index in ranked:
         state = states[index].tobytes()
@@ -200,7 +203,7 @@ def _improve_locally(
 
 
 def _steps(tour: TourInputs) -> tuple[_Durations, _Durations, _Durations]:
-    """Return the durations of steps from the start and between areas, including the search, and the weight of each area.
+    """Return the durations of steps (drive and search) from the start and between areas, and the areas' weights.
 
     The weight is the probability of detection plus a small constant, so that shorter paths are preferred where detection is impossible.
     """

@@ -1,4 +1,4 @@
-"""Driving to the zones and home with goals of Nav2's action `NavigateToPose`."""
+"""Leaves that drive to zones and home, with goals of Nav2's action `NavigateToPose`."""
 
 import math
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ _ABORTED = 6
 # Nav2's error codes, from the action definitions of nav2_msgs. Each server has a range of a hundred. `NavigateToPose` passes on the code of
 # the server that failed.
 FOR_GOOD = (101, 201, 204, 9001)
-"""Codes of goals that fail on every attempt: no such plug-in or tree, a goal outside the map."""
+"""Codes of goals that fail on every attempt, because a plug-in or tree is missing or the goal is outside the map."""
 OCCUPIED = 206
 """The code of a goal in an obstacle; some obstacles can move."""
 _ROBOTS_PLACE = (203, 205)
@@ -80,9 +80,9 @@ _RANGES = (
 
 @dataclass(eq=False, repr=False)
 class NavigateTo(ActionLeaf):
-    """Base class of the leaves that drive to a zone or home, with one goal for each activation.
+    """Base class of the leaves that drive to a zone or home. Each activation sends one goal.
 
-    Subclasses define the target and the effect of the arrival.
+    Subclasses define the target, and what happens on arrival.
 
     Args:
         zone_manager: The mission's zones.
@@ -153,7 +153,7 @@ class NavigateTo(ActionLeaf):
         return Status.SUCCESS
 
     def update(self) -> Status:
-        """Return the leaf's status. While RUNNING, the feedback says whether the robot drives or waits for Nav2."""
+        """Return the leaf's status. While the status is RUNNING, the outcome's label says whether the robot drives or waits for Nav2."""
         status = super().update()
         if status is Status.RUNNING:
             waits = "not arrived" if self.has_not_arrived else "waiting for Nav2"
@@ -174,7 +174,7 @@ class NavigateTo(ActionLeaf):
         self.record.navigation_lost = ""
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return FAILURE for a reason other than the target; `NavigationAvailable` distinguishes this case."""
+        """Return FAILURE for a reason unrelated to the target; `NavigationAvailable` can detect this case."""
         self.record.navigation_lost = reason
         self.warn(f"Navigation to {self._target} is unavailable: {reason}")
         return self.outcome(Status.FAILURE, "unavailable")
@@ -234,16 +234,17 @@ def drive_outcomes(arrived: Outcome, *failed: Outcome) -> tuple[Outcome, ...]:
     facts={"zones_left": 3, "at": "", "navigation_lost": False},
 )
 class NavigateToZone(NavigateTo):
-    """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
+    """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if the robot does not arrive.
 
-    If no server can judge the drive, the leaf waits, RUNNING, for `hold_timeout_sec` at most, and then returns FAILURE. This failure says
-    nothing about the zone; `NavigationAvailable` distinguishes it from others.
+    If navigation is unavailable, the leaf is RUNNING for at most `hold_timeout_sec`, and then returns
+    FAILURE. This failure says nothing about the zone. `NavigationAvailable` distinguishes it from other
+    failures.
     """
 
     def goal(self) -> Any:
-        """Return the goal for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched in an earlier run."""
+        """Return the goal for the current zone, SUCCESS if an earlier run searched it, or FAILURE if none is left."""
         if not self.zone_manager.has_remaining():
-            self.warn(f"'{self.name}' has no target: every zone is visited.")
+            self.warn(f"'{self.name}' has no target: every zone has already been visited.")
             return self.outcome(Status.FAILURE, "no zone")
         zone = self.zone_manager.current_zone()
         if self.record.before.has_searched(zone["id"]):
@@ -264,7 +265,7 @@ class NavigateToZone(NavigateTo):
     facts={"at": "", "navigation_lost": False},
 )
 class NavigateToBase(NavigateTo):
-    """Drive to the base station: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
+    """Drive to the base station: RUNNING on the way, SUCCESS on arrival, FAILURE if the robot does not arrive.
 
     Args:
         zone_manager: The mission's zones and base station.
@@ -274,7 +275,7 @@ class NavigateToBase(NavigateTo):
     _told = ""
 
     def goal(self) -> Any:
-        """Return the goal for the base station; SUCCESS if the robot was already there when the mission was resumed."""
+        """Return the goal for the base station, or SUCCESS if the robot was already there when the mission resumed."""
         if self.record.before.pop_home():
             self.feedback_message = "the robot drove home in an earlier run"
             self._on_arrival()
@@ -284,7 +285,11 @@ class NavigateToBase(NavigateTo):
 
     def _no_zone_text(self) -> str:
         abandoned = [zone["id"] for zone in self.zone_manager.abandoned_zones()]
-        return f"No zone is left; abandoned: {', '.join(abandoned)}." if abandoned else "All zones visited."
+        return (
+            f"No zone is left. Abandoned zones: {', '.join(abandoned)}."
+            if abandoned
+            else "All zones visited."
+        )
 
     def _on_arrival(self) -> None:
         self.record.base_reached()
@@ -303,11 +308,12 @@ def describe_end(status: int, result: Any, said: str = "") -> str:
 
     Args:
         status: The goal's status, a constant of `action_msgs/msg/GoalStatus` other than success.
-        result: The result of `nav2_msgs/action/NavigateToPose`, which has no error code in older versions.
+        result: The result of `nav2_msgs/action/NavigateToPose`. In older versions, the result has no error
+            code.
         said: Log output of Nav2's nodes during the drive.
 
     Returns:
-        Status and error code, each as a number and in words, and Nav2's own reason if it gave one.
+        Status and error code, each as a number and in words, and Nav2's reason if Nav2 stated one.
     """
     code = error_code(result)
     own = str(getattr(result, "error_msg", ""))
@@ -317,15 +323,15 @@ def describe_end(status: int, result: Any, said: str = "") -> str:
 
 
 def error_code(result: Any) -> int:
-    """Return the error code of a result; a code for several poses is mapped to that of a single pose."""
+    """Return the error code of a result; map a code for several poses to the code for a single pose."""
     code = int(getattr(result, "error_code", 0))
     return code - _LATER if code in _OF_SEVERAL else code
 
 
 def _advice(code: int) -> str:
     if code in FOR_GOOD:
-        return "; it is not sent again"
-    return "; no goal can be reached from there" if code in _ROBOTS_PLACE else ""
+        return "; the goal is not sent again"
+    return "; the robot cannot reach any goal from this position" if code in _ROBOTS_PLACE else ""
 
 
 def _describe_code(code: int, *, aborted: bool) -> str:

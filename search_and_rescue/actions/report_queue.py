@@ -1,4 +1,4 @@
-"""Undelivered reports: stored, and delivered when the base station responds again."""
+"""Leaves that store undelivered reports, and deliver them when the base station responds again."""
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
@@ -66,7 +66,7 @@ class Backoff:
     facts={"reports_kept": 0, "named_by_{detect_node}": False, "kept_by_{detect_node}": False},
 )
 class KeepReport(RosLeaf):
-    """Store the report of the detected survivor for `DeliverReports`; FAILURE if there is no named survivor.
+    """Store the report of the detected survivor for `DeliverReports`; FAILURE if no survivor has a name.
 
     Args:
         detect_node: The search that found the survivor.
@@ -108,11 +108,12 @@ class KeepReport(RosLeaf):
 )
 @dataclass(eq=False, repr=False)
 class DeliverReports(ReportLeaf):
-    """Report each survivor whose report is stored: SUCCESS when none is left, immediately if there was none.
+    """Send every stored survivor report: SUCCESS when none is left, or immediately if none was stored.
 
-    FAILURE if a report was refused, after all others were tried, or as soon as the base station does not respond. After a failure with a
-    back-off, the leaf is RUNNING for a while before it sends again: for `backoff_sec` at first, then twice as long after each further failure,
-    at most a minute. A report that was not tried before is sent immediately.
+    If a report is refused, the leaf tries all other reports, and then returns FAILURE. If the base station
+    does not respond, the leaf returns FAILURE at once. After a failure, the leaf is RUNNING for a pause
+    before it sends again. The first pause takes `backoff_sec`. Each further failure doubles the pause, up to
+    a minute. A report that was not tried before is sent without a pause.
 
     Args:
         kept_reports: The stored reports.
@@ -141,7 +142,7 @@ class DeliverReports(ReportLeaf):
         super().initialise()
 
     def request(self) -> Any:
-        """Return the request for the oldest untried report; SUCCESS if none is stored, RUNNING during a back-off."""
+        """Return the request for the oldest untried report, SUCCESS if none is stored, or RUNNING during a pause."""
         if not self._untried:
             self.feedback_message = "no report is stored"
             return self.outcome(Status.SUCCESS, "nothing kept")
@@ -156,7 +157,7 @@ class DeliverReports(ReportLeaf):
         return self._request_for(report)
 
     def on_response(self, response: Any) -> Status:
-        """Continue with the next report, so that a refused one does not block the others."""
+        """Continue with the next report, so that a refused report does not block the others."""
         super().on_response(response)
         if self._untried:
             return Status.RUNNING

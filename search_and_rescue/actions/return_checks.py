@@ -39,7 +39,8 @@ _AT_CHARGE = "(at == 'base' || at == 'charging')"
 class BatteryMeter:
     """Updates the estimates of energy with the robot's battery, odometry and position.
 
-    It listens as long as the node exists, even while no leaf is ticked, because consumption is learned from drives.
+    It listens as long as the node exists, even while no leaf is ticked, because the estimates are learned
+    from all drives.
 
     Args:
         node: The mission's node.
@@ -84,10 +85,10 @@ class BatteryMeter:
 
 @dataclass(eq=False, repr=False)
 class _HomingLeaf(RosLeaf):
-    """Base class of the leaves that listen to battery and robot from setup on.
+    """Base class of the leaves that observe the battery and the robot from setup on.
 
     Args:
-        homing: Estimates the way home.
+        homing: Estimates battery and time for the way home.
         clock: The mission's clock.
         record: Records the decision.
     """
@@ -125,17 +126,19 @@ class _HomingLeaf(RosLeaf):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class ReturnInReach(_HomingLeaf):
-    """Check that the battery and the time suffice for the next leg and the drive home; FAILURE if the robot must go home first.
+    """Check that battery and time suffice for the next leg and the drive home; otherwise FAILURE.
 
-    The drive to the current zone or open piece, the search there and the way home must leave the reserve, and end within the mission's time.
-    RUNNING until the first battery message, for `max_age_sec` at most; a battery that is silent for longer is treated as empty.
+    The next leg is the drive to the current zone or open piece, and the search there. After this leg and the
+    drive home, the battery must still contain the reserve, and mission time must be left. FAILURE means that
+    the robot must go home first. The leaf is RUNNING until the first battery message, for at most
+    `max_age_sec`. A battery that sends no message for longer is treated as empty.
 
     Args:
-        homing: Estimates the way home.
+        homing: Estimates battery and time for the way home.
         clock: The mission's clock.
         record: Records that the robot goes home first.
         limit: Time limit of the mission, seconds of the mission's clock from the first tick on; 0 for no limit.
-        max_age_sec: Maximum silence of the battery, seconds of the node's clock.
+        max_age_sec: Maximum time without a battery message, seconds of the node's clock.
     """
 
     limit: Seconds = 0.0
@@ -169,7 +172,7 @@ class ReturnInReach(_HomingLeaf):
         stop, pose = self.homing.charging_stop()
         near, home = self.homing.trip_to(pose).metres, self.homing.home().metres
         self.warn(
-            f"{reason}: {f'{stop} first, {near:.0f} m; home is {home:.0f} m' if stop else 'home first'}."
+            f"{reason}: {f'the robot drives to {stop} first ({near:.0f} m away; home is {home:.0f} m away)' if stop else 'home first'}."
         )
         self.homing.await_charge()
         self.record.home_first(self.homing.next_zone, reason, stop, **self.homing.shortage_figures())
@@ -196,13 +199,14 @@ class ReturnInReach(_HomingLeaf):
 )
 @dataclass(eq=False, repr=False)
 class FullBatterySuffices(RosLeaf):
-    """Check that a full battery suffices for the next leg, from home and back; FAILURE if charging cannot help.
+    """Check that a full battery suffices for the next leg and the way home; otherwise FAILURE.
 
-    The leaf first asks the planner for the unknown paths of the leg, and is RUNNING meanwhile. A path that the planner does not provide is
-    estimated as 1.5 times the straight line, with a warning.
+    FAILURE means that charging cannot help. The leaf first requests the unknown paths of the leg from the
+    planner, and is RUNNING meanwhile. If the planner does not provide a path, the length is estimated as 1.5
+    times the straight line, and a warning is logged.
 
     Args:
-        homing: Estimates the way home.
+        homing: Estimates battery and time for the way home.
         ways_timeout_sec: Time limit for all paths together, seconds of the machine's clock; without a planner the leaf does not wait.
         planner_id: ID of the planner in the planner server; empty if the server has only one planner.
     """
@@ -269,13 +273,14 @@ class FullBatterySuffices(RosLeaf):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateToCharge(NavigateToBase):
-    """Drive to the place where the battery is charged: home, or a nearer charging place that the robot reaches with its reserve.
+    """Drive to a place where the battery is charged: home, or a nearer charging place within reach.
 
-    RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there. Without a charging place it drives home like
-    `NavigateToBase`.
+    RUNNING on the way, SUCCESS on arrival, FAILURE if the robot does not arrive. A charging place is within
+    reach if the robot arrives there without using the reserve. Without such a place, the robot drives home,
+    as with `NavigateToBase`.
 
     Args:
-        homing: Estimates the way home.
+        homing: Estimates battery and time for the way home.
     """
 
     homing: HomingEstimator
@@ -285,7 +290,7 @@ class NavigateToCharge(NavigateToBase):
         self._stop = ""
 
     def goal(self) -> Any:
-        """Return the goal for the charging place; SUCCESS if the robot was already home when the mission resumed."""
+        """Return the goal for the charging place, or SUCCESS if the robot was already home when the mission resumed."""
         self._stop, pose = self.homing.charging_stop()
         if not self._stop:
             return super().goal()
@@ -316,15 +321,15 @@ class NavigateToCharge(NavigateToBase):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class AwaitCharge(_HomingLeaf):
-    """Wait at home, or at a charging place, until the battery has been charged or swapped and suffices for the next leg.
+    """Wait at home or at a charging place until a charged or swapped battery suffices for the next leg.
 
-    RUNNING meanwhile, then SUCCESS. FAILURE if the robot is at neither place, if `patience` expires first, or if too little mission time
-    is left, so that no battery helps.
+    RUNNING while waiting, then SUCCESS. FAILURE if the robot is at neither place, if `patience` expires, or
+    if the remaining mission time is too short for the next leg.
 
     Args:
-        homing: Estimates the way home.
+        homing: Estimates battery and time for the way home.
         clock: The clock that measures the patience.
-        record: Tells whether the robot has arrived, and records the result.
+        record: Contains whether the robot has arrived, and records the result.
         patience: Maximum wait, seconds of the mission's clock.
     """
 

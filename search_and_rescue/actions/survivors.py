@@ -49,7 +49,7 @@ _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 _UNTOLD = "found_by_{detect_node} = false; named_by_{detect_node} = false"
 
 _FRAMES_TOPIC = "/tf_static"
-"""Absolute, as in tf2; a mission in a namespace remaps `/tf_static:=tf_static`, as Nav2 does."""
+"""The topic's name is absolute, as in tf2. A mission in a namespace remaps `/tf_static:=tf_static`, as Nav2 does."""
 
 
 class MapExtent:
@@ -96,7 +96,7 @@ class MapExtent:
             self._place, self._grid, self._obstacles = place, message, None
 
     def obstacles(self) -> "ObstacleMap | None":
-        """Return the occupied and unknown cells, which block sight and driving; None without a complete map."""
+        """Return the occupied and unknown cells, which block sight and driving; None if no complete map was received."""
         # Only sweeps need NumPy.
         import numpy as np
 
@@ -135,7 +135,7 @@ def map_extent_of(node: "Node") -> MapExtent:
 )
 @dataclass(eq=False, repr=False)
 class DetectSurvivor(ServiceLeaf):
-    """Search the current zone and store the response: SUCCESS whether or not a survivor was found.
+    """Search the current zone, and store the response: SUCCESS even if no survivor was found.
 
     FAILURE if the service does not respond, or responds with a position that is not finite or not on the map.
 
@@ -190,10 +190,10 @@ class DetectSurvivor(ServiceLeaf):
         self._pose, self._survivor_id = survivor, None
 
     def request(self) -> Any:
-        """Return the request for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched in an earlier run."""
+        """Return the request for the current zone, SUCCESS if an earlier run searched it, or FAILURE if none is left."""
         self.store_detection(None)
         if not self.zone_manager.has_remaining():
-            self.warn(f"'{self.name}' has no zone to search: every zone is visited.")
+            self.warn(f"'{self.name}' has no zone to search: every zone has already been visited.")
             return self.outcome(Status.FAILURE, "no zone")
         self._zone_id = self.zone_manager.current_zone()["id"]
         if self.record.before.has_searched(self._zone_id):
@@ -223,7 +223,7 @@ class DetectSurvivor(ServiceLeaf):
         return self.outcome(Status.SUCCESS, "nothing" if survivor is None else "found")
 
     def on_failure(self, reason: str) -> Status:
-        """Return FAILURE: there is no response, or no usable one."""
+        """Return FAILURE, because no usable response was received."""
         return self.outcome(super().on_failure(reason), "no answer")
 
     def is_good_news(self, response: Any) -> bool:
@@ -263,18 +263,19 @@ class DetectSurvivor(ServiceLeaf):
 )
 @dataclass(eq=False, repr=False)
 class AwaitSurvivor(TopicLeaf):
-    """Wait until a detector publishes a survivor without a name, and pass it to the search: RUNNING until then, then SUCCESS.
+    """Wait for a detection of an unnamed survivor, and pass the position to the search: RUNNING, then SUCCESS.
 
-    Messages are collected from setup on, so that no survivor is lost who was seen while another detection was handled. A detector repeats its
-    detections: of several in one tick the last one is used, and a survivor who already has a name, even if rejected by the operator, is ignored.
-    A detection in another frame than `map`, from the future, or at an impossible position is reported once and ignored.
+    Messages are collected from setup on, so that a survivor who is detected while another detection is
+    handled is not lost. Detectors repeat detections: of several detections in one tick, the last is used. A
+    survivor who already has a name is ignored, even if the operator has rejected the detection. A detection
+    in a frame other than `map`, from the future, or at an impossible position is reported once and ignored.
 
     Args:
         detect_node: The search that receives the survivor's position.
-        zone_manager: The mission's zones; the detection belongs to the current one.
-        record: Records the detection, and lists the earlier ones.
+        zone_manager: The mission's zones; the detection belongs to the current zone.
+        record: Records the detection, and lists the earlier detections.
         topic: The topic's name (`geometry_msgs/msg/PointStamped`, frame `map`, metres).
-        same_within: Distance below which two detections are the same survivor, metres.
+        same_within: Distance below which two detections are taken to be the same survivor, metres.
     """
 
     name: str
@@ -306,7 +307,7 @@ class AwaitSurvivor(TopicLeaf):
         self.detect_node.store_detection(None)
 
     def update(self) -> Status:
-        """Check for new messages; a detection that an earlier run could not handle comes first."""
+        """Check for new messages; first handle a detection that an earlier run did not finish."""
         if not self.zone_manager.has_remaining():
             return self.outcome(Status.FAILURE, "no zone")
         zone = self.zone_manager.current_zone()["id"]
@@ -324,7 +325,7 @@ class AwaitSurvivor(TopicLeaf):
         return self._on_detection(zone, place)
 
     def on_silence(self) -> Status:
-        """Return RUNNING: no new survivor was published."""
+        """Return RUNNING, because no new survivor was published."""
         self.feedback_message = f"no new survivor on '{self.topic_name}'{self.absence_reason}"
         return self.outcome(Status.RUNNING, "listening")
 
@@ -349,8 +350,9 @@ class AwaitSurvivor(TopicLeaf):
 class StaticTransforms:
     """The static frames of one node, published so that a late subscriber receives all of them.
 
-    `/tf_static` keeps one message for late subscribers, so that message must contain every frame published so far,
-    and a frame that is sent again must replace its earlier version. (tf2_ros for Python ignores the second sending.)
+    `/tf_static` stores only one message for late subscribers. This message must therefore contain every frame
+    published so far, and a frame that is sent again must replace the earlier version. (tf2_ros for Python
+    ignores a frame that is sent again.)
 
     Use `static_transforms_of`: two publishers on one node would each send late subscribers only their own frames.
 
@@ -375,7 +377,7 @@ class StaticTransforms:
 def static_transforms_of(node: "Node") -> StaticTransforms:
     """Return the static frames of a node; every call returns the same object.
 
-    They exist as long as the node, so that frames of a finished mission remain known.
+    The frames exist as long as the node, so that the frames of a finished mission remain known.
     """
     return of_node(node, StaticTransforms, lambda: StaticTransforms(node))
 
@@ -383,7 +385,7 @@ def static_transforms_of(node: "Node") -> StaticTransforms:
 @register(
     "BroadcastSurvivorTF",
     kind=Kind.ACTION,
-    effects="gives the survivor a new name, with a static frame there",
+    effects="publishes a static frame with a new name for the survivor",
     outcomes=(
         Outcome("SUCCESS", "named", "found_by_{detect_node}", _NAMED),
         Outcome("FAILURE", "nobody found", "!found_by_{detect_node}"),
@@ -445,7 +447,7 @@ class BroadcastSurvivorTF(RosLeaf):
         self.log(f"Broadcasting TF frame: {self.feedback_message} in {MAP_FRAME} frame.")
         named = self.record.survivor(survivor_id)
         if named is not None and named.possibly is not None:
-            self.log(f"{survivor_id} may be a duplicate of {named.possibly}: the operator decides.")
+            self.log(f"{survivor_id} may be a duplicate of {named.possibly}: the operator must decide.")
         return Status.SUCCESS
 
     def _publish(self, survivor_id: str, x: float, y: float) -> None:
@@ -470,8 +472,8 @@ def survivor_report(
     Args:
         detect_node: The search that found the survivor.
         leaf: The leaf, which logs the reason.
-        record: Tells whether base acknowledged the report in an earlier run.
-        lacks: The leaf's problem in that case, in words.
+        record: Contains whether the base station acknowledged the report in an earlier run.
+        lacks: What the leaf lacks if there is nothing to report, for the log.
     """
     survivor_id, pose = detect_node.survivor_id(), detect_node.survivor_pose()
     if survivor_id is None or pose is None:
@@ -479,7 +481,9 @@ def survivor_report(
         leaf.warn(f"'{leaf.name}' has {lacks}: {missing}.")
         return Status.FAILURE
     if record.was_reported(survivor_id):
-        leaf.feedback_message = f"{survivor_id}, named in an earlier run, is already acknowledged"
+        leaf.feedback_message = (
+            f"the report of {survivor_id}, who was named in an earlier run, is already acknowledged"
+        )
         return Status.SUCCESS
     return SurvivorReport(survivor_id, *pose)
 
@@ -527,7 +531,7 @@ class ReportLeaf(ServiceLeaf):
         return Status.SUCCESS
 
     def on_failure(self, reason: str) -> Status:
-        """Return FAILURE: a report without a response is not acknowledged."""
+        """Return FAILURE, because a report without a response is not acknowledged."""
         return self.outcome(super().on_failure(reason), "refused")
 
     def is_good_news(self, response: Any) -> bool:
@@ -567,7 +571,7 @@ class NotifyBase(ReportLeaf):
     detect_node: DetectSurvivor
 
     def request(self) -> Any:
-        """Return the report of the survivor, FAILURE without a named one, or SUCCESS if it was already acknowledged."""
+        """Return the survivor's report, FAILURE if no survivor has a name, or SUCCESS if base has acknowledged it."""
         report = survivor_report(self.detect_node, self, self.record, "nothing to report")
         if isinstance(report, Status):
             return self.outcome(report, "nothing to report" if report is Status.FAILURE else "acknowledged")
@@ -582,11 +586,12 @@ class NotifyBase(ReportLeaf):
 class LogNoDetection(RosLeaf):
     """Log that no survivor was found.
 
-    After a refused report the tree may tick this leaf too; a detected survivor is then named for the operator.
+    The tree may also tick this leaf after a report was refused. In this case the log names the detected
+    survivor for the operator.
 
     Args:
-        zone_manager: Names the zone, if requested.
-        record: Knows the survivors detected there.
+        zone_manager: Contains the zone that the log names; None to name no zone.
+        record: Contains the survivors detected in the zone.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Sweeps of a zone's ground: piece by piece, with further passes over the gaps."""
+"""Leaves that sweep a zone's ground piece by piece, with further passes over the gaps."""
 
 import itertools
 import math
@@ -54,7 +54,7 @@ _PASSES_M = 3.0
 
 @dataclass(eq=False, repr=False)
 class _SweepLeaf(RosLeaf):
-    """Base class of the leaves for the current zone's ground.
+    """Base class of the leaves that handle the ground of the current zone.
 
     Args:
         zone_manager: The mission's zones.
@@ -81,7 +81,7 @@ class _SweepLeaf(RosLeaf):
     facts={"zones_left": 3},
 )
 class ZoneHasGround(_SweepLeaf):
-    """Check that the current zone has a polygon; FAILURE if it cannot be swept."""
+    """Check that the current zone has a polygon and can therefore be swept; otherwise FAILURE."""
 
     def update(self) -> Status:
         """Check the zone."""
@@ -98,7 +98,7 @@ class ZoneHasGround(_SweepLeaf):
     facts=_PIECES,
 )
 class PiecesRemaining(_SweepLeaf):
-    """Check that a piece of the current zone's sweep is open; FAILURE if all are done."""
+    """Check that a piece of the current zone's sweep is open; FAILURE if all pieces are done."""
 
     def update(self) -> Status:
         """Check the sweep."""
@@ -109,7 +109,7 @@ class PiecesRemaining(_SweepLeaf):
 
 @dataclass(eq=False, repr=False)
 class _PlanLeaf(_SweepLeaf):
-    """Base class of the leaves that plan pieces in the background and are RUNNING meanwhile.
+    """Base class of the leaves that plan pieces in the background, and are RUNNING while they plan.
 
     Args:
         clearance: Distance of pieces from obstacles, metres.
@@ -154,7 +154,9 @@ class _PlanLeaf(_SweepLeaf):
         spacing = self.sweeps.grounds[zone].sweep_width / coverage
         obstacles, datum = map_extent_of(self.node).obstacles(), self.zone_manager.current_zone()
         if obstacles is None:
-            self.warn(f"No map has arrived: {zone} is swept as if it had no obstacles.")
+            self.warn(
+                f"No map has been received: the sweep of {zone} is planned as if there were no obstacles."
+            )
         future = run_in_background(
             self._wake, sweep, polygons, pattern, spacing, datum, obstacles, self.clearance
         )
@@ -175,8 +177,7 @@ class _PlanLeaf(_SweepLeaf):
         coverage = self.sweeps.grounds[zone].sweep_width / spacing
         least, most = random_search_pod(coverage), parallel_sweep_pod(coverage)
         self.log(
-            f"{zone} is swept in {len(pieces)} pieces ({told}, {spacing:.2f} m apart): "
-            f"POD {least:.0%} at random, {most:.0%} if legs are kept."
+            f"{zone} is swept in {len(pieces)} pieces ({told}, {spacing:.2f} m apart). The POD is at least {least:.0%}, and {most:.0%} if the robot follows the legs exactly."
         )
         return self.outcome(Status.SUCCESS, "planned")
 
@@ -197,16 +198,16 @@ class _PlanLeaf(_SweepLeaf):
 )
 @dataclass(eq=False, repr=False)
 class PlanSweep(_PlanLeaf):
-    """Plan the sweep of the current zone's ground; a planned sweep continues at its open piece.
+    """Plan the sweep of the current zone's ground; a sweep that is already planned continues at the open piece.
 
-    FAILURE if the robot cannot drive to any of the ground.
+    FAILURE if the robot cannot drive to any part of the ground.
 
     Args:
         orders: Accepts the operator's areas through the service `~/add_area` (`sar_interfaces/srv/AddArea`).
         fence: The geofence that drawn areas must respect.
         pattern: The pattern: `parallel` legs along the long side, a `creeping_line` along the short side, an `expanding_square` around the zone's
             pose, or the diameters of a `sector` search through it.
-        coverage: Coverage: the sweep width divided by the distance between legs.
+        coverage: The coverage, which is the sweep width divided by the distance between legs.
         clearance: Distance of pieces from obstacles, metres.
     """
 
@@ -228,7 +229,7 @@ class PlanSweep(_PlanLeaf):
         super().shutdown()
 
     def _on_area(self, drawn: DrawnAreas, request: Any, response: Any) -> Any:
-        """Accept an area drawn by the operator; it takes effect when the next zone is chosen."""
+        """Accept an area that the operator has drawn; the area takes effect when the next zone is chosen."""
         try:
             response.success, response.message = True, drawn.add_area(request)
         except DrawingError as error:
@@ -265,9 +266,9 @@ class PlanSweep(_PlanLeaf):
 )
 @dataclass(eq=False, repr=False)
 class RefineSweep(_PlanLeaf):
-    """Plan another pass over the gaps in the sweep of the current zone: SUCCESS if there is such ground.
+    """Plan another pass over the gaps in the current zone's sweep: SUCCESS if there are such gaps.
 
-    FAILURE if the zone was searched well enough, if all of its passes were made, or if no gap can be reached.
+    FAILURE if the zone has the required POD, if all passes were made, or if no gap can be reached.
 
     Args:
         until_pod: Required probability of detection of the zone, 0 to 1.
@@ -303,9 +304,9 @@ class RefineSweep(_PlanLeaf):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateToPiece(NavigateTo):
-    """Drive to the current piece of the sweep, and record the ground seen on the way.
+    """Drive to the current piece of the sweep, and record the ground that is seen on the way.
 
-    RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
+    RUNNING on the way, SUCCESS on arrival, FAILURE if the robot does not arrive.
 
     Args:
         sweeps: The mission's sweeps.
@@ -328,7 +329,7 @@ class NavigateToPiece(NavigateTo):
         self._robot = robot_estimate(self.node)
 
     def goal(self) -> Any:
-        """Return the goal for the current piece; SUCCESS if an earlier run searched it, FAILURE if no piece is open."""
+        """Return the goal for the current piece, SUCCESS if an earlier run searched it, or FAILURE if none is open."""
         zone = self.zone_manager.current_zone()["id"] if self.zone_manager.has_remaining() else ""
         sweep = self.sweeps.state_of(zone)
         if not sweep.open_count:
@@ -352,7 +353,7 @@ class NavigateToPiece(NavigateTo):
             self.record.zone_started(zone)
 
     def update(self) -> Status:
-        """Return the leaf's status; the drive is added to the searched ground until the goal has ended."""
+        """Return the leaf's status; add the ground seen since the last update to the searched ground."""
         status = super().update()
         self._add_seen_ground()
         return status
@@ -394,16 +395,18 @@ class NavigateToPiece(NavigateTo):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateThroughPieces(NavigateToPiece):
-    """Drive through all open pieces of the sweep without a stop, and mark each as swept when the robot passes it.
+    """Drive through all open pieces of the sweep without a stop, and mark each passed piece as swept.
 
-    RUNNING on the way, SUCCESS when the last piece is passed, FAILURE if Nav2 does not get there. FAILURE at once if the robot must drive to
-    the pieces one by one: no server offers the action, an earlier run searched at the open piece, or the planner finds no path through all of
-    them, until a piece is skipped. FAILURE on the way if the next piece and the way home would not leave the reserve.
+    RUNNING on the way, SUCCESS when the last piece is passed, FAILURE if the robot does not arrive. The leaf
+    returns FAILURE at once if the robot must drive to the pieces one by one. This is the case if no server
+    offers the action, or if an earlier run searched the open piece. It is also the case if the planner has
+    found no path through all pieces, until a piece is skipped. The leaf returns FAILURE on the way if the
+    next piece and the way home would use the battery's reserve.
 
     Args:
-        homing: Estimates the way home; used if the tree asks for it.
+        homing: Estimates battery and time for the way home; used if the tree checks the way home.
         clock: The mission's clock.
-        until_pod: Ground with a lower probability of detection than this, 0 to 1, is a gap.
+        until_pod: Probability of detection, 0 to 1. Ground with a lower probability of detection is a gap.
     """
 
     homing: HomingEstimator
@@ -450,7 +453,7 @@ class NavigateThroughPieces(NavigateToPiece):
         return self._mark_remaining() if self.homing.shortage(self.clock.now()) else None
 
     def on_result(self, status: int, result: Any) -> Status:
-        """Return SUCCESS at the end, with all pieces marked; otherwise FAILURE, and log Nav2's reason."""
+        """Mark all pieces and return SUCCESS at the end of the drive; otherwise log Nav2's reason and return FAILURE."""
         self._add_seen_ground()
         if status != SUCCEEDED:
             if error_code(result) in OF_PLANNER:
@@ -475,7 +478,7 @@ class NavigateThroughPieces(NavigateToPiece):
         return self._end - left > before
 
     def _passed_near(self, piece: MapPose) -> bool:
-        """Return whether the localisation shows that the robot passed a piece, or is unknown."""
+        """Return whether the robot passed a piece according to the localisation; True if its track is unknown."""
         there, track = (piece["x"], piece["y"]), self._track
         steps = itertools.pairwise(track if len(track) > 1 else track * 2)
         return not track or min(_distance_to(there, *step) for step in steps) <= _PASSES_M
@@ -486,7 +489,7 @@ class NavigateThroughPieces(NavigateToPiece):
 
 
 def _distance_to(point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]) -> float:
-    """Return the distance of a point from the line segment between two others, metres."""
+    """Return the distance of a point from the line segment between two other points, metres."""
     (x, y), along = start, (end[0] - start[0], end[1] - start[1])
     length = math.hypot(*along)
     share = ((point[0] - x) * along[0] + (point[1] - y) * along[1]) / length**2 if length else 0.0
@@ -495,7 +498,7 @@ def _distance_to(point: tuple[float, float], start: tuple[float, float], end: tu
 
 
 def _plan_of(zone: str, sweep: SweepState) -> tuple[str, int, int]:
-    """Return the identity of a zone's plan, which skipped pieces change."""
+    """Return the identity of a zone's plan; skipping a piece changes the identity."""
     return zone, sweep.passes, sweep.skipped
 
 
@@ -512,10 +515,10 @@ def _plan_of(zone: str, sweep: SweepState) -> tuple[str, int, int]:
 )
 @dataclass(eq=False, repr=False)
 class AdvancePiece(_SweepLeaf):
-    """Mark the current piece as swept, with the ground seen so far; the next one becomes the current piece.
+    """Mark the current piece as swept, record the ground seen, and make the next piece the current one.
 
     Args:
-        until_pod: Ground with a lower probability of detection than this, 0 to 1, is a gap.
+        until_pod: Probability of detection, 0 to 1. Ground with a lower probability of detection is a gap.
     """
 
     _: KW_ONLY
@@ -551,7 +554,7 @@ class AdvancePiece(_SweepLeaf):
     facts=_PIECES,
 )
 class SkipPiece(_SweepLeaf):
-    """Skip the current piece because it cannot be reached or searched; the next one becomes the current piece."""
+    """Skip the current piece, which cannot be reached or searched; the next piece becomes the current one."""
 
     def update(self) -> Status:
         """Skip it."""

@@ -1,4 +1,4 @@
-"""The zones of the plan: visiting, postponing and abandoning them."""
+"""Leaves that choose, visit, postpone and abandon the zones of the plan."""
 
 from concurrent.futures import Future
 from typing import Annotated, Any
@@ -57,7 +57,7 @@ class AdvanceZone(RosLeaf):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Advance to the next zone and request a tick for it; past the last zone, do nothing."""
+        """Advance to the next zone, and request a tick; do nothing if no zone is left."""
         if not self._zones.has_remaining():
             return self.outcome(Status.SUCCESS, "no zone")
         self._zones.select_next_zone()
@@ -77,18 +77,21 @@ class AdvanceZone(RosLeaf):
     facts={"zones_left": 3},
 )
 class ChooseZone(RosLeaf):
-    """Choose the current zone among the remaining ones; RUNNING while the choice is computed in the background.
+    """Choose the current zone from the remaining zones; RUNNING while the choice is computed in the background.
 
-    `listed` keeps the order of the plan. `nearest` takes the zone that is reached first. `expected_find` takes the first zone of the order
-    with the shortest expected time to the first detection, given the current probabilities. Postponed zones are chosen again
-    when all others have been tried equally often.
+    `listed` keeps the order of the plan. `nearest` chooses the zone that the robot reaches first.
+    `expected_find` computes the order with the shortest expected time to the first detection, given the
+    current probabilities, and chooses the first zone of this order. Postponed zones are chosen again when all
+    others have been tried equally often.
 
-    First the planner is asked for the unknown paths; with more than 30 zones, for those of the 30 with the highest probability per second. A path
-    that the planner does not provide is estimated as 1.5 times the straight line, which is logged.
+    Before each choice, the leaf requests the unknown paths from the planner. If there are more than 30 zones,
+    it only requests paths for the 30 zones with the highest probability per second. If the planner does not
+    provide a path, the length is estimated as 1.5 times the straight line, and a warning is logged.
 
     Args:
         zone_manager: The mission's zones and their probabilities.
-        order: The order: `listed` keeps the order of the plan, `nearest` takes the zone reached first, `expected_find` detects soonest.
+        order: The order: `listed` is the order of the plan, `nearest` chooses the zone that is reached first,
+            and `expected_find` minimises the expected time to the first detection.
         ways_timeout_sec: Time limit for all paths together, seconds of the machine's clock; without a planner the leaf does not wait.
         planner_id: ID of the planner in the planner server; empty if the server has only one planner.
         orders: Accepts the operator's hints through the service `~/add_hint` (`sar_interfaces/srv/AddHint`).
@@ -132,7 +135,7 @@ class ChooseZone(RosLeaf):
             )
 
     def update(self) -> Status:
-        """Request the paths, start the computation, or choose a zone by its result."""
+        """Request the paths, start the computation, or use the result of the computation to choose a zone."""
         if not self._zones.has_remaining():
             return self.outcome(Status.FAILURE, "no zone")
         if self._ways is None:
@@ -168,7 +171,7 @@ class ChooseZone(RosLeaf):
         self._ways = None
 
     def _on_hint(self, request: Any, response: Any) -> Any:
-        """Accept a hint, which takes effect at the next choice."""
+        """Accept a hint; the hint takes effect when the next zone is chosen."""
         ratio, zone, refusal = request.likelihood_ratio, request.zone_id, ""
         if not zone:
             try:
@@ -205,7 +208,9 @@ class ChooseZone(RosLeaf):
 
         how = approximation(len(zones)) if self._order == "expected_find" else ""
         if how and how != self._approximation:
-            self.log(f"'{self.name}': {len(zones)} zones are ordered by {how}, close to the best order.")
+            self.log(
+                f"'{self.name}': {len(zones)} zones are ordered by {how}, which gives an order close to the best one."
+            )
         self._approximation = how
         return run_in_background(self._wake, order_areas, self._order, self._zones.tour(zones))
 
@@ -221,7 +226,7 @@ class ChooseZone(RosLeaf):
     facts={"zones_left": 3, "round": 1, "postponed_in_round": 0},
 )
 class PostponeZone(RosLeaf):
-    """Move the current zone to the end of the plan for a later attempt; FAILURE after its last attempt.
+    """Move the current zone to the end of the plan for a later attempt; FAILURE after the zone's last attempt.
 
     Args:
         zone_manager: The mission's zones.
@@ -252,7 +257,7 @@ class PostponeZone(RosLeaf):
 @register(
     "AbandonZone",
     kind=Kind.ACTION,
-    effects="removes the current zone from the plan, unvisited",
+    effects="removes the current zone from the plan without a visit",
     outcomes=(
         Outcome("SUCCESS", "abandoned", "zones_left > 0", "zones_left -= 1; zones_abandoned += 1"),
         Outcome("SUCCESS", "no zone", "zones_left == 0"),
@@ -260,7 +265,7 @@ class PostponeZone(RosLeaf):
     facts={"zones_left": 3, "zones_abandoned": 0},
 )
 class AbandonZone(RosLeaf):
-    """Remove the current zone from the plan, unvisited; the mission can then no longer be complete.
+    """Remove the current zone from the plan without a visit; the mission can then no longer be complete.
 
     Args:
         zone_manager: The mission's zones.
@@ -271,7 +276,7 @@ class AbandonZone(RosLeaf):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Abandon the zone; past the last zone, do nothing."""
+        """Abandon the current zone; do nothing if no zone is left."""
         if not self._zones.has_remaining():
             return self.outcome(Status.SUCCESS, "no zone")
         zone_id, attempts = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
@@ -283,16 +288,16 @@ class AbandonZone(RosLeaf):
 @register(
     "AbandonZones",
     kind=Kind.ACTION,
-    effects="removes all remaining zones from the plan, unvisited",
+    effects="removes all remaining zones from the plan without a visit",
     outcomes=(Outcome("SUCCESS", "abandoned", then="zones_abandoned += zones_left; zones_left = 0"),),
     facts={"zones_left": 3, "zones_abandoned": 0},
 )
 class AbandonZones(RosLeaf):
-    """Remove all remaining zones from the plan, unvisited, for the reason given by a failsafe.
+    """Remove all remaining zones from the plan without a visit; the reason is that of the last failsafe.
 
     Args:
         zone_manager: The mission's zones.
-        record: Knows the reason.
+        record: Contains the reason, as recorded by a failsafe.
     """
 
     def __init__(self, name: str, zone_manager: ZoneManager, *, record: MissionRecord | None = None) -> None:

@@ -163,7 +163,9 @@ class TestTheLeaves:
         asks.tick_once()
         assert asks.status is Status.FAILURE
         [warning] = stage.warnings
-        assert warning.endswith("the reserve is 15%: dock first, 3 m; home is 15 m.")
+        assert warning.endswith(
+            "the reserve is 15%: the robot drives to dock first (3 m away; home is 15 m away)."
+        )
         drives = stage.take(NavigateToCharge("Drive", search.zones, record=search.record, homing=homing))
         drives.tick_once()
         drives.stop(Status.INVALID)

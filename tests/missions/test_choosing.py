@@ -164,5 +164,7 @@ def test_what_a_mission_raises_is_an_error_that_names_it_and_the_place(install):
     )
     with pytest.raises(MissionError, match=said):
         mission.begin(ParameterReader({"x": 1})).summary(0.0, 0)
-    with pytest.raises(MissionError, match=r"failed in begin: the method returned \{\} instead of a MissionRun"):
+    with pytest.raises(
+        MissionError, match=r"failed in begin: the method returned \{\} instead of a MissionRun"
+    ):
         mission.begin(ParameterReader({}))

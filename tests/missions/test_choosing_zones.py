@@ -495,7 +495,7 @@ class TestChooseZone:
             assert stage.run(leaf) is Status.SUCCESS
         first, *others = stage.lines
         assert first == (
-            "'ChooseZone': 60 zones are ordered by probability per second, close to the best order."
+            "'ChooseZone': 60 zones are ordered by probability per second, which gives an order close to the best one."
         )
         assert [line.partition(":")[0] for line in others] == ["Next zone by expected_find"] * 2
 

@@ -103,7 +103,7 @@ def test_each_mistake_in_the_ground_is_named_before_the_flight(changed: dict[str
         (
             {"sweep_width": 0.08},
             [
-                "zones.a needs more than 2000 stops at coverage 0.9, the maximum of a sweep: divide the zone, or check sweep_width"
+                "zones.a needs more than 2000 stops (the maximum of a sweep) at coverage 0.9: divide the zone, or check sweep_width"
             ],
         ),
         ({"sweep_width": 0.081}, []),

@@ -34,7 +34,7 @@ BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 TREE, SWEEPS = Path("trees/search_areas.xml"), Path("trees/search_sweeps.xml")
 STRAIGHT = "'Full?': 1 of 1 paths are estimated as 1.5 times the straight line: no server offers compute_path_to_pose."
 # 10 m away: 15 m with the detour, twice; at 1 % a metre and 1 m/s.
-SHORT = "zone_a needs 30% for 30 m and 30 s, the battery is at 40%, the reserve is 15%"
+SHORT = "zone_a needs 30% of a full battery (30 m, 30 s), but the battery is at 40%, and the reserve is 15%"
 
 
 class Robot:
@@ -190,7 +190,7 @@ class TestFullBatterySuffices:
         assert robot.full.status is Status.FAILURE
         assert stage.warnings == [
             STRAIGHT,
-            "zone_b needs 87% for 87 m and 87 s from home and back, and a full battery leaves 85% above the reserve.",
+            "zone_b needs 87% of a full battery from home and back (87 m, 87 s), but only 85% is available above the reserve.",
         ]
 
     def test_it_asks_the_planner_for_the_ways_of_the_leg_and_for_none_twice(
@@ -199,7 +199,9 @@ class TestFullBatterySuffices:
         server = PlanningServer(stage.host())
         server.detour_m = {frozenset({0.0, 10.0}): 40.0}
         assert stage.run(robot.full) is Status.FAILURE
-        assert stage.warnings[0].startswith("zone_a needs 100% for 100 m and 100 s from home and back")
+        assert stage.warnings[0].startswith(
+            "zone_a needs 100% of a full battery from home and back (100 m, 100 s)"
+        )
         assert stage.run(robot.full) is Status.FAILURE
         assert server.asked == [(0.0, 10.0)]
 

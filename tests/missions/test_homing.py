@@ -104,11 +104,15 @@ def test_in_a_sweep_a_leg_goes_to_the_open_piece_and_a_look_is_a_piece_s_share_o
 
 def test_what_a_piece_lacks_is_told_with_its_number() -> None:
     made, _ = sweeping(share=0.2)
-    assert made.shortage().startswith("piece 1/4 of a needs 15% for 15 m and 32 s, the battery is at 20%")
+    assert made.shortage().startswith(
+        "piece 1/4 of a needs 15% of a full battery (15 m, 32 s), but the battery is at 20%"
+    )
     made.ends_at = 20.0
     assert made.late(0.0).startswith("piece 1/4 of a and the way home need 32 s")
     far, _ = sweeping(reserve=0.9)
-    assert far.excess().startswith("piece 1/4 of a needs 15% for 15 m and 32 s from home and back")
+    assert far.excess().startswith(
+        "piece 1/4 of a needs 15% of a full battery from home and back (15 m, 32 s)"
+    )
 
 
 def test_the_ways_of_a_leg_are_those_to_its_piece_and_forgotten_when_one_was_not_reached() -> None:
@@ -162,7 +166,7 @@ def test_what_a_leg_lacks_is_told_with_figures() -> None:
     assert homing(share=0.46).shortage() == ""
     assert (
         homing(share=0.44).shortage()
-        == "a needs 30% for 30 m and 68 s, the battery is at 44%, the reserve is 15%"
+        == "a needs 30% of a full battery (30 m, 68 s), but the battery is at 44%, and the reserve is 15%"
     )
     assert homing(share=0.44, reserve=0.1).shortage() == ""
 

@@ -208,6 +208,6 @@ def test_a_report_that_had_to_be_sent_again_is_a_task_of_a_person_until_it_is_ac
     search.record.report_sent("survivor_1")
     assert task() == ""
     search.record.report_sent("survivor_1")
-    assert task() == "Report survivor_1 yourself: the base station does not acknowledge it"
+    assert task() == "Report survivor_1 yourself: the base station does not acknowledge the report"
     search.record.record_acknowledgement("survivor_1")
     assert task() == ""

@@ -171,7 +171,7 @@ class TestTheLog:
         stage.zones.abandon()
         visit_every_zone(stage)
         assert stage.run(drive_home(stage)) is Status.SUCCESS
-        assert "No zone is left; abandoned: zone_a. Returning to base." in stage.lines
+        assert "No zone is left. Abandoned zones: zone_a. Returning to base." in stage.lines
         assert stage.lines[-1] == (
             "Back at base with the mission incomplete: zone_a was abandoned after attempt 1."
         )
@@ -321,7 +321,7 @@ class TestFailure:
         stage.run(leaf)
         clock.advance(1e6)
         assert stage.run(leaf) is Status.FAILURE
-        assert "the goal is outside the map; it is not sent again" in stage.warnings[0]
+        assert "the goal is outside the map; the goal is not sent again" in stage.warnings[0]
         assert server.requests == 1
         stage.zones.select_next_zone()
         server.script = ["succeed"]

@@ -308,9 +308,11 @@ class TestLeaves:
         assert status(leaf) is Status.SUCCESS
         assert places(search) == PIECES
         assert stage.lines == [
-            "a is swept in 4 pieces (parallel, 2.00 m apart): POD 63% at random, 79% if legs are kept."
+            "a is swept in 4 pieces (parallel, 2.00 m apart). The POD is at least 63%, and 79% if the robot follows the legs exactly."
         ]
-        assert stage.warnings == ["No map has arrived: a is swept as if it had no obstacles."]
+        assert stage.warnings == [
+            "No map has been received: the sweep of a is planned as if there were no obstacles."
+        ]
 
     def test_one_that_is_planned_goes_on_where_it_is(self, stage: "Stage") -> None:
         search = planned(searching())
@@ -359,7 +361,9 @@ class TestLeaves:
         publisher = self.walled(stage, 2.0, cells=1000)
         assert stage.run(leaf) is Status.SUCCESS
         assert places(search) == PIECES
-        assert stage.warnings == ["No map has arrived: a is swept as if it had no obstacles."]
+        assert stage.warnings == [
+            "No map has been received: the sweep of a is planned as if there were no obstacles."
+        ]
         assert publisher.topic_name.endswith("map")
 
     def test_ground_that_is_blocked_altogether_cannot_be_swept(self, stage: "Stage") -> None:

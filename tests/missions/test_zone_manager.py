@@ -29,7 +29,7 @@ def test_the_zones_come_in_their_order() -> None:
 def test_past_the_end_there_is_no_current_zone() -> None:
     manager = ZoneManager(zones(1), BASE)
     manager.select_next_zone()
-    with pytest.raises(IndexError, match="all 1 zones are visited"):
+    with pytest.raises(IndexError, match="all 1 zones have already been visited"):
         manager.current_zone()
 
 
