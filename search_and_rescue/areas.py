@@ -156,6 +156,8 @@ def _polygon(reader: ParameterReader, key: str, fence: Geofence) -> Corners:
 def outline_objection(corners: Corners, fence: Geofence) -> str:
     """Return the error in a polygon, in words that follow its name, such as `has no area`; empty if it is valid.
 
+    The polygon has at least three corners, in metres in the frame `map`.
+
     Raises:
         ImportError: If shapely is not installed.
     """

@@ -18,7 +18,7 @@ _AHEAD_M = 1.0
 
 
 class HiddenSurvivor:
-    """A survivor whose area is random (probability POA); each search of this area detects them with probability POD.
+    """A survivor in a random area (probability POA), whom each search of that area detects with probability POD.
 
     The seed determines the survivor's position, and how many searches of the survivor's area are needed until
     the detection. Neither depends on the order of areas and searches.
@@ -73,8 +73,8 @@ class HiddenSurvivor:
 
         Args:
             area: The name of the area.
-            robot: The robot's position, metres, frame `map`; None if unknown; a survivor in a polygon is then
-                not detected.
+            robot: The robot's position, metres, frame `map`; None if unknown, in which case no
+                survivor in a polygon is detected.
         """
         if area != self.area:
             return None
@@ -93,6 +93,6 @@ def read_hidden_survivor(reader: ParameterReader, areas: Mapping[str, SearchExpe
     if hides and any(key.partition(".")[0] == "survivors" for key in reader.parameters):
         reader.report_error(
             HIDDEN,
-            f"places a survivor at random, but the parameters survivors contain fixed positions: remove {HIDDEN} or survivors",
+            f"places a survivor at random, but the group survivors contains fixed positions: remove {HIDDEN} or survivors",
         )
     return hides

@@ -134,7 +134,7 @@ class SweepStates:
         return self._rasters[zone]
 
     def drive(self, zone: str, path: Sequence[tuple[float, float]], obstacles: "ObstacleMap | None") -> None:
-        """Add a drive along positions (metres, frame `map`) to a zone's coverage; the next event records the distance."""
+        """Add a drive along positions (metres, frame `map`) to a zone's coverage; `piece_swept` records the distance."""
         self._driven[zone] += self.raster(zone, obstacles).drive(path)
 
     def plan(self, zone: str, pattern: str, spacing: float, pieces: Sequence[MapPose]) -> None:

@@ -162,7 +162,7 @@ class ZoneManager:
         return next(iter(self.zones_by_urgency()), [])
 
     def zones_by_urgency(self) -> list[list[Zone]]:
-        """Return the remaining zones in groups: groups postponed less often are first, then groups of higher priority."""
+        """Return the remaining zones in groups, ordered by number of postponements, then by decreasing priority."""
         groups: defaultdict[tuple[int, float], list[Zone]] = defaultdict(list)
         for zone in self.remaining_zones():
             groups[self._urgency(zone)].append(zone)

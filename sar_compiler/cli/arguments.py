@@ -85,7 +85,7 @@ def report_argument_errors(read: Callable[[str], T]) -> Callable[[str], T]:
 
 
 def report_forms() -> str:
-    """Describe the available report formats, for the help texts of options."""
+    """Describe the available report formats, for use in the help of options."""
     if not is_part_installed("reports"):
         return "(needs sar_compiler.reports)"
     from sar_compiler.reports.report_forms import describe_forms
@@ -140,7 +140,7 @@ confidence = reader(float, "a number above 0 and below 1", lambda value: 0 < val
 
 
 def add_page_options(parser: "argparse.ArgumentParser | argparse._ArgumentGroup", when: str = "") -> None:
-    """Add `--open` and `--web-port`; *when* precedes their help texts, and says when the options apply."""
+    """Add `--open` and `--web-port`; *when* begins the help of both, and says when they apply."""
     parser.add_argument("--open", action="store_true", help=f"{when}open the page in a browser")
     text = f"{when}the page's port (default 8043; 0 for any free port)"
     parser.add_argument("--web-port", type=port, metavar="N", help=text)

@@ -43,7 +43,7 @@ class MissionCheck(DoctorCheck):
                 result.add_error()
         if not kernel.IS_COMPILED:
             doctor_warn(
-                f"sar_compiler: trees are ticked by {kernel.describe()}, which is several times slower than the compiled kernel"
+                f"sar_compiler: trees are ticked by {kernel.describe()}. This is several times slower than the compiled kernel"
             )
             result.add_warning()
         return result

@@ -121,7 +121,7 @@ class Landmark(NamedTuple):
 
     @property
     def identity(self) -> str:
-        """The state and position, such as `candidate at (1.00, 2.00)`; a command on a landmark is refused if they changed."""
+        """The state and position, such as `candidate at (1.00, 2.00)`; commands are refused if either has changed."""
         outline = "".join(f" ({x:.2f}, {y:.2f})" for x, y in self.corners[:_IDENTIFYING_CORNERS])
         return f"{self.state or 'known'} at ({self.x:.2f}, {self.y:.2f}){outline and f', outline{outline}'}"
 

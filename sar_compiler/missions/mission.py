@@ -185,9 +185,9 @@ class MissionRun:
         return {}
 
     def use_journal(self, journal: "Journal") -> None:
-        """Apply the events of earlier runs; from now on, record the mission's events in the given journal. Called once, before the tree is compiled.
+        """Apply the events of earlier runs; from now on, record the mission's events in the given journal.
 
-        Some events must survive the process. The mission records such an event with `journal.record_event`
+        This method is called once, before the tree is compiled. Some events must survive the process. The mission records such an event with `journal.record_event`
         before it reports the event anywhere. The journal then calls `apply`, which changes the run's state. A
         resumed tree starts over; its leaves use this state to skip finished work. A subclass that needs the
         journal overrides this method, calls the base class's method and stores the journal.

@@ -68,7 +68,9 @@ class NodeStatus(NamedTuple):
 
 
 class FormerFailure(NamedTuple):
-    """Failures, of a leaf or another node that decides its own status, that did not determine the mission's result.
+    """The failures of one node that did not determine the mission's result.
+
+    The node decides its own status, as a leaf does.
 
     Attributes:
         first: The first failure.
