@@ -45,7 +45,7 @@ SLIPS = {
     "a survivor who is named without memory": (
         changed(('name="SurvivorFound" memory="true"', 'name="SurvivorFound" memory="false"')),
         ("repeated-effect", "<BroadcastSurvivorTF "),
-        "'BroadcastSurvivorTF' would give the survivor a new name",
+        "'BroadcastSurvivorTF' would publish a static frame with a new name",
         "write memory=\"true\" in 'SurvivorFound'",
     ),
     "a report before there is a name": (

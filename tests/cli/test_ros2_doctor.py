@@ -74,7 +74,7 @@ def test_a_kernel_that_is_not_compiled_is_a_warning(check, capsys, monkeypatch):
     monkeypatch.setattr(kernel, "STATE", "absent")
     result = check.check()
     assert (result.error, result.warning) == (0, 1)
-    assert "trees are ticked by Python, several times slower" in capsys.readouterr().err
+    assert "trees are ticked by Python. This is several times slower" in capsys.readouterr().err
 
 
 def test_two_sources_of_what_is_meant_to_have_one_are_named(check, capsys, monkeypatch):

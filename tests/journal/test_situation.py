@@ -253,7 +253,8 @@ def test_facts_that_cannot_have_been_are_refused_with_their_number(tmp_path: Pat
     journal.close()
     journal = open_journal(place, resume=True)
     with pytest.raises(
-        JournalError, match=r"event 4 of the journal, counted .* does not fit: three is the end"
+        JournalError,
+        match=r"event 4 of the journal, counted .* contradicts the events before it: three is the end",
     ):
         journal.attach(Count())
     journal.close()

@@ -136,7 +136,7 @@ def test_behind_a_failsafe_the_reserve_counts_above_its_limit() -> None:
     made.zones.choose_zone("b")
     assert made.excess() == ""
     made.ends_below = 0.3
-    assert made.excess().endswith("a full battery leaves 55% above the reserve")
+    assert made.excess().endswith("only 55% is available above the reserve")
 
 
 def test_where_nobody_has_said_where_the_robot_is_it_is_where_it_has_looked_last() -> None:

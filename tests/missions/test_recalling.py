@@ -336,7 +336,7 @@ def test_without_a_journal_nothing_is_written() -> None:
 def test_a_fact_with_a_position_that_is_none_is_refused(kind: str, data: dict[str, Any]) -> None:
     journal = Journal()
     journal.earlier_events = lambda: [JournalEntry(1, 1, 0.0, 0.0, kind, data)]  # type: ignore[method-assign]
-    with pytest.raises(JournalError, match="does not fit: "):
+    with pytest.raises(JournalError, match="contradicts the events before it: "):
         MISSION.begin(ParameterReader(PARAMETERS)).use_journal(journal)
 
 
