@@ -1,4 +1,4 @@
-"""Limits on the files and memory of a tool call. The process of the call applies them to itself."""
+"""Limits on the files and the memory that a tool call may use. Each call's process applies these limits to itself."""
 
 import json
 import os

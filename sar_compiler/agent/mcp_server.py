@@ -43,7 +43,7 @@ _SHOWN = 60
 
 
 class ToolAccess:
-    """The permissions of the tools.
+    """The files, time and memory that the tools may use, and the command that they run.
 
     Args:
         roots: The folders that the tools may read, with links resolved. Relative paths begin at the first folder.
@@ -80,7 +80,7 @@ class ToolAccess:
         self._turns, self._calls = anyio.Semaphore(_AT_A_TIME), 0
 
     def path(self, name: str) -> str:
-        """Return the path of a file relative to the first folder, or the name of a shipped tree.
+        """Return a file's path relative to the first permitted folder, or the unchanged name of a shipped tree.
 
         The process of the call is confined to the folders as well, in case the file changes after this check.
 
@@ -160,7 +160,7 @@ class ToolAccess:
 
 
 def find_roots(given: Sequence[Path]) -> list[Path]:
-    """Return the folders that tools may read, with links resolved; by default the current folder.
+    """Return the folders that tools may read, with symbolic links resolved. The default is the current folder.
 
     Raises:
         SarError: If a path is not a folder, or the current folder is the root or the user's home folder.
@@ -171,13 +171,13 @@ def find_roots(given: Sequence[Path]) -> list[Path]:
     here = real_path(Path.cwd())
     if not given and here in (Path("/"), real_path(Path.home())):
         raise SarError(
-            f"the tools would read all files below {here}. Name the folder of the trees with --root FOLDER"
+            f"without --root, the tools could read all files below {here}. Name the folder of the trees with --root FOLDER"
         )
     return [real_path(each) for each in given] or [here]
 
 
 class AgentTools:
-    """The tools. An agent receives the docstrings and arguments of the methods as descriptions.
+    """The tools that an agent can call. The agent sees the methods' arguments and docstrings as descriptions.
 
     Args:
         access: The permissions of the tools.
@@ -193,7 +193,7 @@ class AgentTools:
         return await self._data("nodes", self._vocabulary, *([] if tag is None else [tag]))
 
     async def validate(self, file: str) -> ToolAnswer:
-        """Return the findings about a tree file as `output`, and its text with all suggestions applied as `fixed`."""
+        """Return a tree file's findings as `output`, and the file's text with all suggestions applied as `fixed`."""
         path = self._access.path(file)
         answer = await self._data("validate", self._project, path)
         fixed = None
@@ -202,7 +202,7 @@ class AgentTools:
         return {**answer, "fixed": fixed}
 
     async def explain(self, code: str) -> ToolAnswer:
-        """Explain a kind of finding, with an example that has this finding and a corrected example."""
+        """Explain a kind of finding. Show an example that causes this finding, and a corrected example."""
         return _tool_answer(*await self._access.run("explain", [], code))
 
     async def simulate(
@@ -229,7 +229,7 @@ class AgentTools:
         facts: Facts | None = None,
         max_states: int | None = None,
     ) -> ToolAnswer:
-        """Verify, for all possible runs of a tree, that they end, raise no error, and satisfy the properties in a file.
+        """Verify that all possible runs of a tree end, raise no error, and satisfy the properties in a file.
 
         Counterexamples are listed tick by tick. With `against`, the results are compared with those of another tree.
         """
@@ -261,7 +261,7 @@ class AgentTools:
     async def propose(
         self, file: str, properties: str | None = None, params: str | None = None, tree: str | None = None
     ) -> ToolAnswer:
-        """Return a tree's findings, its proofs, the digest of the files to run, and the command that approves the tree.
+        """Return a tree's findings and proofs, the digest of the files to run, and the command that approves the tree.
 
         `tree` is the ID of the tree in the file, and `params` the parameter file. Show the result to a person, who
         decides. This call approves nothing.

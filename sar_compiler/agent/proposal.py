@@ -1,4 +1,4 @@
-"""The proposal of an agent: a tree file with its findings and proofs, which a person approves."""
+"""An agent's proposal for a person to approve: a tree file, the findings about the tree, and the proofs."""
 
 from pathlib import Path
 
@@ -36,7 +36,7 @@ def proposal(
     tree_id: str | None = None,
     params: Path | None = None,
 ) -> dict[str, object]:
-    """Return the proposal of a tree, as data for JSON.
+    """Return the proposal of a tree as data that can be written as JSON.
 
     Args:
         tree: The tree file.
@@ -70,6 +70,6 @@ def proposal(
         return {**proposed, "is_proved": False, "why": f"no property could be decided: {error}"}
     if Fingerprint.from_tree(tree, tree_id, params, properties) != now:
         raise ApprovalError(
-            "a tree, parameter or property file has changed during the proof. Run the command again"
+            "a tree, parameter or property file was changed during the proof. Run the command again"
         )
     return {**proposed, "is_proved": verification.is_proved, "proofs": verification_data(verification)}

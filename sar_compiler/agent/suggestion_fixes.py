@@ -1,4 +1,4 @@
-"""Application of the suggestions of findings to the text of a tree file."""
+"""Applies the suggestions that findings contain to the text of a tree file."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +20,7 @@ def apply_suggestions(
     load: Callable[[Read], ProjectTree],
     is_meant: Callable[[Diagnostic], bool] = lambda _finding: True,
 ) -> ProjectTree:
-    """Return a tree with suggestions applied to its text.
+    """Load a tree file, apply the suggestions of the findings to the file's text, and return the resulting tree.
 
     Args:
         path: The file, which is not changed.

@@ -1,8 +1,8 @@
-"""A person's approval of an exact version of a tree and its parts.
+"""A person's approval of one exact version of a tree, together with its parameters and properties.
 
-The parts are the tree files, the ID of the tree to run, the mission's parameters, the files that the parameters name,
-and the properties file. Approvals are stored in the user's state folder, in a readable file for each tree. If they were
-stored next to the tree, an author of trees could write them.
+An approval covers the tree files, the ID of the tree to run, the mission's parameters, the files that the parameters
+name, and the properties file. Approvals are stored in the user's state folder, in a readable file for each tree. If
+they were stored next to the tree, an author of trees could write them.
 """
 
 import hashlib
@@ -34,7 +34,7 @@ from sar_compiler.tree.diagnostic import Source
 # The parameters that every ROS node has. They do not concern the mission.
 _ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides")
 _TRUSTED_OWNERS = (0,)
-"""The user IDs whose files are trusted as much as the user's own files. Only root is trusted."""
+"""The IDs of the other users whose files are trusted as much as the current user's own files. Only root is trusted."""
 _MAX_LISTED = 3
 """The maximum number of changed parameters that a message names."""
 
@@ -93,7 +93,7 @@ class Fingerprint(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """The SHA-256 of all parts. It does not depend on the absolute path of the tree file."""
+        """The SHA-256 of the whole fingerprint, except the absolute path of the tree file."""
         return _digest(json.dumps(self[1:], sort_keys=True).encode())
 
 
@@ -124,7 +124,7 @@ class Approval(NamedTuple):
 
 
 def approve(fingerprint: Fingerprint, by: str) -> Approval:
-    """Store the approval of a tree, which replaces an earlier approval.
+    """Store the approval of a tree, and replace any earlier approval of the same tree.
 
     Args:
         fingerprint: The approved version.
@@ -196,7 +196,7 @@ class ApprovalCheck:
         properties: Path | None = None,
     ) -> None:
         self._path = tree.path
-        self._remedy = f"Review it, then run: {approve_command(tree, tree_id, params, properties)}"
+        self._remedy = f"Review the tree, then run: {approve_command(tree, tree_id, params, properties)}"
         wanted = _id_of(tree, tree_id)
         record = _record_path(real_path(tree.path), wanted)
         if not record.is_file():
@@ -206,13 +206,13 @@ class ApprovalCheck:
             what = f"the tree '{wanted}' of {tree.path}" if others and wanted else str(tree.path)
             instead = f" (approved: {', '.join(others)})" if any(others) else ""
             raise ApprovalError(
-                f"{what} is not approved{instead}, but --approved requires it. {self._remedy}"
+                f"{what} is not approved{instead}, but --approved requires an approval. {self._remedy}"
             )
         self._approval = _read_record(record)
         self._reject_changes(_changed_files(_files_of(tree), self._approval.files))
 
     def require_properties(self, source: Source) -> None:
-        """Require that a run monitors the approved properties.
+        """Raise an error if the properties that a run monitors are not the approved properties.
 
         Args:
             source: The properties file, as it was read.
@@ -224,7 +224,7 @@ class ApprovalCheck:
             self._reject_changes([f"{source.path} is not the approved properties file"])
 
     def require_parameters(self, parameters: Mapping[str, object], files: Mapping[str, FileContent]) -> None:
-        """Require that a run has the approved parameters.
+        """Raise an error if the parameters of a run differ from the approved parameters.
 
         Args:
             parameters: The parameters of the run's node by flat name, from any source.
@@ -324,7 +324,7 @@ def _record_path(file: Path, tree: str) -> Path:
 
 
 def _record_paths(prefix: str) -> list[Path]:
-    """Return the paths of the approvals whose file names begin with a prefix."""
+    """Return the paths of the approval files whose names begin with the given prefix."""
     folder = approval_folder()
     if not folder.exists():
         return []
@@ -335,7 +335,7 @@ def _record_paths(prefix: str) -> list[Path]:
 
 
 def _require_own_folder() -> None:
-    """Require that only the user and root can write to the folder of approvals.
+    """Raise an error if any user except root and the current user can write to the folder of approvals.
 
     Raises:
         ApprovalError: If other users can write to the folder or replace it.
@@ -348,7 +348,7 @@ def _require_own_folder() -> None:
         # In a sticky folder such as /tmp only the owner can replace an entry.
         if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
             _reject_location(
-                parent, "all users can write to this folder", f"chmod o-w {shlex.quote(str(parent))}"
+                parent, "all users can write to that folder", f"chmod o-w {shlex.quote(str(parent))}"
             )
 
 

@@ -1,4 +1,4 @@
-"""Reading of the assumptions in a scenario or properties file: `facts:`, `outcomes:` and `controls:`.
+"""Reads the assumptions in a scenario or properties file: the sections `facts:`, `outcomes:` and `controls:`.
 
 The section `controls:` names replacements for controls and decorators whose behaviour is unknown.
 """
@@ -38,7 +38,7 @@ _TYPES: Mapping[type, str] = {bool: "true or false", int: "an integer", float: "
 
 @dataclass(frozen=True)
 class StartValues:
-    """Start values of runs from a mission's parameters. A scenario or properties file overrides them.
+    """The values with which runs start, set by a mission's parameters. Scenario and properties files override them.
 
     Attributes:
         parameters: The values of the root blackboard's keys.
@@ -74,7 +74,7 @@ def start_assumptions(start: StartValues, simulated: SimulatedTree) -> Assumptio
 def read_assumptions(
     document: Document, facts: Value | None, outcomes: Value | None, simulated: SimulatedTree
 ) -> Assumptions:
-    """Read the assumptions of a file; errors become findings of the document.
+    """Read a file's assumptions about facts and outcomes, and report errors in the file as findings.
 
     Args:
         document: The file.
@@ -131,7 +131,7 @@ def _declared_outcomes(
     leaves: Sequence[StubLeaf],
     specs: Sequence[NodeSpec],
 ) -> tuple[Outcome, ...]:
-    """Return the declared outcomes of leaves, with the probabilities and times from a file."""
+    """Return the outcomes that leaves declare, with the probabilities and durations that a file sets."""
     if len(specs) != 1:
         message = f"'{key.text}' names leaves that declare different outcomes"
         if specs:
@@ -161,7 +161,7 @@ def _declared_outcomes(
 def _probability(
     document: Document, parts: Mapping[str, Value]
 ) -> tuple[tuple[float, float] | None, tuple[float, float]]:
-    """Return the bounds of an outcome's probability and duration in a file."""
+    """Return the bounds that a file sets for an outcome's probability and duration."""
     return _interval(document, parts.get("p")), _interval(document, parts.get("sec")) or (0.0, 0.0)
 
 
@@ -175,7 +175,7 @@ def _interval(document: Document, value: Value | None) -> tuple[float, float] | 
 
 
 def _check_probabilities(document: Document, value: Value, outcomes: Sequence[Outcome]) -> None:
-    """Report probabilities with an impossible sum, and durations of a leaf that never returns RUNNING."""
+    """Report probabilities whose sum is impossible, and durations of leaves that never return RUNNING."""
     ending = [outcome for outcome in outcomes if outcome.status != "RUNNING"]
     known = [outcome.p for outcome in ending if outcome.p is not None]
     least, most = sum(p[0] for p in known), sum(p[1] for p in known)
@@ -232,7 +232,7 @@ def _parse_outcome(document: Document, value: Value, specs: Sequence[NodeSpec]) 
 
 
 def _can_return(spec: NodeSpec, status: str) -> bool:
-    """Return whether a leaf can return a status. Without declared outcomes, it can return any but SKIPPED."""
+    """Return whether a leaf can return a status. A leaf without declared outcomes can return any except SKIPPED."""
     return status in (spec.statuses or ("SUCCESS", "FAILURE", "RUNNING"))
 
 
@@ -256,7 +256,7 @@ def _names_in(outcome: Outcome) -> set[str]:
 def apply_controls(
     document: Document, controls: Value, binding: Binding, registry: Registry, files: Iterable[TreeFile]
 ) -> None:
-    """Replace nodes of unknown behaviour as a file requests; errors become findings of the document.
+    """Replace nodes of unknown behaviour by the nodes that a file names, and report errors in the file as findings.
 
     Args:
         document: The file.
@@ -287,7 +287,7 @@ def apply_controls(
 def _find_replacement(
     document: Document, value: Value, wanted: str, nodes: Sequence[BoundNode], registry: Registry
 ) -> NodeSpec | None:
-    """Return the replacement for nodes with the tag *wanted*; report an unsuitable replacement."""
+    """Return the replacement that a file names for nodes tagged *wanted*, or report that it is unsuitable."""
     tag = value.text or ""
     variants = registry.variants(tag)
     if not variants:
@@ -307,12 +307,12 @@ def _find_replacement(
 
 
 def _replacement_fault(spec: NodeSpec, nodes: Sequence[BoundNode]) -> str:
-    """Return the reason why a node cannot replace other nodes; an empty string if it can."""
+    """Return the reason why a node cannot replace the given nodes, or an empty string if it can replace them."""
     if spec.kind.is_leaf:
         return "it is a leaf"
     needed = [each.name for each in (*spec.required_attributes, *spec.references) if each.required]
     if needed:
-        return f"it requires {', '.join(dict.fromkeys(needed))}, but only default values are set in a replacement"
+        return f"it requires a value for {', '.join(dict.fromkeys(needed))}, but a replacement has only default values"
     least, most = spec.child_count
     for node in nodes:
         count = len(node.children)

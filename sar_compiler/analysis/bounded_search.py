@@ -1,4 +1,4 @@
-"""Search of a tree's runs, within a budget, for ticks that raise errors. Shorter runs are searched first."""
+"""Searches the runs of a tree for ticks that raise errors, within a budget. Shorter runs are searched first."""
 
 import time
 import traceback
@@ -27,14 +27,14 @@ _MAX_LISTED = 4
 """The maximum number of ticks that are listed for a run."""
 
 _MAX_FOUND = 8
-"""The maximum number of locations for which an error of a tree's ticks is reported."""
+"""The maximum number of locations in a tree at which errors are reported."""
 
 _TICK_COST, _NODE_COST = 200, 4000
-"""The fixed cost of a tick, to which the number of nodes is added, and the cost of preparing one node."""
+"""The fixed cost of a tick, and the cost of preparing one node. A tick also costs 1 for each node of the tree."""
 
 
 class SearchBudget:
-    """A search budget: an amount of work and a processor time.
+    """A limit on the amount of work and on the processor time of a search.
 
     Work is counted in ticked nodes. A tick also has a fixed cost, and preparing a tree costs as much as many ticks.
 
@@ -96,14 +96,14 @@ def mark(binding: Binding) -> None:
 
 
 class _Raised(NamedTuple):
-    """A tick that raises an error, and all ticks up to it, each with the state before it and a test of the choices."""
+    """An error, and the ticks that lead to it. Each tick has its start state and a function that recognises the tick."""
 
     error: Exception
     ticks: list[tuple[bytes, Callable[[TickSteps], bool]]]
 
 
 def can_prepare(binding: Binding, budget: SearchBudget) -> bool:
-    """Charge the preparation of a tree to the budget; return whether the budget was enough."""
+    """Charge the cost of preparing a tree to the budget, and return whether the budget was sufficient."""
     nodes = check_size_limits(binding.main, FindingCollector())
     return nodes is not None and budget.charge(nodes * _NODE_COST)
 
@@ -161,7 +161,7 @@ def findings_of_runs(
 def _search(
     steps: TickSteps, charge_tick: Callable[[], bool], place_of: Callable[[Exception], object]
 ) -> list[_Raised]:
-    """Search breadth first, and return the first tick that raises an error for each location.
+    """Search breadth first, and return for each location the first tick that raises an error there.
 
     States in which the run is over are not expanded.
 
@@ -227,7 +227,7 @@ def _run_text(ticks: list[list[Event]]) -> str:
 
 
 class _SimulationDoubts:
-    """Detects errors that may not occur in real runs, because they are due to values missing in the simulation."""
+    """Detects errors that are caused by values missing in the simulation, and may not occur in real runs."""
 
     def __init__(self, binding: Binding) -> None:
         accesses = [access for tree in binding.used_trees() for access in key_accesses_of(tree).accesses]
@@ -305,7 +305,7 @@ class FaultyAttributes:
             self._keys |= {inner for outer, inner in links if outer in self._keys}
 
     def explains(self, bound: BoundNode, attribute: str) -> bool:
-        """Return whether a faulty attribute explains an error in a node's attribute (any attribute if empty)."""
+        """Return whether a faulty attribute explains an error in a node's *attribute*, or anywhere in the node if empty."""
         return (bound, attribute) in self._attributes or any(
             (tree, key) in self._keys for tree, key, _ in self._accesses(bound, attribute)
         )
@@ -322,7 +322,7 @@ class FaultyAttributes:
                 yield tree, each.key, each.kind
 
     def _links(self) -> Iterator[tuple[tuple[BoundTree, str], tuple[BoundTree, str]]]:
-        """Yield the keys that are passed to subtrees, each with the key inside the subtree."""
+        """Yield each key that is passed to a subtree, together with the corresponding key inside the subtree."""
         for tree in dict.fromkeys(self._trees.values()):
             for use in tree.uses:
                 if use.subtree is not None:

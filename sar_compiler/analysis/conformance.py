@@ -41,7 +41,7 @@ from sar_compiler.runtime.events import HALTED, RETURNED, STARTED, Event
 
 _RUNNING, _HALTED = "RUNNING", "HALTED"
 _MAX_LISTED = 12
-"""The maximum number of events before a result that are listed."""
+"""The maximum number of preceding events that are listed for a violation or an impossible event."""
 
 
 class PropertyResult(Enum):
@@ -53,7 +53,7 @@ class PropertyResult(Enum):
     IN_DOUBT = "may be violated"
     """Some of the possible runs that match the record violate the property, but not all of them."""
     OPEN = "open"
-    """The run was stopped before a required event happened, or before the end that would decide the property."""
+    """The run was stopped before a required event happened, or the property can only be decided at the run's own end."""
 
 
 class RecordedProperty(NamedTuple):
@@ -103,7 +103,7 @@ class ImpossibleEvent(NamedTuple):
 
 
 class Conformance(NamedTuple):
-    """The result of a comparison.
+    """The result of comparing a recorded run with all possible runs of its tree.
 
     Attributes:
         ticks: The number of the last recorded tick.
@@ -121,7 +121,7 @@ class Conformance(NamedTuple):
 
     @property
     def is_fine(self) -> bool:
-        """Whether the run was possible and did not violate any property, certainly or possibly."""
+        """Whether the run was possible, and no property was violated or may have been violated."""
         wrong = (PropertyResult.BROKEN, PropertyResult.IN_DOUBT)
         return self.misfit is None and not any(each.fate in wrong for each in self.properties)
 
@@ -160,7 +160,9 @@ def conform(
     assumed = (
         ()
         if recorded.runs.follow(earlier)
-        else ("nothing remains of the earlier runs, because these runs do not conform to the tree",)
+        else (
+            "nodes and blackboard keep nothing from the earlier runs, because these runs do not conform to the tree",
+        )
     )
     reading = _LastTickReader(record)
     moments, lost = recorded.runs.locate(reading)
@@ -203,7 +205,7 @@ class _LastTickReader(TickSource):
             yield tick
 
     def last_number(self) -> int:
-        """Read the remaining ticks, and return the number of the last tick; 0 if there are no ticks."""
+        """Read the remaining ticks, and return the number of the last tick, or 0 if there are no ticks."""
         deque(self.read_ticks(), maxlen=0)
         return 0 if self._last is None else self._last.number
 
@@ -295,7 +297,7 @@ class _ReplayedRun:
     def _wrong_outcome(
         self, outcomes: Sequence[Event], most: int, best: "Sequence[_Attempt]"
     ) -> tuple[int, str, list[str], str]:
-        """Return an impossible outcome as the leaf's number, the event, the possible events, and the reason."""
+        """Describe an impossible outcome. Return the leaf's number, the event, the possible events and the reason."""
         event = outcomes[most]
         is_again = any(each.number == event.number for each in outcomes[:most])
         own = [
@@ -322,7 +324,7 @@ class _ReplayedRun:
         )
 
     def _missing_outcome(self, lost: LostTick, best: "Sequence[_Attempt]") -> tuple[int, str, list[str], str]:
-        """Describe an event that is missing in the record, like `_wrong_outcome`."""
+        """Describe an event that is missing in the record, in the form that `_wrong_outcome` returns."""
         end, root = lost.events[-1], self.runs.names[0]
         fitting = [each.option for each in best if each.is_whole and each.option.root == end.status]
         going_on = [each for each in best if not each.is_whole]
@@ -381,19 +383,19 @@ class _Attempt(NamedTuple):
 
     @property
     def next(self) -> str:
-        """The next event of the possible tick, after the part that it has in common with the recorded tick."""
+        """The first event of the possible tick that the recorded tick does not share."""
         if self.is_whole:
             return f"the tick ends with {self.option.root}"
         return event_text(self.option.outcomes[self.place])
 
 
 def event_text(event: Event) -> str:
-    """Return an event in the form of a properties file, such as `OpenDoor opened`."""
+    """Return the text of an event as it is written in a properties file, such as `OpenDoor opened`."""
     return f"{event.leaf} {'starts' if event.what == STARTED else event.action}"
 
 
 def _violated_assumption(leaf: StubLeaf, event: Event) -> str:
-    """Describe the assumption that excludes an outcome in the current state; empty if the outcome is possible."""
+    """Describe the assumption that excludes an outcome now. Return an empty string if the outcome is possible."""
     known = [
         each for each in leaf.outcomes if each.status == event.status and event.label in ("", each.label)
     ]
@@ -458,7 +460,7 @@ class _PropertyEvaluation:
     def _record_violations(
         self, some: dict[bytes, int], each: dict[bytes, int], events: Mapping[int, Event]
     ) -> None:
-        """Record the properties that this tick is the first to violate, on some path or on every path."""
+        """Record the properties that are violated for the first time in this tick, on some path or on every path."""
         self._some, self._each = some, each
         in_some, in_each = reduce(or_, some.values(), 0), reduce(and_, each.values(), -1)
         for rule in range(len(self._properties.names)):
@@ -494,7 +496,7 @@ class _PropertyEvaluation:
         return (1 << len(self._properties.names)) - (1 << count)
 
     def evaluate_rest(self, watch: RuntimeMonitor, lost: LostTick, *, is_over: bool) -> None:
-        """Evaluate the rest of a run that is impossible for the tree, using only the run's events."""
+        """Evaluate the properties in the rest of an impossible run, using only the run's events."""
         times, names = {}, self._properties.names
         for tick in ticks_of(self._compared_run.record):
             times[tick[-1].tick] = tick[-1].time_sec or 0.0

@@ -24,7 +24,7 @@ _DURATION = require_value_type(timedelta)
 
 
 def parse_word(document: Document, value: Value, known: Iterable[str], what: str) -> str | None:
-    """Return the text of a scalar that must be a known word; report any other value."""
+    """Return the text of a value that must be one of the known words, or report an error for any other value."""
     words = list(known)
     if value.text in words:
         return value.text
@@ -34,12 +34,12 @@ def parse_word(document: Document, value: Value, known: Iterable[str], what: str
 
 
 def seconds(value: Value) -> float:
-    """Convert a duration that a schema has accepted to seconds."""
+    """Convert a duration to seconds. The duration must already have been checked against a schema."""
     return parse_duration_range(value)[0]
 
 
 def parse_duration_range(value: Value) -> tuple[float, float]:
-    """Convert a duration or a range of durations that a schema has accepted (`4s`, `4s to 9s`) to bounds in seconds."""
+    """Convert a duration (`4s`) or a range of durations (`4s to 9s`), checked by a schema, to bounds in seconds."""
     if isinstance(value.data, (int, float)):
         return float(value.data), float(value.data)
     spans: list[Any] = [_DURATION.convert("".join(part.split())) for part in value.data.split("to")]
@@ -48,7 +48,7 @@ def parse_duration_range(value: Value) -> tuple[float, float]:
 
 
 def script(document: Document, value: Value | None) -> Script | None:
-    """Parse a script; report a syntax error at its location."""
+    """Parse a script, or report a syntax error at the error's location."""
     if value is None:
         return None
     try:
@@ -59,13 +59,13 @@ def script(document: Document, value: Value | None) -> Script | None:
 
 
 def report_script(document: Document, value: Value, error: ScriptError) -> None:
-    """Report a syntax error at its location in a script."""
+    """Report a script's syntax error at the location of the error."""
     part, suggestion, hint = (error.start, error.end), error.suggestion, error.hint
     document.report("script-error", error.message, value, part, suggestion=suggestion, hint=hint)
 
 
 def parameters(value: Value | None) -> dict[str, Fact]:
-    """Return the values that the section `parameters:` of a file sets for keys of the root blackboard."""
+    """Return the values that a file's section `parameters:` sets for keys of the root blackboard."""
     return {} if value is None else dict(value.data)
 
 
@@ -200,7 +200,7 @@ class EventPattern:
 
 
 class LeafVocabulary:
-    """Parses the leaf names, events and conditions in a document; errors become findings of the document."""
+    """Parses the leaf names, events and conditions in a document, and reports errors as the document's findings."""
 
     def __init__(self, document: Document, simulated: SimulatedTree) -> None:
         self.document = document

@@ -76,7 +76,7 @@ def test_the_file_that_has_changed_is_named(tree, changed, capsys):
     said = refusal(tree)
     assert said is not None
     assert said.startswith("whole.xml differs from the version that Ada approved on 2")
-    assert f": {changed} has changed. Review it, then run: sar-compile approve whole.xml" in said
+    assert f": {changed} has changed. Review the tree, then run: sar-compile approve whole.xml" in said
 
 
 def test_a_file_that_is_included_now_and_one_that_is_not_any_more_are_named(tree, capsys):
@@ -434,7 +434,7 @@ class TestAFolderOfOthers:
         above = approval_folder().parent.parent
         above.chmod(0o777)
         said = str(refusal(tree))
-        assert said.startswith(f"approvals in {above} are ignored: all users can write to this folder.")
+        assert said.startswith(f"approvals in {above} are ignored: all users can write to that folder.")
         assert said.endswith(f"chmod o-w {above}")
         above.chmod(0o1777)
         assert refusal(tree) is None

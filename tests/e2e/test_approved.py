@@ -26,7 +26,7 @@ def test_a_tree_runs_only_as_it_was_approved(start, tree, state, tmp_path):
         return run.end(), run.output
 
     status, said = fly()
-    assert (status, "is not approved, but --approved requires it" in said) == (2, True)
+    assert (status, "is not approved, but --approved requires an approval" in said) == (2, True)
     assert start("sar-compile", "approve", tree, "--by", "Ada", env=state).end() == 0
     assert fly()[0] == 0
     status, said = fly("--tree", "Other")
@@ -45,4 +45,7 @@ def test_a_tree_runs_only_as_it_was_approved(start, tree, state, tmp_path):
     assert (status, "p.yaml is not the approved properties file" in said) == (2, True)
     tree.write_text(document("<AlwaysFailure/>"), encoding="utf-8")
     status, said = fly()
-    assert (status, "tree.xml has changed. Review it, then run: sar-compile approve" in said) == (2, True)
+    assert (status, "tree.xml has changed. Review the tree, then run: sar-compile approve" in said) == (
+        2,
+        True,
+    )

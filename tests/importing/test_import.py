@@ -519,7 +519,7 @@ def test_a_run_is_compared_alone_with_an_assumption_if_an_earlier_one_is_impossi
         journal = import_log(log, tmp_path)
         _, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
         assumed = (
-            ", if nothing remains of the earlier runs, because these runs do not conform to the tree"
+            ", if nodes and blackboard keep nothing from the earlier runs, because these runs do not conform to the tree"
             if is_altered
             else ""
         )
