@@ -218,11 +218,11 @@ class LeafVocabulary:
         return self._origins[leaf.id].bound.spec
 
     def leaves_for_key(self, key: str) -> tuple[StubLeaf, ...]:
-        """Return the leaves that a key names by their path, name or tag."""
+        """Return the leaves whose path, name or tag matches a key."""
         return tuple(leaf for leaf in self.leaves if match_rank(key, leaf.path, leaf.tag))
 
     def find(self, value: Value) -> tuple[StubLeaf, ...]:
-        """Return the leaves that a value names; report a value that names no leaf."""
+        """Return the leaves that a value names, or report an error if it names no leaf."""
         key = value.text or ""
         found = self.leaves_for_key(key)
         if not found:
@@ -230,7 +230,7 @@ class LeafVocabulary:
         return found
 
     def parse_outcome(self, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
-        """Return a label or status that the leaves can return; report any other value."""
+        """Return a value's text if it is a label or status that the leaves can return; otherwise report an error."""
         text, known = value.text or "", outcome_words(leaves)
         if text not in known:
             message = f"'{leaves[0].name}' never returns '{text}'. It returns {', '.join(known)}"
@@ -241,7 +241,7 @@ class LeafVocabulary:
     def condition(
         self, value: Value | None, own: Collection[str], later: Collection[str] = ()
     ) -> Script | None:
-        """Parse a condition; report its errors.
+        """Parse a condition, and report the errors in the condition.
 
         Args:
             value: The condition; None if there is none.
@@ -260,7 +260,7 @@ class LeafVocabulary:
         return None if found else condition
 
     def parse_event(self, value: Value) -> EventPattern | None:
-        """Return the pattern of the events that a string names; report a string that names no event."""
+        """Return the pattern of the events that a string names, or report an error if the string names no event."""
         text = value.text or ""
         words = text.split(" ")
         for count in range(len(words) - 1, 0, -1):
@@ -300,7 +300,7 @@ class LeafVocabulary:
 
 
 def outcome_words(leaves: Iterable[StubLeaf]) -> list[str]:
-    """Return the labels, followed by the statuses, of the outcomes that leaves can return."""
+    """Return the labels of the outcomes that leaves can return, followed by the statuses of these outcomes."""
     labels = [outcome.label for leaf in leaves for outcome in leaf.outcomes if outcome.label]
     statuses = {outcome.status for leaf in leaves for outcome in leaf.outcomes}
     return [*dict.fromkeys(labels), *(status for status in STATUSES if status in statuses)]

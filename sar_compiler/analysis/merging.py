@@ -1,4 +1,4 @@
-"""Merging of values that a search need not distinguish. `analysis.verify.slicing` determines them."""
+"""Merges values that a search need not distinguish. `analysis.verify.slicing` determines which values these are."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -34,18 +34,18 @@ class MergedValues:
 
     @property
     def is_irrelevant(self) -> bool:
-        """Whether no condition, control or property depends on the values."""
+        """Whether the values affect no condition, control or property."""
         return self.is_unread or self.above == -math.inf
 
     def __call__(self, value: object) -> object:
-        """Return the representative of a value, which is the first value of the same class."""
+        """Return the representative of a value: the first value that belongs to the same class."""
         kind = self._kind_of(value)
         representative = value if kind is None else self._representatives.setdefault(kind, value)
         self.is_used = self.is_used or representative != value
         return representative
 
     def _kind_of(self, value: object) -> object:
-        """Return the class of equivalent values that contains a value; None if the value is not merged with others."""
+        """Return the class of equivalent values to which a value belongs, or None if the value is not merged."""
         kind = type(value)
         if self.is_unread and kind in _PLAIN:
             return kind
@@ -63,15 +63,15 @@ class MergedValues:
             (self.below, f"of {self.below - 1:g} and less"),
         ]
         listed = ", and values ".join(text for bound, text in bounds if math.isfinite(bound))
-        return f"{self.name} is only compared with constants: values {listed} are not distinguished."
+        return f"{self.name} is only compared with constants, so values {listed} are not distinguished."
 
 
 def merging_notes(merged: Sequence[MergedValues]) -> Iterator[str]:
-    """Yield a note for each group of values that a search did not distinguish. The note includes the reason."""
+    """Yield a note for each group of values that a search did not distinguish. The note states the reason."""
     irrelevant = [each.name for each in merged if each.is_irrelevant]
     if irrelevant:
         listed = " and ".join(filter(None, [", ".join(irrelevant[:-1]), irrelevant[-1]]))
-        yield f"Values of {listed} are not distinguished: no condition, control or property depends on them."
+        yield f"Values of {listed} are not distinguished, because no condition, control or property depends on these values."
     yield from (str(each) for each in merged if not each.is_irrelevant)
 
 
@@ -97,9 +97,9 @@ class ValueMerging:
         self._cells.set_content(self._switch, True)  # noqa: FBT003 - the value of an entry
 
     def add_switch(self, entries: Iterable[Entry]) -> list[int]:
-        """Return the cell of the merging switch if merging affects one of the entries; otherwise an empty list."""
+        """Return a list with the cell of the merging switch if merging affects an entry, otherwise an empty list."""
         return [self._switch] if any(entry.name in self.values for entry in entries) else []
 
     def representative(self, name: str, value: object) -> object:
-        """Return the value to store in an entry instead of a written value."""
+        """Return the value to store in an entry when a value is written."""
         return value if self._cells.now[self._switch] else self.values[name](value)

@@ -27,7 +27,7 @@ _NOTHING = EntryContent()
 
 
 class NumberedBoard(Board):
-    """A board whose entries are stored in cells, instead of on py_trees' blackboard.
+    """A blackboard whose entries are stored in cells, not on py_trees' blackboard.
 
     Attributes:
         cells: The cells, possibly shared with other boards.
@@ -39,7 +39,7 @@ class NumberedBoard(Board):
 
     @classmethod
     def from_board(cls, board: Board, cells: EntryCells) -> None:
-        """Convert a board to a numbered board in place, because the ports of all nodes refer to the board.
+        """Convert a board to a numbered board in place, so that the ports of all nodes keep referring to it.
 
         Raises:
             FrozenValueError: If an entry holds a value that can neither be copied nor hashed.
@@ -59,7 +59,7 @@ class NumberedBoard(Board):
                 board.set(name, values[name])
 
     def memo(self, entries: Sequence[Entry]) -> Memo:
-        """Return a memo that caches the effects of code that uses *entries*.
+        """Return a cache for the effects of code that reads and writes *entries*.
 
         The memo identifies entries by their cells, so it also works for entries of other boards with the same cells.
         """
@@ -69,17 +69,17 @@ class NumberedBoard(Board):
         )
 
     def merge(self, merging: ValueMerging) -> None:
-        """Merge values from now on, including the current values of the entries."""
+        """Merge the current values of the entries, and all values that are written from now on."""
         self.merging = merging
         for name in self.names():
             self._store(name, self._content_of(name))
 
     def has(self, name: str) -> bool:
-        """Return whether there is an entry with an absolute name."""
+        """Return whether the entry with the given absolute name has a value."""
         return self._content_of(name).frozen is not None
 
     def get(self, name: str) -> object:
-        """Return an entry's value; raise a `KeyError` if the entry has no value."""
+        """Return an entry's value, or raise a `KeyError` if the entry has no value."""
         frozen = self._content_of(name).frozen
         if frozen is None:
             raise KeyError(name)
@@ -95,12 +95,12 @@ class NumberedBoard(Board):
         return value
 
     def set(self, name: str, value: object) -> None:
-        """Write an entry; a missing entry is created."""
+        """Write a value to an entry. Create the entry if it does not exist."""
         content = self._content_of(name)
         self._store(name, content._replace(frozen=self._freeze(name, value), stamp=self._next_stamp(name)))
 
     def declare(self, name: str, kind: type | None) -> None:
-        """Declare an entry, which stays empty until it is written; an earlier type is not changed."""
+        """Declare an entry, which stays empty until a value is written. A type declared earlier is not changed."""
         content = self._content_of(name)
         if content.kind is None:
             self._store(name, content._replace(kind=(kind,)))
@@ -116,16 +116,16 @@ class NumberedBoard(Board):
         return self._content_of(name).kind is not None
 
     def kind_of(self, name: str) -> type | None:
-        """Return the type of an entry; None if the entry has no type."""
+        """Return the type of an entry, or None if the entry has no type."""
         kind = self._content_of(name).kind
         return None if kind is None else kind[0]
 
     def remove(self, name: str) -> None:
-        """Remove an entry with its type, if it exists."""
+        """Remove an entry and the entry's type, if the entry exists."""
         self._store(name, _NOTHING)
 
     def stamp(self, name: str) -> int:
-        """Return the number of an entry's writes if they are counted, else 1; 0 if the entry was never written."""
+        """Return how often an entry was written. Without counting, return 1 for any entry that was written."""
         return self._content_of(name).stamp
 
     def names(self) -> Iterator[str]:
@@ -134,7 +134,7 @@ class NumberedBoard(Board):
         yield from [name for name in self.cells.names if name.startswith(folder) and self.has(name)]
 
     def restamp(self, name: str, stamp: int) -> None:
-        """Set the number of writes of an entry, if it exists."""
+        """Set the number of times an entry was written, if the entry exists."""
         content = self._content_of(name)
         if content.stamp not in (0, stamp):
             self._store(name, content._replace(stamp=stamp))
@@ -161,6 +161,6 @@ class NumberedBoard(Board):
             raise FrozenValueError(message) from error
 
     def freeze_lent(self, place: int, value: object) -> Hashable:
-        """Return the immutable form of a value that a leaf may have changed; called by the cells."""
+        """Return the immutable form of an entry value that a leaf may have changed. The cells call this method."""
         name, content = self.cells.names[place], self.cells.content(place)
         return content._replace(frozen=self._freeze(name, value)) if content else None

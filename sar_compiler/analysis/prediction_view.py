@@ -1,4 +1,4 @@
-"""The prediction of a tree's runs as text, JSON and SVG plot."""
+"""Displays the prediction of a tree's runs as text, as JSON or as an SVG plot."""
 
 import math
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ _MAX_POINTS = 400
 
 
 def prediction_as_text(prediction: Prediction, seconds: float) -> str:
-    """Return the probabilities, the times, and a line for each of the most influential leaves.
+    """Return the prediction as text: probabilities, times, and a line for each of the most influential leaves.
 
     Args:
         prediction: The prediction.
@@ -50,7 +50,7 @@ def _lines(found: Prediction, seconds: float) -> Iterator[str]:
     if not found.complete:
         yield (
             "\nNot all states were explored, so the bounds are wide. A time interval requires a state for each "
-            "of its ticks. Write a single time for each outcome (sec: 30), omit times on which no time limit "
+            "tick in the interval. Write a single time for each outcome (sec: 30), omit times on which no time limit "
             "depends, or increase the time between ticks (--period)."
         )
 
@@ -86,7 +86,7 @@ def _time(found: Prediction) -> str:
 
 
 def prediction_as_json(prediction: Prediction, seconds: float) -> str:
-    """Return a prediction as a JSON object; see `prediction_as_text`."""
+    """Return a prediction as a JSON object. The arguments are those of `prediction_as_text`."""
 
     def numbers(between: ProbabilityBounds | None) -> dict[str, float] | None:
         return None if between is None else {"low": between.low, "high": between.high}

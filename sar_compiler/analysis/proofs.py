@@ -1,4 +1,4 @@
-"""Functions that search the runs of a loaded tree, given a properties file and the user's facts."""
+"""Searches the runs of a loaded tree under the assumptions of a properties file and the user's facts."""
 
 import contextlib
 import functools
@@ -29,7 +29,7 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 SearchResult = TypeVar("SearchResult")
 TreeSearch = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], SearchResult]
-"""A function such as `verify.verify`, with the arguments tree, properties file, and tags of all leaves."""
+"""A search function such as `verify.verify`. Its arguments are the tree, the properties file and all leaf tags."""
 
 
 def search_runs(
@@ -42,7 +42,7 @@ def search_runs(
     outcomes: Iterable[str | Path] = (),
     more: Assumptions | None = None,
 ) -> SearchResult:
-    """Search the runs of a bound tree under the assumptions of its files and *more*, and return the result."""
+    """Search a bound tree's runs under the assumptions of the files and of *more*, and return the result."""
     path = default_properties(tree, binding) if properties is None else properties
     file = None if path is None else read_property_file(path)
     others = [read_property_file(each) for each in outcomes]
@@ -76,13 +76,13 @@ def search_runs(
 
 
 def set_initial_facts(simulated: SimulatedTree, facts: Mapping[str, Fact]) -> None:
-    """Set the initial facts of a run, which override the facts of a properties file."""
+    """Set the initial facts of a run. These facts override the facts of a properties file."""
     for name in facts.keys() & simulated.fact_values().keys():
         simulated.facts.resolve(name).write(facts[name])
 
 
 def try_runs(tree: ProjectTree, binding: Binding, budget: SearchBudget, how_to_see: str) -> list[Diagnostic]:
-    """Return findings about ticks of a bound tree that raise errors; see `trial.try_tree`."""
+    """Return findings about the ticks in which a bound tree raises errors; see `trial.try_tree`."""
     if not can_prepare(binding, budget):
         return []
     mark(binding)
@@ -99,7 +99,7 @@ def try_runs(tree: ProjectTree, binding: Binding, budget: SearchBudget, how_to_s
 
 
 def default_properties(tree: ProjectTree, binding: Binding) -> Path | None:
-    """Return the default properties file of a bound tree's mission; None if there is none."""
+    """Return the default properties file of a bound tree's mission, or None if there is no such file."""
     if not is_part_installed("missions"):
         return None
     from sar_compiler.missions.mission_choice import mission_of

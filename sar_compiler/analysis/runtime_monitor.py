@@ -1,4 +1,4 @@
-"""Monitoring of a run for violations of properties and of the assumptions of proofs.
+"""Monitors a run for violations of properties and of the assumptions on which proofs depend.
 
 As in a proof, the outcomes of leaves determine the facts: the script `then` of an outcome changes facts that start as in
 the run. The monitors are the same as in the search of `verify`, and receive the same events in the same order. So a
@@ -30,7 +30,7 @@ from sar_compiler.runtime.variables import ScriptValue, VariableError
 from sar_compiler.runtime.walking import pre_order
 
 _MAX_LISTED = 20
-"""The maximum numbers of events listed before an alarm: of events that properties use, and of other events."""
+"""The maximum number of events listed before an alarm, separately for events that properties use and for others."""
 
 
 class WatchedEvent(NamedTuple):
@@ -97,11 +97,11 @@ class _ReadOnlyKeys(FactVariables):
     """The variables of a monitored run: facts, and keys that only the running tree writes."""
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write a fact; ignore a key."""
+        """Write a value to a fact. Do not write to a key, because only the running tree writes keys."""
         return super().create(name, value) if self.is_fact(name) else value
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write a fact; ignore a key."""
+        """Write a value to a fact. Do not write to a key, because only the running tree writes keys."""
         return super().assign(name, value) if self.is_fact(name) else value
 
 
@@ -113,7 +113,7 @@ class _EarlyCondition:
         self.value = False
 
     def evaluate(self) -> None:
-        """Evaluate the condition and store its value; if this raises an error, report it and store False."""
+        """Evaluate the condition and store the result. If the evaluation fails, report the error and store False."""
         try:
             self.value = self._holds()
         except ConditionError as error:
@@ -187,7 +187,7 @@ class RuntimeMonitor:
 
     @property
     def state_number(self) -> int:
-        """The state of the properties as a number; equal numbers mean equal `pending_properties`."""
+        """A number for the state of the properties. If two numbers are equal, so are the `pending_properties`."""
         return self._trail.watched
 
     @property
@@ -223,7 +223,7 @@ class RuntimeMonitor:
             entry.write(known + by)
 
     def on_before_event(self, number: int) -> None:
-        """Evaluate the conditions on a leaf's events before its next event changes the state."""
+        """Evaluate the conditions on a leaf's events before the leaf's next event changes the state."""
         for condition in self._conditions.get(number, ()):
             condition.evaluate()
 
@@ -254,7 +254,7 @@ class RuntimeMonitor:
     def _process_outcome(
         self, number: int, numbers: Sequence[tuple[int, Outcome | None]], action: str
     ) -> None:
-        """Process a declared outcome of a leaf, given the numbers and outcomes of all matching events."""
+        """Process a declared outcome of a leaf. *numbers* are the numbers and outcomes of all matching events."""
         (event, outcome), excluded = numbers[0], None
         if len(numbers) > 1 or (outcome is not None and outcome.when):
             (event, outcome), excluded = self._select_outcome(number, numbers)
@@ -268,7 +268,7 @@ class RuntimeMonitor:
             self._apply_effects(self._leaves[number], outcome)
 
     def end_tick(self, root: str) -> None:
-        """Process the end of a tick, given the root's status (empty for an unfinished tick)."""
+        """Process the end of a tick. *root* is the status of the root, and is empty for an unfinished tick."""
         self._root = root
         self._judge(is_over=False)
         self._spending.end_tick()
@@ -305,7 +305,7 @@ class RuntimeMonitor:
     def _select_outcome(
         self, number: int, numbers: Sequence[tuple[int, Outcome | None]]
     ) -> tuple[tuple[int, Outcome | None], tuple[str, str] | None]:
-        """Return the first outcome that is possible now, or else the first outcome and why it is impossible."""
+        """Return the first outcome that is possible now. If none is, return the first one and why it is impossible."""
         leaf = self._leaves[number]
         try:
             for event, outcome in numbers:
@@ -319,7 +319,7 @@ class RuntimeMonitor:
         )
 
     def _process_undeclared(self, number: int, status: str, label: str) -> None:
-        """Process an undeclared outcome of a leaf, or an outcome whose label the leaf has not reported."""
+        """Process an outcome that a leaf does not declare, or that a leaf reports without the declared label."""
         self._add_event(number, label or status)
         leaf = self._leaves.get(number)
         if leaf is None:
@@ -330,7 +330,7 @@ class RuntimeMonitor:
         else:
             listed = ", ".join(dict.fromkeys(outcome.name for outcome in known))
             self._report_assumption(
-                number, f"'{leaf.name}' reports the label of each returned outcome: {listed}"
+                number, f"'{leaf.name}' reports the label of each returned outcome ({listed})"
             )
 
     def _apply_effects(self, leaf: StubLeaf, outcome: Outcome) -> None:
@@ -378,7 +378,7 @@ class RuntimeMonitor:
 
 
 def describe_condition(leaf: StubLeaf, outcomes: Sequence[Outcome]) -> tuple[str, str]:
-    """Describe the conditions that make outcomes of a leaf impossible now, and the values of their variables."""
+    """Describe the conditions that make a leaf's outcomes impossible now, and the values in these conditions."""
     whens = dict.fromkeys(outcome.when for outcome in outcomes)
     names = dict.fromkeys(use.name for when in whens for use in name_uses(parse(when)))
     values = ", ".join(f"{name} is {_value(leaf, name)}" for name in names)
@@ -402,7 +402,7 @@ def describe_undeclared_outcome(leaf: StubLeaf, status: str, label: str) -> str:
 
 
 def _bind_keys(watched: CompiledTree, simulated: SimulatedTree) -> None:
-    """Make stub leaves read the keys of a running tree.
+    """Make the stub leaves of a simulated tree read the blackboard keys of a running tree.
 
     Raises:
         OtherTreeError: If the running tree has other nodes than the simulated tree.
@@ -420,7 +420,7 @@ def _bind_keys(watched: CompiledTree, simulated: SimulatedTree) -> None:
 def _numbers(
     alphabet: EventAlphabet,
 ) -> Mapping[tuple[int, str, str, str], list[tuple[int, Outcome | None]]]:
-    """Return the numbers of leaf events with their outcomes, by leaf number, kind of event, status and label.
+    """Return events as numbers with outcomes, grouped by leaf number, kind of event, status and label.
 
     The label may be empty if the leaf has only one outcome with this status.
     """

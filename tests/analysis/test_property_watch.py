@@ -219,7 +219,7 @@ def test_an_answer_that_a_leaf_has_not_declared_is_an_assumption_that_failed():
     assert taken(watch, (0, "FAILURE"), (0, "SUCCESS", "perhaps"), (0, "SUCCESS")) == [
         "Assumption failed: 'A' returns only yes, no, but returned FAILURE",
         "Assumption failed: 'A' returns only yes, no, but returned perhaps",
-        "Assumption failed: 'A' reports the label of each returned outcome: yes, no",
+        "Assumption failed: 'A' reports the label of each returned outcome (yes, no)",
     ]
 
 

@@ -84,7 +84,7 @@ def test_a_time_of_too_many_ticks_is_refused_with_the_period_that_would_do(predi
     status, out, err = predict("--period", "1", sec=30)
     assert (status, out) == (1, "")
     assert err == (
-        "sar-compile: no prediction is possible: 'DetectSurvivor' takes 30 s, which is 30 ticks. At most 20 are supported. "
+        "sar-compile: no prediction is possible: 'DetectSurvivor' takes 30 s, which is 30 ticks. At most 20 ticks are supported. "
         "Use a longer tick period: --period 1.5\n"
     )
     assert predict("--period", "1.5", sec=30)[0] == 0

@@ -1,4 +1,4 @@
-"""Prediction of a tree's runs: probabilities, times and influential leaves.
+"""Predicts the runs of a tree: the probabilities, the times and the most influential leaves.
 
 The tree's states are searched as for a proof, with the known probabilities and times of leaves
 (`state_search.probabilities`). The graph of states gives a system of linear equations (`weighed_graph`).
@@ -47,7 +47,7 @@ _MOST_TICKS = 2_000_000
 
 @dataclass(frozen=True)
 class Influence:
-    """The influence of a leaf on success.
+    """The influence of a leaf on the success probability of a tree.
 
     Attributes:
         leaf: The path of the leaf.
@@ -64,7 +64,7 @@ class Influence:
 
 @dataclass(frozen=True)
 class Prediction:
-    """The expected results of a tree's runs. Uncertain numbers have bounds.
+    """The predicted results of a tree's runs. Uncertain numbers are given as a lower and an upper bound.
 
     Attributes:
         success: The probability that a run ends with the root SUCCESS.
@@ -106,7 +106,7 @@ class Prediction:
     merged: tuple[MergedValues, ...] = ()
 
     def quantile(self, share: float) -> float | None:
-        """Return the time in seconds by which a given share of the ending runs has ended; None if unknown."""
+        """Return the time in seconds by which a share of the runs that end has ended, or None if it is unknown."""
         whole = self.distribution[-1][2] if self.distribution else 0.0
         return next((sec for sec, _, ended in self.distribution if ended >= share * whole - _ROUNDING), None)
 
@@ -160,7 +160,7 @@ def predict(
 def _predict_searched(
     properties: Properties, *, prepared: PreparedTree, period_sec: float, max_states: int, budget: Budget
 ) -> Prediction:
-    """Predict the results of a tree's runs; raise a `ConditionError` if a condition cannot be evaluated."""
+    """Predict the results of a tree's runs, or raise a `ConditionError` if a condition cannot be evaluated."""
     simulated, probabilities = prepared.simulated, ChoiceTable(CountedTimes(period_sec))
     stepper = TreeStepper(prepared, _breach_automata(properties.rules), probabilities=probabilities)
     nothing = _unknown_prediction(properties)
@@ -188,7 +188,7 @@ def _predict_searched(
 
 
 def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
-    """Raise an error if a duration takes too many ticks. Each number of remaining ticks is a separate state.
+    """Raise an error if a duration is too many ticks long. The search has a state for each remaining tick.
 
     Raises:
         UndecidableError: If a time takes too many ticks.
@@ -197,13 +197,13 @@ def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
         if seconds / period_sec > _MOST_TICKS:
             period = _round_up(seconds / _MOST_TICKS)
             raise UndecidableError(
-                f"'{name}' takes {seconds:g} s, which is {seconds / period_sec:.3g} ticks. At most {_MOST_TICKS:,} are supported. "
+                f"'{name}' takes {seconds:g} s, which is {seconds / period_sec:.3g} ticks. At most {_MOST_TICKS:,} ticks are supported. "
                 f"Use a longer tick period: --period {period}"
             )
 
 
 def _require_no_error(graph: Graph, simulated: SimulatedTree) -> None:
-    """Raise an error if a tick raises one, because the behaviour after an error is unknown.
+    """Raise an error if a tick in the graph raises an error, because the behaviour after that tick is unknown.
 
     Raises:
         UndecidableError: If a tick raises an error.
@@ -215,13 +215,13 @@ def _require_no_error(graph: Graph, simulated: SimulatedTree) -> None:
 
 
 def _round_up(seconds: float) -> str:
-    """Return a number of seconds, rounded up to two significant digits, as the value of an option."""
+    """Return the text of a number of seconds, rounded up to two significant digits, for a command-line option."""
     digits = 1 - math.floor(math.log10(seconds))
     return f"{math.ceil(seconds * 10.0**digits) / 10.0**digits:g}"
 
 
 def _times(simulated: SimulatedTree) -> Iterator[tuple[str, float]]:
-    """Yield the name of each node with a constant duration or time limit, and this time in seconds."""
+    """Yield the constant durations and time limits of nodes, each as the node's name and the time in seconds."""
     for behaviour in simulated.root.iterate():
         if isinstance(behaviour, StubLeaf):
             yield from ((behaviour.name, outcome.sec[1]) for outcome in behaviour.outcomes)
@@ -252,7 +252,7 @@ def _unknown_prediction(properties: Properties) -> Prediction:
 
 
 class _ViolationMonitors(MonitorSet):
-    """Monitors whose state also contains a bit for each property that was violated.
+    """Property monitors whose state also contains one bit for each violated property.
 
     Args:
         monitors: The wrapped monitors.
@@ -277,7 +277,7 @@ class _ViolationMonitors(MonitorSet):
         return (after & ~(broken | now)) | (broken | now) << self.count, 0
 
     def parts(self, state: int) -> tuple[int, int]:
-        """Return the state of the wrapped monitors, and the violated properties, as bits."""
+        """Split a state into the state of the wrapped monitors and the bit set of violated properties."""
         return state & (1 << self.count) - 1, state >> self.count
 
     def pending_monitors(self, state: int) -> int:
@@ -359,7 +359,7 @@ class _PredictionSolver:
         return tuple((self._seconds(each.tick), each.succeeded, each.ended) for each in moments or ())
 
     def _property_bounds(self, rule: int) -> ProbabilityBounds:
-        """Return the bounds of the probability that a property holds; obligations must be met before a run ends."""
+        """Return the bounds of the probability that a property holds. An obligation must be met before a run ends."""
         broken, unknown = self._broken[:, rule], self._open
         if rule in self._properties.owing:
             return self._weighed.bounds(self._ends & ~broken, unknown)
@@ -397,7 +397,7 @@ class _PredictionSolver:
 
 
 def _end_judgement(steps: TickSteps, code: bytes) -> Judgement:
-    """Return the judgement of a final state; if nothing else ends the run there, the tree is idle."""
+    """Return the judgement of a final state. If the run has not ended otherwise, the tree counts as idle."""
     judgement = steps.judge(code, None)
     if not judgement.ends:
         return steps.judge(code, idle=True)

@@ -32,7 +32,7 @@ from sar_compiler.runtime.outcomes import middle
 Flags: TypeAlias = npt.NDArray[Any]
 Indices: TypeAlias = npt.NDArray[Any]
 Reals: TypeAlias = npt.NDArray[Any]
-"""Arrays of bool, int64 and float64 with one element for each place or for each step."""
+"""NumPy arrays of bool, int64 and float64, each with one element for every place or for every step."""
 
 _MOST_ROUNDS = 100
 # The number of rounds of `_improve` that are faster than a pass in Python.
@@ -46,7 +46,7 @@ _STEPS_OF_A_ROUND = 400
 
 
 class ProbabilityBounds(NamedTuple):
-    """The bounds of a number.
+    """The lower and the upper bound of a number.
 
     Attributes:
         low: The lower bound.
@@ -72,7 +72,7 @@ class EndTick(NamedTuple):
 
 
 class ProbabilityGraph:
-    """The graph of a search, with the probability of each step.
+    """The graph of states that a search has found, with the probability of each step.
 
     Ticks that need an unknown value have the remaining probability of their outcome.
 
@@ -110,7 +110,7 @@ class ProbabilityGraph:
     def _unknown_steps(
         self, graph: Graph, source: Indices, outcomes: Indices, shares: Reals
     ) -> tuple[Indices, Indices, Reals]:
-        """Return states and outcomes after which some ticks need an unknown value, with the share of these ticks."""
+        """Return the states and outcomes after which ticks may need an unknown value, and the share of such ticks."""
         width = self._low.shape[1]
         followed = np.bincount(source * width + outcomes, shares, self._count * width).reshape(-1, width)
         missing = (self._high[self._choice_at] > 0.0) * (1.0 - followed)
@@ -133,11 +133,11 @@ class ProbabilityGraph:
         return ProbabilityBounds(float(least[0]), float(most[0]))
 
     def _place_flags(self, states: Flags) -> Flags:
-        """Extend an array of flags from states to all places. The flags of the additional places are False."""
+        """Extend an array with a flag for each state to all places. The additional places get the flag False."""
         return np.concatenate([states, np.zeros(self._count - self._states, bool)])
 
     def _optimum(self, goal: Flags, sign: int) -> tuple[Reals, Reals]:
-        """Return the optimal probabilities of reaching a goal from each place, and the choice of outcome probabilities.
+        """Return each place's optimal probability of reaching a goal, and the outcome probabilities that achieve it.
 
         The optimum is the maximum if *sign* is positive, and the minimum if it is negative.
 
@@ -160,12 +160,12 @@ class ProbabilityGraph:
         raise UndecidableError(f"the bounds of a probability did not converge in {_MOST_ROUNDS} rounds")
 
     def _interior_probabilities(self) -> Reals:
-        """Return outcome probabilities in the middle of their bounds, for each place, and positive if possible."""
+        """Return outcome probabilities for each place, in the middle of their bounds and positive if possible."""
         probabilities: Reals = self._middle[self._choice_at]
         return probabilities
 
     def _initial_policy(self, given: Flags, values: Reals, sign: int) -> Reals:
-        """Return probabilities that are optimal for a graph without loops, computed in one backward pass.
+        """Compute probabilities in one backward pass. They are optimal if the graph has no loops.
 
         For a graph with loops, these probabilities are a good starting point. `_improve` alone would need as
         many rounds as the longest path.
@@ -198,7 +198,7 @@ class ProbabilityGraph:
         return probabilities
 
     def _improve(self, values: Reals, probabilities: Reals, sign: int) -> Reals | None:
-        """Return better probabilities for the places with variable probabilities; None if no place can be improved."""
+        """Return better outcome probabilities for the places where these vary, or None if no place can be improved."""
         places = self._varying
         worth = self._outcome_values(values)[places]
         low, high = self._low[self._choice_at[places]], self._high[self._choice_at[places]]
@@ -216,7 +216,7 @@ class ProbabilityGraph:
         return found
 
     def _outcome_values(self, values: Reals) -> Reals:
-        """Return the expected value after each outcome at each place."""
+        """Return the expected value that follows each outcome of each place."""
         width = self._low.shape[1]
         worth = np.bincount(
             self._source * width + self._outcome, self._share * values[self._target], self._count * width
@@ -234,7 +234,7 @@ class ProbabilityGraph:
         return _Equations(self._source, self._target, likely, reaching)
 
     def _predecessors(self, goal: Flags, used: Flags) -> Flags:
-        """Return the places with a path to a goal."""
+        """Return a flag for each place: whether a path leads from the place to a goal."""
         count = self._count
         first = np.flatnonzero(goal)
         rows = np.concatenate([self._target[used], np.full(len(first), count)])
@@ -246,7 +246,7 @@ class ProbabilityGraph:
         return before
 
     def _avoiding_places(self, goal: Flags) -> Flags:
-        """Return the places from which a goal can be avoided forever."""
+        """Return a flag for each place: whether a run from the place can avoid the goal forever."""
         width = self._low.shape[1]
         avoiding = ~goal
         order = np.argsort(self._target, kind="stable")
@@ -267,7 +267,7 @@ class ProbabilityGraph:
         return avoiding
 
     def ticks(self, goal: Flags, best_for: Flags) -> ProbabilityBounds | None:
-        """Return bounds of the expected number of ticks of the runs that reach a goal; None if no run reaches it.
+        """Return the bounds of the expected number of ticks until a goal is reached, or None if no run reaches it.
 
         Args:
             goal: For each state, whether it is a goal.
@@ -281,7 +281,7 @@ class ProbabilityGraph:
         return ProbabilityBounds(min(known), max(known)) if known else None
 
     def _extremes(self, goal: Flags) -> list[Reals]:
-        """Return the choices of probabilities that minimise and maximise the probability of reaching a goal."""
+        """Return the outcome probabilities that minimise and maximise the probability of reaching a goal."""
         signs = (-1, 1) if len(self._varying) else (1,)
         return [self._optimum(self._place_flags(goal), sign)[1] for sign in signs]
 
@@ -293,7 +293,7 @@ class ProbabilityGraph:
         return float(ticks[0] / reached[0]) if reached[0] > 0.0 else None
 
     def influences(self, goal: Flags, usual: Sequence[int]) -> Iterator[tuple[int, float, float]]:
-        """Yield each influential leaf, its derivative, and the goal's probability if the leaf never failed.
+        """Yield the number of each influential leaf, a derivative, and the goal's probability if the leaf never failed.
 
         The derivative is the derivative of the goal's probability with respect to the probability of the leaf's usual
         outcome, if the leaf's other outcomes keep their proportions. Unknown probabilities are set to the middle of
@@ -332,7 +332,7 @@ class ProbabilityGraph:
     def ends(
         self, ends: Flags, goal: Flags, is_spent: Callable[[], bool] = lambda: False
     ) -> list[EndTick] | None:
-        """Return the distribution of the ticks in which runs end; None if the computation takes too long.
+        """Return the distribution of the ticks in which runs end, or None if the computation is stopped or too large.
 
         Args:
             ends: For each state, whether runs end in it.
@@ -377,7 +377,7 @@ class ProbabilityGraph:
 
 
 class _Equations:
-    """The equations of the places with a path to a goal.
+    """The system of linear equations for the places from which a path leads to a goal.
 
     Args:
         source: The source of each step.
@@ -398,11 +398,11 @@ class _Equations:
         self._solver = splu(sparse.identity(size, format="csc") - matrix) if size else None
 
     def mean(self, values: Reals) -> Reals:
-        """Return, for each place, the mean of a quantity over the place's steps, weighted by their probabilities."""
+        """Return for each place the mean of the values of the place's steps, weighted by the steps' probabilities."""
         return np.bincount(self._source, self._likely * values, self._count)[self.places]
 
     def solve(self, known: Reals) -> Reals:
-        """Return the solution x of x = A x + known, with a value for each place."""
+        """Solve the equation x = A x + *known*. The solution x has one value for each place."""
         return self._solver.solve(known) if self._solver else known
 
     def reach(self, goal: Flags) -> Reals:
@@ -420,7 +420,7 @@ class _Equations:
 
 
 def _steps_of(graph: Graph) -> tuple[Indices, Indices, Indices]:
-    """Return three arrays: the source, the target and the index of the waits of every step."""
+    """Return three arrays that contain each step's source, each step's target and the index of each step's waits."""
     sources, targets, waits = [], [], []
     for steps, first in ((graph.steps, 0), (graph.middles, len(graph.states))):
         counts = [int(steps.step_count(place)) for place in range(len(steps))]
@@ -447,7 +447,7 @@ def _probability_tables(bounds: Sequence[Sequence[tuple[float, float]]]) -> tupl
 
 
 def best_probabilities(bounds: Sequence[tuple[float, float]], gains: Sequence[float]) -> list[float]:
-    """Return the probabilities within bounds, with the sum 1, that maximise the gain."""
+    """Return the probabilities that maximise the total gain. They are within bounds, and their sum is 1."""
     likely = [low for low, _ in bounds]
     left = 1.0 - sum(likely)
     for place in sorted(range(len(gains)), key=lambda each: -gains[each]):
@@ -458,13 +458,13 @@ def best_probabilities(bounds: Sequence[tuple[float, float]], gains: Sequence[fl
 
 
 def _sum_by_place(parts: Sequence[tuple[Indices, Reals]]) -> tuple[Indices, Reals]:
-    """Return the distinct places, and the sum of the values of each place."""
+    """Return the distinct places, and for each of these places the sum of the place's values."""
     places, inverse = np.unique(np.concatenate([each[0] for each in parts]), return_inverse=True)
     return places, np.bincount(inverse, np.concatenate([each[1] for each in parts]), len(places))
 
 
 def _ranges(begins: Indices, ends: Indices) -> tuple[Indices, Indices]:
-    """Return the concatenated numbers of ranges, and the length of each range."""
+    """Return one array with the numbers of all ranges in order, and an array with the length of each range."""
     counts = ends - begins
     before = np.concatenate([[0], np.cumsum(counts)[:-1]])
     return np.arange(counts.sum()) + np.repeat(begins - before, counts), counts

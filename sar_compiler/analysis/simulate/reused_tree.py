@@ -1,4 +1,4 @@
-"""Repeated runs of scenarios on a tree that is compiled once.
+"""Runs many scenarios on one tree, which is compiled only once.
 
 The whole state of a tree is in cells and blackboard entries (`runtime.kernel`), which can be restored. So every run starts
 in the same state, and depends only on its scenario.
@@ -20,7 +20,7 @@ _MAX_CHOICES = 50_000
 
 
 class ReusedTree:
-    """A simulated tree for many runs.
+    """A simulated tree that can be restored to its start, so that it can be used for many runs.
 
     Args:
         simulated: The tree, which must not have been ticked.
@@ -49,11 +49,11 @@ class ReusedTree:
 
     @property
     def needs_replacement(self) -> bool:
-        """Whether the tree should be replaced, because its cache is too large."""
+        """Whether the tree's cache is too large, so that the tree should be replaced."""
         return self._choices >= _MAX_CHOICES
 
     def play(self, scenario: Scenario) -> Player:
-        """Play a complete run, and return its player; the player of the previous run is no longer usable."""
+        """Play a complete run, and return the player of this run. The previous run's player is no longer usable."""
         clock = self.simulated.clock
         clock.advance(-clock.now())
         self._entries.restore(self._start)

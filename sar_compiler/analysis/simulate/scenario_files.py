@@ -1,4 +1,4 @@
-"""Scenarios, and their parsing from files; every error in a file is a finding with its location."""
+"""Defines scenarios and parses scenario files. Each error in a file is reported as a finding with a location."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -40,7 +40,7 @@ from sar_compiler.tree.model import TreeFile
 PERIOD_SEC = 0.5
 """The default time between two ticks, in seconds, as in `sar-run` (2 Hz)."""
 OWN = ("root", "tick", "time")
-"""The names of the values of the run itself that conditions can use."""
+"""The names under which conditions can use values of the run itself, such as the number of the tick."""
 
 MAX_TICKS = 1000
 """The default number of ticks after which a run is aborted."""
@@ -71,7 +71,7 @@ class OutcomeStep:
 
 @dataclass(frozen=True)
 class Bounds:
-    """The number of times that an event may happen.
+    """The minimum and the maximum number of times that an event may happen.
 
     Attributes:
         least: The minimum number.
@@ -147,7 +147,7 @@ class Scenario:
 
 
 def read_expectations(value: Value | None, words: LeafVocabulary) -> Expectations:
-    """Read the expectations of a scenario; report impossible expectations."""
+    """Read the expectations of a scenario, and report impossible expectations."""
     document, parts = words.document, {} if value is None else value.mapping
     plain = {} if value is None else value.data
     ticks, limit_sec = _tick_window(parts["within"]) if "within" in parts else (None, None)
@@ -276,7 +276,9 @@ def _times(value: Value) -> int | None:
 def _check_running(document: Document, value: Value, leaves: Sequence[StubLeaf]) -> None:
     for leaf in leaves:
         if all(outcome.status != "RUNNING" for outcome in leaf.outcomes):
-            message = f"'{leaf.name}' never returns RUNNING, so it cannot have a running time"
+            message = (
+                f"'{leaf.name}' never returns RUNNING, so 'after' cannot set a running time for this leaf"
+            )
             document.report("wrong-value", message, value, hint="omit 'after'")
 
 
@@ -303,7 +305,7 @@ class ScenarioStage:
     _bindings: dict[str | None, Binding] = field(default_factory=dict, init=False)
 
     def with_controls(self, document: Document, controls: Value, tree_id: str | None) -> Binding:
-        """Return a bound tree of the file with a scenario's replacements for controls and decorators."""
+        """Bind a tree of the file, replace controls and decorators as a scenario requires, and return the bound tree."""
         binding = bind_main(self.forest, self.registry, tree_id or self.tree_id, self.palettes)
         files = (*self.palettes, *self.forest.files)
         apply_controls(document, controls, binding, self.registry, files)
@@ -336,7 +338,7 @@ class ScenarioStage:
 
 @dataclass(frozen=True)
 class ScenarioSimulation:
-    """A simulated tree with a scenario.
+    """A simulated tree, together with the scenario of the simulation.
 
     Attributes:
         simulated: The tree, with the assumptions of the scenario.
@@ -406,7 +408,7 @@ def _simulate(
     parameters: Mapping[str, object],
     assumptions_for: Callable[[SimulatedTree], Assumptions],
 ) -> SimulatedTree:
-    """Compile a bound tree with stub leaves, under the assumptions that *assumptions_for* returns."""
+    """Compile a bound tree, using stub leaves and the assumptions that *assumptions_for* returns for the tree."""
     # Which assumptions are possible depends on the leaves, so the tree is first compiled without assumptions.
     plain = compile_simulated(binding, parameters)
     assumed = assumptions_for(plain)

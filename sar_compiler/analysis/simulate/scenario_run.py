@@ -1,4 +1,4 @@
-"""Runs of a tree according to a scenario on a simulated clock, with expectations and coverage."""
+"""Runs a tree as a scenario describes, on a simulated clock, and checks expectations and coverage."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -36,7 +36,7 @@ from sar_compiler.tree.guessing import did_you_mean, nearest
 
 
 class RunVariables(FactVariables):
-    """The read-only variables of a scenario's conditions.
+    """The variables that the conditions of a scenario can read.
 
     Attributes:
         now: The current values of the run itself, by name (`OWN`).
@@ -48,7 +48,7 @@ class RunVariables(FactVariables):
         self._simulated = simulated
 
     def read(self, name: str) -> ScriptValue:
-        """Return the value of a variable; see `Variables`. An error about an unknown name suggests a similar name."""
+        """Return the value of a variable. An error about an unknown name suggests a similar name."""
         if name in self.now:
             return self.now[name]
         try:
@@ -63,7 +63,7 @@ class ScriptedError(SarError):
 
 
 class DrawnChoice(NamedTuple):
-    """A choice of a leaf's outcome.
+    """The choice of an outcome for a leaf.
 
     Attributes:
         leaf: The leaf.
@@ -79,7 +79,7 @@ class DrawnChoice(NamedTuple):
 
 
 class ScenarioPolicy:
-    """Chooses outcomes according to a scenario. Unscripted leaves use their probabilities or their default outcomes.
+    """Chooses outcomes as a scenario describes. For other leaves, uses probabilities or the default outcome.
 
     Args:
         scenario: The scenario, with the steps of scripted leaves and the seed of random choices.
@@ -102,7 +102,7 @@ class ScenarioPolicy:
         }
 
     def choose(self, leaf: StubLeaf, options: Sequence[Outcome]) -> Outcome:
-        """Return the outcome of a leaf in the current tick, which must be one of *options*.
+        """Return one of the outcomes *options* as the outcome of a leaf in the current tick.
 
         Raises:
             ScriptedError: If the leaf cannot return the scripted outcome now.
@@ -122,7 +122,7 @@ class ScenarioPolicy:
 
 @dataclass(eq=False)
 class _RandomOutcomes:
-    """Chooses an unscripted leaf's outcome and running time at its start, from known probabilities and times."""
+    """Chooses an unscripted leaf's outcome and running time when the leaf starts, by the known probabilities."""
 
     leaf: StubLeaf
     random: Random
@@ -179,7 +179,7 @@ class _ScriptedOutcomes:
         return nominal(options) if at_once else self._named_outcome(choice.outcome, options)
 
     def _next(self, options: Sequence[Outcome]) -> DrawnChoice:
-        """Return the choice of the first usable step, or of the default outcome if no step is usable."""
+        """Choose the outcome of the first usable step, or the default outcome if no step is usable."""
         step = next((left.step for left in self.steps if left.use(self._holds, self.random)), None)
         usual = nominal(options)
         if step is None:
@@ -198,7 +198,7 @@ class _ScriptedOutcomes:
         leaf = self.leaf
         conditions = [a.when for a in leaf.outcomes if name in (a.label, a.status) and a.when]
         raise ScriptedError(
-            f"'{leaf.name}' cannot return '{name}' here, because that requires {' or '.join(conditions)}. It can return "
+            f"'{leaf.name}' cannot return '{name}' here, because '{name}' requires {' or '.join(conditions)}. It can return "
             f"{', '.join(outcome.name for outcome in options)}"
         )
 
@@ -229,7 +229,7 @@ class _RemainingUses:
         self._opportunities = 0
 
     def use(self, holds: _Holds, random: Random) -> bool:
-        """Use the step if it can be used now; return whether it was used."""
+        """Use the step if this is possible now, and return whether the step was used."""
         if self._left == 0 or not holds(self.step):
             return False
         self._opportunities += 1
@@ -251,7 +251,7 @@ class UntilError(SarError):
 
 @dataclass
 class ScenarioRun:
-    """The ticks that a simulated run has played so far.
+    """A simulated run, with the ticks that were played so far.
 
     Attributes:
         simulated: The tree.
@@ -271,12 +271,12 @@ class ScenarioRun:
 
     @property
     def events(self) -> Iterator[Event]:
-        """The events so far, one by one."""
+        """The events of all ticks so far, in order."""
         return (event for tick in self.ticks for event in tick.events)
 
     @property
     def root(self) -> str:
-        """The root's status after the last tick; `INVALID` before the first tick."""
+        """The root's status after the last tick, or `INVALID` before the first tick."""
         return self.ticks[-1].root if self.ticks else "INVALID"
 
     @property
@@ -316,7 +316,7 @@ class Player:
         simulated.policy = self.scripted
 
     def tick(self) -> TickRecord:
-        """Tick the tree once, a period after the last tick, and return the result.
+        """Advance the clock by one period, except before the first tick. Tick the tree, and return the tick's record.
 
         Raises:
             Exception: Any exception that a node raises.
@@ -337,7 +337,7 @@ class Player:
         return run.ticks[-1]
 
     def _record(self, events: tuple[Event, ...]) -> TickRecord:
-        """Return the record of a tick with its events."""
+        """Return the record of a tick with the given events."""
         return TickRecord(events, {}, {})
 
     def is_over(self) -> bool:
@@ -367,7 +367,7 @@ class Player:
 
 
 class ScenarioPlayer(Player):
-    """Plays a run of a tree that was compiled for this run only, and records all changes.
+    """Plays one run of a tree that was compiled only for this run. Also records the changes of facts and keys.
 
     Args:
         simulated: The tree.
@@ -393,7 +393,7 @@ class ScenarioPlayer(Player):
 
 
 def _keys(simulated: SimulatedTree) -> Mapping[str, object]:
-    """Return the values of the tree's blackboard by key; the keys of a subtree begin with the subtree's path."""
+    """Return the values on the tree's blackboard by key. The keys of a subtree begin with the subtree's path."""
     return simulated.compiled.board.values()
 
 
@@ -413,7 +413,7 @@ class Failure:
 
 
 def failures(run: ScenarioRun) -> list[Failure]:
-    """Return the expectations of the scenario that a run violates. An expected trace is not compared."""
+    """Return the scenario's expectations that a run violates. An expected trace is not checked here."""
     if run.trouble:
         return [Failure("run", f"tick {len(run.ticks)} could not be finished: {run.trouble}")]
     lines = run.scenario.expect.lines

@@ -187,7 +187,7 @@ def test_answers_of_the_scenario_take_the_place_of_those_that_the_leaf_declares(
         (
             "facts: {zones_left: 0}\nleaves: {DetectSurvivor: found}",
             "<DetectSurvivor/>",
-            "'DetectSurvivor' cannot return 'found' here, because that requires zones_left > 0. It can return no zone",
+            "'DetectSurvivor' cannot return 'found' here, because 'found' requires zones_left > 0. It can return no zone",
         ),
         (
             'leaves: {AdvanceZone: {outcome: advanced, when: "zone_left > 1"}}',

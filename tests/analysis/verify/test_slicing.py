@@ -141,7 +141,7 @@ def test_a_patrol_that_counts_its_rounds_is_decided_and_the_note_says_why():
     found = decided(ROUND, LEAF)
     assert outcome(found, NO_ERROR) is PROVED
     assert [*merging_notes(found.merged)] == [
-        "Values of rounds are not distinguished: no condition, control or property depends on them."
+        "Values of rounds are not distinguished, because no condition, control or property depends on these values."
     ]
 
 
@@ -156,14 +156,14 @@ def test_rounds_that_are_only_compared_are_distinguished_as_far_as_they_are_comp
     found = decided(ROUND, '<A _skipIf="rounds &lt; 3"/>', LEAF)
     assert outcome(found, EVERY_LEAF) is PROVED
     assert [*merging_notes(found.merged)] == [
-        "rounds is only compared with constants: values of 4 and more are not distinguished."
+        "rounds is only compared with constants, so values of 4 and more are not distinguished."
     ]
 
 
 def test_a_count_down_is_distinguished_as_far_down_as_it_is_compared():
     found = decided('<Script code="down -= 1"/>', '<A _skipIf="down &gt; 7"/>')
     assert [*merging_notes(found.merged)] == [
-        "down is only compared with constants: values of 6 and less are not distinguished."
+        "down is only compared with constants, so values of 6 and less are not distinguished."
     ]
 
 
