@@ -1,4 +1,4 @@
-"""Functions for Python tests that simulate a loaded tree according to a script and check the results."""
+"""Lets Python tests simulate a loaded tree, with scripted outcomes of leaves, and check the results."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -21,7 +21,7 @@ from sar_compiler.project.project_tree import ProjectTree
 
 
 def simulate_tree(tree: ProjectTree, script: Mapping[str, object]) -> "Simulated":
-    """Return a simulation of a tree with a script; see `LoadedTree.simulate`."""
+    """Return a simulation of a tree with scripted outcomes of leaves; see `LoadedTree.simulate`."""
     return Simulated(load_scenario(_document(script), stage_of(tree)))
 
 
@@ -39,7 +39,7 @@ def play_scenario(tree: ProjectTree, scenario: str | Path) -> None:
 
 
 class Simulated:
-    """A simulation of a tree with a script."""
+    """A simulation of a tree in which a script determines the outcomes of leaves."""
 
     def __init__(self, play: ScenarioSimulation) -> None:
         self._simulation = ScenarioPlayer(play.simulated, play.scenario)
@@ -49,7 +49,7 @@ class Simulated:
 
     @property
     def run(self) -> ScenarioRun:
-        """The run so far, tick by tick."""
+        """The run, with the ticks played so far."""
         return self._simulation.run
 
     @property
@@ -64,11 +64,11 @@ class Simulated:
 
     @property
     def trace(self) -> str:
-        """The trace so far, as `sar-compile simulate` prints it."""
+        """The trace of the run so far, in the form that `sar-compile simulate` prints."""
         return trace(self.run)
 
     def run_to_end(self) -> "Simulated":
-        """Tick until the scenario's end, by default until the root has succeeded or failed.
+        """Tick until the scenario's end condition is met. By default, the run ends when the root succeeds or fails.
 
         Raises:
             AssertionError: If there is no end within the scenario's `ticks`, or a tick cannot be finished.
@@ -78,7 +78,7 @@ class Simulated:
         return self
 
     def tick(self, times: int = 1) -> "Simulated":
-        """Tick the tree a number of times, even after the end of the run.
+        """Tick the tree the given number of times, even if the run has already ended.
 
         Raises:
             Exception: Any exception of a node.
@@ -88,7 +88,7 @@ class Simulated:
         return self
 
     def expect(self, *, trace: str | Path | None = None, **expectations: object) -> None:
-        """Compare the run with expectations, which are written as in the section `expect` of a scenario.
+        """Compare the run with expectations. They have the same form as the section `expect` of a scenario.
 
         Args:
             trace: The path of the file with the expected trace, relative to the current folder.
@@ -114,7 +114,7 @@ def _document(parts: Mapping[str, object]) -> Document:
 
 
 def _raise_unmet(run: ScenarioRun, missed: list[Failure], golden: Path | None = None) -> None:
-    """Raise an error if expectations are violated. The error contains the expectations and the trace."""
+    """Raise an error if expectations are violated. The error contains the violated expectations and the trace."""
     different = compare_golden(golden, trace(run), "the trace now") if golden else None
     if different is not None:
         missed = [*missed, Failure("trace", different)]

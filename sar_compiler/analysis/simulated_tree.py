@@ -1,4 +1,4 @@
-"""Compilation of a tree with stub leaves, so that the tree runs without a robot.
+"""Compiles a tree with stub leaves instead of the real leaves, so that the tree runs without a robot.
 
 Controls, decorators and the leaves of the tree language are the real nodes, on a simulated clock. Every other leaf,
 whether it is installed or only described by a model, becomes a `StubLeaf`, whose outcomes an outcome policy chooses.
@@ -61,11 +61,11 @@ from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import SUBTREE_TAG
 
 Substitute = Callable[..., Behaviour]
-"""Creates the replacement for a node, given the node's `name`, and `children` or `child`."""
+"""Creates the replacement for a node. The arguments are the node's `name` and the node's `children` or `child`."""
 
 
 class UnknownBehaviourError(UndecidableError):
-    """A tree has controls or decorators of unknown behaviour that have no replacement.
+    """The behaviour of some controls or decorators in a tree is unknown, and no replacement is given for them.
 
     Attributes:
         findings: A finding for each tag of such nodes.
@@ -80,11 +80,11 @@ class UnknownBehaviourError(UndecidableError):
 
 def _unknown_behaviour(bound: BoundNode) -> Diagnostic:
     tag, element = bound.spec.tag, bound.element
-    replace = f"name its replacement in the scenario or properties file: controls: {{{tag}: ...}}"
+    replace = f"name a replacement for <{tag}> in the scenario or properties file: controls: {{{tag}: ...}}"
     if not bound.spec.is_foreign:
         message = (
             f"<{tag}> has its own methods ({bound.spec.factory_path.replace(':', '.')}), and its registered semantics do "
-            "not define exactly when it ticks its children"
+            "not define exactly when <{tag}> ticks its children"
         )
         hint = f"derive it from sar_compiler.{bound.spec.kind.value} with the methods begin and resume, register it with semantics, or {replace}"
         return element.finding("only-described", message, hint=hint)
@@ -96,14 +96,14 @@ def _unknown_behaviour(bound: BoundNode) -> Diagnostic:
 
 
 def described_parents(binding: Binding) -> list[BoundNode]:
-    """Return the controls and decorators of a tree that are only described by a model."""
+    """Return a tree's controls and decorators for which only a model exists, but no implementation."""
     return [
         node for node in binding.all_nodes() if node.spec.is_only_described and not node.spec.kind.is_leaf
     ]
 
 
 def self_ticking_parents(binding: Binding) -> list[BoundNode]:
-    """Return the controls and decorators whose behaviour is only defined by methods of users' py_trees classes."""
+    """Return the controls and decorators whose behaviour is defined only by the methods of a user's class."""
     return [
         node
         for node in binding.all_nodes()
@@ -112,7 +112,7 @@ def self_ticking_parents(binding: Binding) -> list[BoundNode]:
 
 
 def by_semantics(bound: BoundNode, clock: Clock) -> Substitute | None:
-    """Return a constructor for nodes with the registered semantics of a node; None if these are incomplete.
+    """Return a constructor for a node that follows the registered semantics, or None if they are incomplete.
 
     Args:
         bound: The node, without children that can be skipped.
@@ -165,7 +165,7 @@ def _repeat_substitute(again: int, rounds: float, name: str, child: Behaviour) -
 
 
 def replace_nodes(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
-    """Replace all nodes with given tags by other nodes, which have default attributes.
+    """Replace all nodes with the given tags by other nodes that have default attributes.
 
     Args:
         binding: The tree, which is changed.
@@ -184,7 +184,7 @@ _LANGUAGE = {(each.tag, each.class_path) for each in language.SPECS if each.clas
 
 
 def needs_stub(spec: NodeSpec) -> bool:
-    """Return whether a node becomes a stub leaf. Every leaf outside the tree language becomes one."""
+    """Return whether a node becomes a stub leaf. Every leaf becomes one, unless the tree language defines the leaf."""
     return spec.kind.is_leaf and (spec.tag, spec.class_path) not in _LANGUAGE
 
 
@@ -205,7 +205,7 @@ class Assumptions:
     written: Mapping[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
 
     def __or__(self, other: "Assumptions") -> "Assumptions":
-        """Return the combined assumptions; *other* has precedence."""
+        """Combine the assumptions with *other*, which has precedence."""
         return Assumptions(
             {**self.facts, **other.facts},
             {**self.outcomes, **other.outcomes},
@@ -249,7 +249,7 @@ class SimulatedTree:
 
     @property
     def policy(self) -> OutcomePolicy | None:
-        """The policy for the outcomes of leaves; None for a tree without stub leaves."""
+        """The policy that chooses the outcomes of leaves, or None if the tree has no stub leaves."""
         return self.leaves[0].policy if self.leaves else None
 
     @policy.setter
@@ -258,7 +258,7 @@ class SimulatedTree:
             leaf.policy = policy
 
     def explain(self, error: BaseException) -> str:
-        """Describe an exception of a tick."""
+        """Describe an exception that was raised in a tick."""
         if isinstance(error, NoStatusError):
             return f"'{error.behaviour.name}' ({type(error.behaviour).__name__}) failed: {error}"
         kind = "" if isinstance(error, SarError) else f"{type(error).__name__}: "
@@ -318,22 +318,22 @@ def compile_simulated(
 
 
 class UnreadableClock(ManualClock):
-    """The clock that is used while all possible runs are explored. Reading the time raises an error."""
+    """The clock for exploring all possible runs, in which time is unknown. Reading the time raises an error."""
 
     def now(self) -> float:
-        """Refuse to return the time.
+        """Raise an error, because the time is unknown.
 
         Raises:
             UndecidableError: Always.
         """
         raise UndecidableError(
-            "a control or decorator reads the clock, but the time is unknown while all possible runs are explored. Measure time "
-            "with the tick's methods start_timer() and time_is_up() instead"
+            "a control or decorator reads the clock, but the time is unknown while all possible runs are explored. To measure time, "
+            "use the tick's methods start_timer() and time_is_up() instead"
         )
 
 
 class SimulationArguments(Arguments):
-    """The constructor arguments of real nodes; stub leaves are created without them.
+    """Provides the constructor arguments of real nodes. Stub leaves need no such arguments.
 
     Attributes:
         stand_ins: The constructors of nodes that are replaced by their semantics.
@@ -363,7 +363,7 @@ class SimulationArguments(Arguments):
 
 
 class SimulationBuilder(Builder):
-    """Creates a tree with stub leaves.
+    """Creates a simulated tree, in which stub leaves replace the real leaves.
 
     Args:
         binding: The bound tree.
@@ -406,7 +406,7 @@ class SimulationBuilder(Builder):
         self._start: dict[str, tuple[Fact, str]] = {}
 
     def prepare(self, instance: TreeInstance) -> None:
-        """Determine the identifiers and outcomes of an instance's leaves, and check the nodes' arguments."""
+        """Determine the names and outcomes of the leaves in a tree instance, and check the arguments of the nodes."""
         for bound in instance.tree.nodes:
             if bound.spec.kind.is_leaf or bound.spec.has_world_leaf:
                 self._names[instance, bound] = self._identifiers.make_unique(bound.name)
@@ -421,7 +421,7 @@ class SimulationBuilder(Builder):
     def _integers_in(
         self, said: Sequence[Outcome], instance: TreeInstance, bound: BoundNode
     ) -> dict[str, str]:
-        """Return the text of each integer attribute that scripts of outcomes use as a placeholder, by name."""
+        """Return the values, as text, of the integer attributes that outcome scripts use as placeholders, by name."""
         scripts = [script for outcome in said for script in (outcome.when, outcome.then)]
         return {
             parameter.name: number_text(self._source.fixed_value(instance, bound, parameter))
@@ -430,7 +430,7 @@ class SimulationBuilder(Builder):
         }
 
     def report_only_described(self, bound: BoundNode) -> None:
-        """Report a subtree without a tree file. Other nodes without an implementation are leaves and are ignored."""
+        """Report a subtree that has no tree file. Other nodes without an implementation are leaves, which become stubs."""
         if bound.element.tag == SUBTREE_TAG:
             super().report_only_described(bound)
 
@@ -459,7 +459,7 @@ class SimulationBuilder(Builder):
         return made
 
     def _create_stub(self, instance: TreeInstance, bound: BoundNode) -> StubLeaf:
-        """Create the stub leaf that replaces a leaf, or that represents the world around a control or decorator."""
+        """Create the stub leaf that replaces a leaf, or that provides external outcomes to a control or decorator."""
         names = {SELF: self._names[instance, bound], **self._integer_texts[instance, bound]}
         for parameter in bound.spec.references:
             target = instance.target_of(bound, parameter.name)
@@ -489,7 +489,7 @@ class SimulationBuilder(Builder):
 
 
 class _Outputs:
-    """The entries that a leaf writes in a real run, for output ports and for keys inside values such as `x: {key}`.
+    """The blackboard entries that a leaf writes in a real run, through output ports or values such as `x: {key}`.
 
     The written values are unknown, unless the scripts of the leaf's outcomes define them.
 
@@ -522,7 +522,7 @@ class _Outputs:
     def with_outputs(
         self, outcomes: list[Outcome], assumed: Mapping[tuple[str, str], tuple[str, ...]]
     ) -> list[Outcome]:
-        """Extend outcomes so that they write unknown or assumed values to the entries that no outcome's script writes.
+        """Make outcomes write unknown or assumed values to the entries that the script of no outcome writes.
 
         Args:
             outcomes: The outcomes.
@@ -540,13 +540,13 @@ class _Outputs:
         return [after for outcome in outcomes for after in _after_writing(outcome, written)]
 
     def _effects(self, word: str, key: str, assumed: Mapping[tuple[str, str], tuple[str, ...]]) -> list[str]:
-        """Return scripts for the possible effects on a key. A key with assumed values may also stay unwritten."""
+        """Return a script for each possible effect on a key. A leaf need not write a key that has assumed values."""
         values = assumed.get((self._leaf, key))
         return [f"{word} := {UNKNOWN}"] if values is None else ["", *(f"{word} := {each}" for each in values)]
 
 
 def _after_writing(outcome: Outcome, written: list[tuple[str, list[str]]]) -> Iterator[Outcome]:
-    """Yield a copy of an outcome for each combination of effects on the attributes that the outcome writes."""
+    """Yield a copy of the outcome for each combination of effects on the attributes that the outcome writes."""
     effects = [
         possible
         for attribute, possible in written
@@ -603,7 +603,7 @@ def match_rank(key: str, path: Sequence[str], tag: str) -> int:
 
 
 def _can_name(keys: Iterable[str], bound: BoundNode) -> bool:
-    """Return whether any of the keys can name a node, judging by the last part of each key."""
+    """Return whether the last part of any key is the name or tag of a node, so that the key may name the node."""
     return any(key.rpartition("/")[2] in (bound.name, bound.spec.tag) for key in keys)
 
 

@@ -97,7 +97,7 @@ def test_the_verdict_names_the_line_of_every_expectation_that_does_not_hold():
     run = played("expect:\n  root: FAILURE\n  never: AdvanceZone advanced", "<AdvanceZone/>")
     assert verdict(run, failures(run)).splitlines() == [
         "scenario.yaml: 'scenario' does not hold:",
-        "  scenario.yaml:2: root: the root is SUCCESS in the last tick, expected FAILURE",
+        "  scenario.yaml:2: root: the status of the root is SUCCESS in the last tick, but FAILURE was expected",
         "  scenario.yaml:3: never: 'AdvanceZone advanced' happens in tick 1 (0 s)",
     ]
     assert verdict(run, []) == "scenario.yaml: 'scenario' holds."
@@ -133,7 +133,9 @@ def test_junit_has_a_test_case_for_each_scenario():
 
 def test_a_failure_in_junit_has_what_does_not_hold_and_the_trace():
     (failure,) = ET.fromstring(junit("tree.xml", parts())).iter("failure")  # noqa: S314 - it is ours
-    said = "scenario.yaml:2: root: the root is SUCCESS in the last tick, expected FAILURE"
+    said = (
+        "scenario.yaml:2: root: the status of the root is SUCCESS in the last tick, but FAILURE was expected"
+    )
     assert failure.attrib == {"message": said, "type": "root"}
     assert failure.text is not None
     assert failure.text.startswith(f"{said}\n\ntick 1, 0 s: root SUCCESS\n")

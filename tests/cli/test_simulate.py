@@ -98,7 +98,7 @@ def test_a_run_that_somebody_ends_is_not_explained(capsys, tree):
 def test_an_expectation_that_does_not_hold_has_status_1(capsys, tree, scenario):
     status, out, err = run(capsys, tree, "--scenario", scenario("expect: {root: FAILURE}"))
     assert (status, err) == (1, "")
-    assert ":1: root: the root is SUCCESS in the last tick, expected FAILURE\n" in out
+    assert ":1: root: the status of the root is SUCCESS in the last tick, but FAILURE was expected\n" in out
 
 
 def test_a_mistake_in_a_scenario_has_status_1_and_the_others_are_played(capsys, tree, scenario):
@@ -228,7 +228,7 @@ def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, 
         for tag in ("RecoveryNode", "Twice")
     ]
     assert (
-        "or the palette that describes it (--model nav2:jazzy or nav2:kilted or nav2:main), or name its replacement in the scenario"
+        "or the palette that describes it (--model nav2:jazzy or nav2:kilted or nav2:main), or name a replacement for <RecoveryNode> in the scenario"
         in err
     )
     partly = scenario("controls: {RecoveryNode: Fallback}", "partly.yaml")
@@ -244,7 +244,7 @@ def test_a_decorator_of_ones_own_that_answers_with_no_status_is_told_as_in_a_rea
     status, out, err = run(capsys, path, "--nodes", "tests.analysis.verify.own_controls")
     assert (status, err) == (1, "")
     said = "'OwnForgetful' (OwnForgetful) failed: update() returned None, which is not a status. Return Status.SUCCESS"
-    assert f"tick 1 could not be finished: {said}" in out
+    assert f"an error occurred in tick 1: {said}" in out
 
 
 def test_json_is_for_scripts(capsys):

@@ -15,8 +15,8 @@ from tests.trees import document
 FINE = document("<Sequence><NavigateToZone/><DetectSurvivor/><AdvanceZone/></Sequence>")
 
 NOTE = (
-    "Values of at, found_by_DetectSurvivor and navigation_lost are not distinguished: "
-    "no condition, control or property depends on them."
+    "Values of at, found_by_DetectSurvivor and navigation_lost are not distinguished, "
+    "because no condition, control or property depends on these values."
 )
 
 

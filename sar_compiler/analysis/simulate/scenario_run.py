@@ -415,7 +415,7 @@ class Failure:
 def failures(run: ScenarioRun) -> list[Failure]:
     """Return the scenario's expectations that a run violates. An expected trace is not checked here."""
     if run.trouble:
-        return [Failure("run", f"tick {len(run.ticks)} could not be finished: {run.trouble}")]
+        return [Failure("run", f"an error occurred in tick {len(run.ticks)}: {run.trouble}")]
     lines = run.scenario.expect.lines
     return [
         Failure(place.split()[0], message, lines.get(place, 0))
@@ -424,17 +424,17 @@ def failures(run: ScenarioRun) -> list[Failure]:
 
 
 def _failed_expectations(run: ScenarioRun) -> Iterator[tuple[str, str]]:
-    """Yield, for each violated expectation, its key in `Expectations.lines` and the actual result."""
+    """Yield each violated expectation, as the expectation's key in `Expectations.lines` and the actual result."""
     expect = run.scenario.expect
     yield from _end_mismatches(run)
     if expect.root is not None and run.root != expect.root:
-        yield "root", f"the root is {run.root} in the last tick, expected {expect.root}"
+        yield "root", f"the status of the root is {run.root} in the last tick, but {expect.root} was expected"
     values = run.simulated.fact_values()
     for name, fact in expect.facts.items():
         if values.get(name) != fact:
             yield (
                 f"facts {name}",
-                f"the fact '{name}' is {values.get(name)!r} at the end, expected {fact!r}",
+                f"the fact '{name}' is {values.get(name)!r} at the end of the run, but {fact!r} was expected",
             )
     yield from _order_mismatches(run)
     for pattern in expect.never:
@@ -467,7 +467,7 @@ def _end_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
 
 
 def _order_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
-    """Yield the first expected event that does not happen after the event expected before it."""
+    """Yield the first expected event that does not happen after the expected event that precedes it in the list."""
     events = run.events
     before: EventPattern | None = None
     for pattern in run.scenario.expect.order:
@@ -484,7 +484,7 @@ def _frequency_text(number: int) -> str:
 
 @dataclass
 class NodeCoverage:
-    """The observed outcomes of a node of a tree file, in all instances of the node's tree.
+    """The outcomes observed for a node of a tree file, in all instances of the tree that contains the node.
 
     Attributes:
         bound: The node.
@@ -505,7 +505,7 @@ class NodeCoverage:
 
 
 class OutcomeCoverage:
-    """Collects the outcomes of a file's nodes in runs."""
+    """Collects which nodes of a tree file were ticked in runs, and which outcomes they returned."""
 
     def __init__(self) -> None:
         self._nodes: dict[tuple[str, int, int], NodeCoverage] = {}
@@ -526,7 +526,7 @@ class OutcomeCoverage:
         return [node for node in self.nodes if node.ticked and node.unseen_outcomes]
 
     def add(self, run: ScenarioRun) -> None:
-        """Add the ticked nodes and the outcomes of a run."""
+        """Add the nodes that a run has ticked, and the outcomes of these nodes."""
         origins = run.simulated.compiled.origins
         nodes: dict[UUID, NodeCoverage] = {}
         leaves = {leaf.number: leaf.id for leaf in run.simulated.leaves}

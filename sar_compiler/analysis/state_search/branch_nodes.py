@@ -1,4 +1,4 @@
-"""Automata that replace branches below parallel nodes, and describe only the results of the branches' ticks.
+"""Automata that replace branches below parallel nodes. They describe only the results of a branch's ticks.
 
 A branch below a parallel node that shares nothing with the rest of the tree is first ticked on its own (`AloneNode`).
 The results of its ticks, which are all that its parent observes, form an `Automaton`. A `BranchNode` then plays the
@@ -21,7 +21,7 @@ from sar_compiler.runtime.kernel.tree import FlatTree, children_of, flat_tree
 from sar_compiler.runtime.kernel.tree_nodes import ChoosingNode, DecoratorNode, NodeBuilder, Ticker, TreeNode
 
 BranchResult = tuple[int, int]
-"""The outcome of a branch's tick (INVALID if the branch was halted) and the automaton's state after the tick."""
+"""The outcome of a branch's tick, or INVALID for a halted branch, and the state of the automaton after the tick."""
 
 
 class Automaton(NamedTuple):
@@ -39,7 +39,7 @@ class Automaton(NamedTuple):
 
 
 class BranchDeed(NamedTuple):
-    """The result of a replaced branch in a tick.
+    """The result that a branch replaced by an automaton has in a tick.
 
     Attributes:
         number: The index of the branch in the tree.
@@ -55,7 +55,7 @@ class BranchDeed(NamedTuple):
 
 
 class BranchNode(ChoosingNode):
-    """A branch that is replaced by an automaton.
+    """A node that replaces a branch by an automaton.
 
     Args:
         part: The builder of the node.
@@ -95,7 +95,7 @@ class BranchNode(ChoosingNode):
         return outcome
 
     def stop(self, ticker: Ticker) -> None:
-        """Halt the branch if it runs."""
+        """Halt the branch if it is running."""
         if ticker.cells[self.status_cell] == RUNNING:
             self._choose_result(ticker, self._halts[ticker.cells[self.place]])
             self._trail.mark_ended(self._bit)
@@ -111,7 +111,7 @@ class BranchNode(ChoosingNode):
 
 
 class AloneNode(DecoratorNode):
-    """Ticks a branch on its own, and may halt it between two ticks, as a parallel node can.
+    """Ticks only one branch. Like a parallel node, it may also halt the branch between two ticks.
 
     Args:
         part: The builder of the node.
@@ -127,27 +127,27 @@ class AloneNode(DecoratorNode):
         return 2 if ticker.cells[self.child.status_cell] == RUNNING else 1
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the branch, or halt it."""
+        """Tick the branch or halt it, as the choice of this tick requires."""
         if self._choices.pick(self.branch_count(ticker)):
             self.child.stop(ticker)
             return INVALID
         return self.tick_child(self.child, ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - it has no status of its own
-        """Pass on the child's outcome."""
+        """Return the child's outcome unchanged."""
         return outcome
 
 
 class AllNode(ParallelNode):
-    """A Parallel node that requires all children to succeed, and has fewer children because some were joined."""
+    """A Parallel node whose children must all succeed. It has fewer children than in the tree, because some are joined."""
 
     def threshold(self, port: str, wanted: int) -> int:  # noqa: ARG002 - it refers to the children before the join
-        """Return the number of children for `success_count`, and 1 for `failure_count`."""
+        """Return the number of children as the threshold for `success_count`, and 1 as that for `failure_count`."""
         return len(self.children) if port == "success_count" else 1
 
 
 class FlatComposition:
-    """A tree, or a branch that is ticked on its own, in which branches are replaced by automata.
+    """A tree, or a single branch of a tree, in which automata replace branches.
 
     Args:
         root: The root of the tree or of the branch.
@@ -169,7 +169,7 @@ class FlatComposition:
         self._automata, self._joined = automata, joined
 
     def flat(self, leaves: LeafNodes) -> FlatTree:
-        """Convert the composition to flat form, given the builder of all other nodes."""
+        """Convert the composition to a flat tree. *leaves* builds the nodes that no automaton replaces."""
         root = self._root if self._around is None else self._around
         return flat_tree(root, lambda part: self._node_of(part, leaves), self._ticked_children)
 

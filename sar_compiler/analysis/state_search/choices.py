@@ -1,10 +1,10 @@
-"""The enumeration of all combinations of choices in a tick."""
+"""Enumerates all combinations of the choices that are made in a tick."""
 
 from sar_compiler.errors import UnsteadyError
 
 
 class Choices:
-    """Enumerates the combinations of choices in a tick in order, like the digits of a number.
+    """Enumerates the combinations of choices in a tick. Each combination is like a number with a digit per choice.
 
     Each time the tick, or the rest of it, is played again, its nodes call `pick`. The calls return the options of the
     current combination. After the end of the combination they return the first option. This is right only if the same
@@ -18,22 +18,22 @@ class Choices:
 
     @property
     def path(self) -> tuple[int, ...]:
-        """The options picked so far in this tick; choices with only one option are left out."""
+        """The options picked so far in this tick. Choices with only one option are left out."""
         return tuple(self._path[: self._asked])
 
     @property
     def choice_count(self) -> int:
-        """The number of choices so far in this tick, without choices with only one option."""
+        """The number of choices made so far in this tick. Choices with only one option are not counted."""
         return self._asked
 
     def begin(self, path: tuple[int, ...] = ()) -> None:
-        """Start with the first combination, or with the first combination that begins with the options *path*."""
+        """Start with the first of the combinations that begin with the options *path*."""
         self._path = list(path)
         self._counts = [0 for _ in path]
         self._asked = 0
 
     def pick(self, count: int) -> int:
-        """Return the number of the option to choose, from 0 to *count* - 1.
+        """Return the option to choose, as a number from 0 to *count* - 1.
 
         Raises:
             UnsteadyError: If there was a different number of options after the same earlier choices.
@@ -49,14 +49,14 @@ class Choices:
         known = self._counts[asked]
         if known and known != count:
             message = (
-                "the tree behaves differently in equal states. A node keeps a hidden state, "
-                "or is random, so the runs cannot be searched"
+                "the runs cannot be searched, because the tree behaves differently in equal states. "
+                "Some node has a hidden state, or behaves randomly"
             )
             raise UnsteadyError(message)
         return self._path[asked]
 
     def advance(self) -> int:
-        """Advance to the next combination; return the index of the changed choice, -1 after the last combination."""
+        """Advance to the next combination. Return the index of the changed choice, or -1 if there is no next one."""
         path, counts = self._path, self._counts
         # Nodes requested fewer choices than the combination has.
         while len(path) > self._asked:
@@ -72,5 +72,5 @@ class Choices:
         return len(path) - 1
 
     def rewind(self, asked: int) -> None:
-        """Return to an earlier choice, given the number of choices before it."""
+        """Go back to an earlier choice. *asked* is the number of choices before that choice."""
         self._asked = asked

@@ -1,4 +1,4 @@
-"""All possible ticks of a state, which share their common parts.
+"""Plays all possible ticks of a state. Parts that several ticks have in common are played only once.
 
 A ticked leaf may have several outcomes, and a timer may have expired or not. If k nodes of a tick choose among n
 options each, there are n^k ticks. If each were played from its beginning, the nodes before the last choice would be
@@ -50,13 +50,13 @@ from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.tree_nodes import Ticker, TreeNode
 
 KNOWN: Final = 6
-"""Returned instead of an outcome: the tick has reached a place that another tick has reached before."""
+"""A value returned instead of an outcome. The tick has reached a place that another tick has reached before."""
 ENTERED: Final = 7
-"""Returned instead of an outcome: the tick has reached a new intermediate state, from which it will be continued."""
+"""A value returned instead of an outcome. The tick has reached a new intermediate state, and continues there."""
 
 
 class Fork:
-    """A tick just before a node that may continue in several ways.
+    """A snapshot of a tick just before a node that may continue in several ways.
 
     Args:
         ticker: Ticks the nodes.
@@ -77,7 +77,7 @@ class Fork:
         self.watched, self.broken = trail.watched, trail.broken
 
     def restore(self, ticker: "ForkingTicker") -> None:
-        """Restore the ticker at this fork."""
+        """Reset the ticker to this fork."""
         trail = ticker.trail
         ticker.cells = self.cells[:]
         ticker.values = self.values[:]
@@ -89,7 +89,7 @@ class Fork:
 
 
 class ForkingTicker(Ticker):
-    """Plays all possible ticks of a state; each tick starts at the last fork of the previous tick.
+    """Plays all possible ticks of a state. Each tick starts at the last fork of the previous tick.
 
     Args:
         first: A ticker of the same tree that has not ticked yet; its cells and timers are used.
@@ -126,7 +126,7 @@ class ForkingTicker(Ticker):
         self._shown: dict[int, list[int]] = {}
 
     def ignore_statuses(self, forgotten: list[bool]) -> None:
-        """Set, for each node, whether states omit the last status of the node because no later tick depends on it.
+        """Set which nodes' last statuses the states omit, because no later tick depends on these statuses.
 
         In the middle of a tick, the statuses of the children of ticked nodes still matter, because their parents may be
         about to read them.
@@ -135,7 +135,7 @@ class ForkingTicker(Ticker):
         self._forgotten = forgotten
 
     def begin(self, root: TreeNode, watched: int, path: tuple[int, ...] = ()) -> None:
-        """Start with the first tick of the state that the cells and entries contain.
+        """Prepare the first tick from the state that is stored in the cells and entries.
 
         Args:
             root: The node to tick.
@@ -148,7 +148,7 @@ class ForkingTicker(Ticker):
         self._forks = [Fork(self, root, is_middle=False)]
 
     def play(self) -> int:
-        """Tick from the last fork on; return the root's outcome, KNOWN or ENTERED."""
+        """Play the tick from the last fork on, and return the root's outcome, KNOWN or ENTERED."""
         node = self._forks[-1].node
         is_new = False
         while True:
@@ -171,7 +171,7 @@ class ForkingTicker(Ticker):
             node = called
 
     def next_fork(self) -> int:
-        """Restore the last fork with an untried option; return the number of forks at intermediate states after it.
+        """Restore the last fork with an untried option. Return how many of the later forks are at intermediate states.
 
         The result is -1 if no fork has an untried option.
         """
@@ -185,7 +185,7 @@ class ForkingTicker(Ticker):
         return left
 
     def _look_up_visit(self, node: TreeNode) -> int:
-        """Return KNOWN at a place that a tick has reached before, ENTERED at a new intermediate state, else CALLED."""
+        """Return KNOWN if a tick has reached this place before, ENTERED for a new intermediate state, else CALLED."""
         trail, entries = self.trail, self.entries
         entries.update_contents()
         shown = self._shown_at(node) if self._forgotten else self._none
@@ -206,7 +206,7 @@ class ForkingTicker(Ticker):
         return CALLED
 
     def _shown_at(self, node: TreeNode) -> list[int]:
-        """Return the nodes whose forgotten statuses matter while *node* is the next node."""
+        """Return the nodes whose omitted statuses matter just before *node* is ticked."""
         around = node.parent
         if around is None:
             return []

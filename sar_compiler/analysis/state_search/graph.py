@@ -10,12 +10,12 @@ from sar_compiler.analysis.state_search.numbering import StateStore
 from sar_compiler.analysis.state_search.trail import Waits
 
 Edge = tuple[int, int]
-"""A tick: the number of the state after it, and a bit set of the leaves and timers for which the run still waits."""
+"""The number of the state after a tick, and a bit set of the leaves and timers for which the run still waits."""
 
 
 @dataclass(frozen=True)
 class Breach:
-    """The first tick that violates a rule. No other violation of the rule is nearer to the start.
+    """The first tick that violates a rule. No other violation of this rule needs fewer ticks from the start.
 
     Attributes:
         source: The number of the state in which the tick starts.
@@ -29,7 +29,7 @@ class Breach:
 
 
 class Numbers:
-    """An array of numbers that take two bytes each, or four or eight bytes once a number requires them."""
+    """An array of integers. Each takes two bytes, or four or eight bytes after a larger integer was added."""
 
     def __init__(self) -> None:
         self._short = vec[i16]()
@@ -60,7 +60,7 @@ class Numbers:
 
 
 def _longer(short: vec[i16], long: vec[i32], number: i64) -> vec[i64]:
-    """Return an array with the numbers of two arrays, at least one of which is empty, and a further number."""
+    """Return an array with the integers of both arrays, of which one is empty, followed by *number*."""
     longest = vec[i64]()
     for held in short:
         longest = append(longest, i64(held))
@@ -74,7 +74,7 @@ _LONG: Final = (1 << 31) - 1
 
 
 class Steps:
-    """The steps from all states, or from all intermediate states, in the order of their numbers.
+    """The steps from all states or from all intermediate states, ordered by the number of the state.
 
     Attributes:
         targets: The target of each step: the number of a state, or -1 minus the number of an intermediate state.
@@ -88,11 +88,11 @@ class Steps:
         self.waits = Numbers()
 
     def __len__(self) -> int:
-        """Return the number of places with known steps."""
+        """Return the number of places whose steps are known."""
         return self._count
 
     def step_range(self, place: i64) -> tuple[i64, i64]:
-        """Return the index of the first step from a place, and the index after the last step."""
+        """Return the index of the first step from a place, and the index that follows the last step from it."""
         return self._ends[place - 1] if place else 0, self._ends[place]
 
     def step_count(self, place: i64) -> i64:
@@ -101,19 +101,19 @@ class Steps:
         return behind_last - first
 
     def add(self, target: i32, waits: int) -> None:
-        """Add a step from the current place."""
+        """Add a step that starts at the current place."""
         self.targets = append(self.targets, target)
         self.waits.append(i64(waits))
 
     def finish_place(self) -> None:
-        """Finish the current place."""
+        """Mark the current place as complete. The steps added afterwards start at the next place."""
         self._ends.append(len(self.targets))
         self._count += 1
 
 
 @dataclass
 class Graph:
-    """The states of a tree and the steps between them; states are numbered in the order in which they were found.
+    """The states of a tree, numbered in the order in which they were found, and the steps between the states.
 
     A step is a tick, or a part of a tick if several ticks reach the same place on their way (an *intermediate state*,
     see `forking`). From an intermediate state, steps lead to states and to intermediate states with lower numbers.
@@ -148,7 +148,7 @@ class Graph:
 
     @property
     def expanded_count(self) -> int:
-        """The number of expanded states, which have the lowest numbers."""
+        """The number of states from which all ticks were played. These states have the lowest numbers."""
         return len(self.steps)
 
     @property
@@ -158,16 +158,16 @@ class Graph:
 
     @property
     def depth(self) -> int:
-        """The number of ticks up to which every run was explored."""
+        """The number of ticks up to which all runs were explored."""
         return len(self.levels) - 1
 
     @property
     def places(self) -> int:
-        """The number of places: the states, by their numbers, followed by the intermediate states."""
+        """The number of places. The states are the first places, and the intermediate states follow."""
         return len(self.states) + len(self.middles)
 
     def leading_from(self, place: i64) -> tuple[Steps, i64, i64]:
-        """Return the steps from a place, as the array of steps, the first index, and the index after the last step."""
+        """Return the array that contains the steps from a place, their first index, and the index that follows them."""
         states: i64 = len(self.states)
         steps = self.steps if place < states else self.middles
         number = place if place < states else place - states
@@ -177,7 +177,7 @@ class Graph:
         return steps, first, behind_last
 
     def target_place(self, target: i64) -> i64:
-        """Return the place to which a step with a target leads."""
+        """Convert the target of a step to the number of the place to which the step leads."""
         return target if target >= 0 else len(self.states) - 1 - target
 
     def ticks(self, state: int) -> list[Edge]:
@@ -195,7 +195,7 @@ class Graph:
         return list(found)
 
     def _tick_targets(self, place: int, going_on: int, changed: int) -> list[tuple[int, int, int]]:
-        """Return the targets of the steps from a place, last step first, with the tick's waits up to the target."""
+        """Return the target of each step from a place, last step first, with the waits of the tick up to the target."""
         steps, first, end = self.leading_from(place)
         return [
             (
@@ -206,7 +206,7 @@ class Graph:
         ]
 
     def stem(self, state: int) -> list[int]:
-        """Return the states on a shortest path from the first state to *state*, both included."""
+        """Return the states on a shortest path from the first state to *state*, including both ends."""
         path = [state]
         while path[-1]:
             path.append(self.origins[path[-1]])

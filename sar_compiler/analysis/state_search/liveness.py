@@ -1,4 +1,4 @@
-"""Liveness: events that must eventually happen (the end of a run, obligations), and runs in which they never do.
+"""Checks liveness: finds runs in which a required event never happens, such as the end or an obligation.
 
 There are finitely many states, so an endless run stays in one strongly connected component from some tick on. But not
 every component can contain an endless run. The search allows a leaf to return RUNNING forever and a timer never to
@@ -52,7 +52,7 @@ from sar_compiler.analysis.state_search.graph import Edge, Graph, append_waits
 
 @dataclass(frozen=True)
 class Endings:
-    """Whether the runs end.
+    """The result of checking whether every fair run of a tree ends.
 
     Attributes:
         stuck: The first state, possibly an end itself, from which no end can be reached; None if there is none.
@@ -65,7 +65,7 @@ class Endings:
 
 
 def endings(graph: Graph) -> Endings:
-    """Find the first state from which no end can be reached, and the first component in which a run can stay forever.
+    """Find the first state from which no run can end, and the first component in which a run can stay forever.
 
     From an unexplored state, an end is assumed to be reachable.
     """
@@ -106,7 +106,7 @@ def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
 
 
 def _can_any_end(graph: Graph, places: list[int], can_end: vec[u8], ends: vec[u8]) -> bool:
-    """Return whether a step from one of the places leads to a place from which a run can end."""
+    """Return whether some step from the given places leads to a place from which a run can end."""
     for place in places:
         steps, step, behind_last = graph.leading_from(place)
         # From an unexplored place an end may be reachable. If all steps raise errors, the run has ended.
@@ -121,7 +121,7 @@ def _can_any_end(graph: Graph, places: list[int], can_end: vec[u8], ends: vec[u8
 
 
 def _earlier_component(component: list[int], known: list[int] | None) -> list[int]:
-    """Return the component that contains the state that was found first."""
+    """Return one of two components: the one whose earliest state was found first."""
     return component if known is None or min(component) < min(known) else known
 
 
@@ -129,7 +129,7 @@ _NEW: Final = 0
 
 
 def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
-    """Yield the strongly connected components of a graph, each after all components that can be reached from it.
+    """Yield the strongly connected components of a graph. The components reachable from one are yielded before it.
 
     This is Tarjan's algorithm in Pearce's form ("A space-efficient algorithm for finding strongly connected
     components", Information Processing Letters 116, 2016), which needs one number for each place. A recursion would be
@@ -162,7 +162,7 @@ def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
 
 
 class _Stack:
-    """A stack of places, which needs less memory than a list, because a path may contain all places."""
+    """A stack of places. It needs less memory than a list, which matters because it may contain all places."""
 
     def __init__(self) -> None:
         self._places = vec[i32]()
@@ -177,17 +177,17 @@ class _Stack:
         self.height += 1
 
     def top(self) -> int:
-        """Return the place on top."""
+        """Return the place on top of the stack."""
         return int(self._places[self.height - 1])
 
     def pop(self) -> int:
-        """Remove the place on top, and return it."""
+        """Remove the place on top of the stack, and return this place."""
         self.height -= 1
         return int(self._places[self.height])
 
 
 class _DepthFirst:
-    """The state of the depth-first search.
+    """The data of the depth-first search for components.
 
     Attributes:
         numbers: By place: its number in the order of the search, or the number of an earlier place to which it leads
@@ -212,7 +212,7 @@ class _DepthFirst:
         self._number += 1
 
     def enter(self, place: int) -> int:
-        """Continue through the steps of a place; return the next new place, or -1 after the last step."""
+        """Follow the next steps from a place. Return the next place not yet visited, or -1 if there is none."""
         numbers, excluded, graph = self.numbers, self._excluded, self._graph
         steps, first, stop = graph.leading_from(place)
         targets = steps.targets
@@ -233,7 +233,7 @@ class _DepthFirst:
         return int(found)
 
     def component(self, first: int) -> list[int]:
-        """Remove and return the component whose earliest place is *first*."""
+        """Return the component whose earliest place is *first*, and remove its places from the search."""
         component = [first]
         while self.waiting.height and self.numbers[self.waiting.top()] >= self.numbers[first]:
             component.append(self.waiting.pop())
@@ -298,7 +298,7 @@ _ALL: Final = -1
 
 @dataclass(frozen=True)
 class Lasso:
-    """A path from the start to a loop, together with this loop.
+    """A path from the start to a loop, and the loop itself.
 
     Attributes:
         stem: The states on the path, from the first state to the first state of the loop.
@@ -310,7 +310,7 @@ class Lasso:
 
 
 def lasso(graph: Graph, component: list[int]) -> Lasso:
-    """Return a short fair run that leads into a component and once around a loop in it.
+    """Return a short fair run: a path to a component, and a loop that stays in this component.
 
     Args:
         graph: The graph.
@@ -321,7 +321,7 @@ def lasso(graph: Graph, component: list[int]) -> Lasso:
 
 
 _Moment = tuple[int, int, int, int]
-"""A place, the bits that were set in every tick so far (-1: all), and the current tick's waits (`append_waits`)."""
+"""A place, the bits set in all ticks so far (-1 stands for all bits), and the waits of the current tick."""
 
 
 def _round(graph: Graph, entry: int, inside: set[int]) -> list[Edge]:

@@ -1,4 +1,4 @@
-"""Numbering of states in the order in which they are found."""
+"""Numbers states in the order in which a search finds them."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -13,13 +13,13 @@ _NUMBER: Final = (1 << _BITS_OF_NUMBER) - 1
 _HASH: Final = (1 << 31) - 1
 """The mask for the bits of a hash that the table stores. It also limits the size of the table."""
 _STRETCH: Final = 1 << 12
-"""The number of states in a stretch. All states of a stretch must fit into 2^31 bytes, so one may take 500,000 bytes."""
+"""The number of states in a stretch. A stretch takes at most 2^31 bytes, so a state may take 500,000 bytes."""
 _KEPT_MIDDLES: Final = 1 << 15
-"""An intermediate state is forgotten once ticks have reached this many others, which take about 6 MB."""
+"""The number of other intermediate states after which one is forgotten. They take about 6 MB of memory."""
 
 
 class StateStore:
-    """The encoded states, by number.
+    """Stores encoded states by number.
 
     States are stored consecutively, because a separate object for each state would take 50 bytes more. They are divided
     into stretches, which are not copied when the next stretch is created. A single growing array would exist twice
@@ -44,7 +44,7 @@ class StateStore:
         return [self[number] for number in range(first, end)]
 
     def append(self, state: bytes) -> None:
-        """Store a state under the next number."""
+        """Store a state, which gets the next number."""
         if self._count % _STRETCH == 0:
             self._stretches.append(_Stretch())
         self._stretches[-1].append(state)
@@ -52,7 +52,7 @@ class StateStore:
 
 
 class _Stretch:
-    """Consecutive states."""
+    """A block of encoded states with consecutive numbers."""
 
     def __init__(self) -> None:
         self._written = vec[u8]()
@@ -60,7 +60,7 @@ class _Stretch:
         self._ends = vec[i32]([0])
 
     def state_at(self, place: int) -> bytes:
-        """Return the state at an index of the stretch."""
+        """Return the state with the given index in the stretch."""
         return bytes(self._written[self._ends[place] : self._ends[place + 1]])
 
     def append(self, state: bytes) -> None:
@@ -70,7 +70,7 @@ class _Stretch:
 
 
 class Numbering:
-    """Numbers states from 0 on.
+    """Assigns numbers to states, starting with 0.
 
     The number of a state is found with a hash table of numbers, which takes 12 to 24 bytes for each state. A dictionary
     would take 90 bytes more.
@@ -87,7 +87,7 @@ class Numbering:
         self._mask: i64 = _FIRST_SIZE - 1
 
     def find(self, state: bytes) -> int:
-        """Return the number of a state; -1 if the state has no number."""
+        """Return the number of a state, or -1 if the state has no number."""
         table, mask = self._table, self._mask
         hashed = i64(hash(state)) & _HASH
         at = hashed & mask
@@ -129,7 +129,7 @@ class Numbering:
 
 
 class Middles:
-    """Numbers intermediate states of ticks from 0 on, and forgets intermediate states that no tick has reached lately.
+    """Assigns numbers to intermediate states, and forgets the intermediate states that no recent tick has reached.
 
     An intermediate state takes as much memory as a state, and there are several for each state. But ticks that merge
     start in states that are found at about the same time. A forgotten intermediate state gets another number when a
@@ -145,7 +145,7 @@ class Middles:
         self._count = 0
 
     def find(self, middle: bytes) -> int:
-        """Return the number of an intermediate state; -1 if it has no number or was forgotten."""
+        """Return the number of an intermediate state, or -1 if it has no number or was forgotten."""
         number = self._lately.find(middle)
         if number < 0:
             number = self._before.find(middle)
@@ -167,7 +167,7 @@ class Middles:
 
 
 class _Recent:
-    """Recent intermediate states with their numbers."""
+    """The intermediate states that ticks have recently reached, with their numbers."""
 
     def __init__(self) -> None:
         self._numbering = Numbering()

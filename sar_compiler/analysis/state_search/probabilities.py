@@ -38,11 +38,11 @@ from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, Ticker
 from sar_compiler.runtime.outcomes import Outcome, probabilities
 
 TOLERANCE_SEC: Final = 1e-6
-"""The tolerance for the times of ticks, because floats represent multiples of the period only approximately."""
+"""The tolerance for comparing times in seconds, because floats represent multiples of the period inexactly."""
 
 
 class TicksLeft:
-    """A number of ticks until a time expires. Equal numbers are the same object, so that states can be compared.
+    """The number of ticks until a time expires. Equal numbers share one object, so that states can be compared.
 
     Args:
         ticks: The number of ticks.
@@ -53,7 +53,7 @@ class TicksLeft:
 
 
 class LimitUse:
-    """Makes a condition decrease limits only once if the same situation, such as a pause, lasts several ticks.
+    """Lets a condition decrease limits only once while the same situation, such as a pause, lasts several ticks.
 
     A repeated outcome is evaluated with the limits before its first occurrence, and leaves the limits unchanged.
 
@@ -74,11 +74,11 @@ class LimitUse:
         self._now = {}
 
     def end_tick(self) -> None:
-        """Store the results of the tick as the results of the last tick."""
+        """Make the outcomes of the current tick the outcomes of the last tick."""
         self._last = self._now
 
     def spend(self, index: int, found: str) -> list[Any]:
-        """Reset the limits to the values before a repeated outcome; return the current limits for `restore`.
+        """For a repeated outcome, reset the limits to their earlier values, and return the current ones for `restore`.
 
         For any other outcome, nothing is changed, and the result is empty.
 
@@ -98,13 +98,13 @@ class LimitUse:
         return left
 
     def restore(self, left: list[Any]) -> None:
-        """Restore the limits that `spend` returned."""
+        """Set the limits to the values that `spend` returned."""
         for limit, value in zip(self._limits, left, strict=False):
             limit.write(value)
 
 
 class CountedTimes(Times):
-    """Timers that expire after a number of ticks; the token of a timer is a `TicksLeft`.
+    """Provides timers that expire after a number of ticks. The token of a timer is a `TicksLeft`.
 
     Args:
         period_sec: The time between two ticks, in seconds.
@@ -115,7 +115,7 @@ class CountedTimes(Times):
         self._known: dict[int, TicksLeft] = {}
 
     def ticks(self, seconds: float) -> int:
-        """Convert a time in seconds to the number of ticks after which this time has passed."""
+        """Convert a time in seconds to the number of ticks that this time takes, rounded up."""
         return max(0, math.ceil((seconds - TOLERANCE_SEC) / self._period_sec))
 
     def seconds(self, ticks: int) -> float:
@@ -140,7 +140,7 @@ class CountedTimes(Times):
 
 
 class Choice(NamedTuple):
-    """A choice among outcomes of a leaf.
+    """A choice among several outcomes of a leaf.
 
     Attributes:
         leaf: The index of the leaf.
@@ -154,7 +154,7 @@ class Choice(NamedTuple):
 
 
 class TransitionProbability(NamedTuple):
-    """The weight of an option of a choice: a share of an outcome's probability.
+    """The weight of one option of a choice. It is a share of the probability of an outcome.
 
     Attributes:
         choice: The number of the choice.
@@ -168,7 +168,7 @@ class TransitionProbability(NamedTuple):
 
 
 class ChoiceTable:
-    """The choices of leaves in the runs of a tree, with the weights of their options.
+    """The choices that leaves have in the runs of a tree, with the weights of the options.
 
     Args:
         times: Converts durations to numbers of ticks.
@@ -184,7 +184,7 @@ class ChoiceTable:
         self.weights: list[TransitionProbability] = [TransitionProbability(-1, 0, 1.0)]
 
     def spread(self, sec: tuple[float, float]) -> list[tuple[int, float]]:
-        """Convert a uniformly distributed duration to numbers of ticks, each with its probability."""
+        """Convert a uniformly distributed duration to the possible numbers of ticks and their probabilities."""
         least, most = sec
         first, last = self.times.ticks(least), self.times.ticks(most)
         if first == last:
@@ -198,7 +198,7 @@ class ChoiceTable:
 
 
 class Option:
-    """An option of a leaf at its start: an outcome, and the number of ticks until the outcome.
+    """What a leaf can choose when it starts: an outcome, and the number of ticks until this outcome.
 
     Args:
         reply: The outcome.
@@ -231,7 +231,7 @@ class ProbabilisticLeaf(StubNode):
         self._known: dict[tuple[int, ...], list[Option]] = {}
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return the number of options, or 1 if an error prevents this. The tick then raises the error."""
+        """Return the number of options, or 1 if a condition raises an error. The tick then raises the same error."""
         try:
             replies = self._possible()
         except SarError:
@@ -239,7 +239,7 @@ class ProbabilisticLeaf(StubNode):
         return 1 if self._has_chosen(ticker, replies) else len(self._options(replies))
 
     def begin(self, ticker: Ticker) -> int:
-        """Start the leaf unless it is running; return the chosen outcome, or RUNNING until the outcome is due."""
+        """Start the leaf if it is not running. Return the chosen outcome, or RUNNING until that outcome is due."""
         cells, values, trail = ticker.cells, ticker.values, self._trail
         self._ran.add(self.index)
         if cells[self.status_cell] != RUNNING:
@@ -272,7 +272,7 @@ class ProbabilisticLeaf(StubNode):
         cells[self.status_cell] = INVALID
 
     def _has_chosen(self, ticker: Ticker, replies: list[Reply]) -> bool:
-        """Return whether the leaf has chosen an outcome that is not yet due, or that is still possible."""
+        """Return whether the leaf has chosen an outcome that is still possible or not yet due."""
         values = ticker.values
         chosen = values[self._chosen]
         return chosen is not None and (values[self._left].ticks > 0 or chosen in replies)
@@ -283,7 +283,7 @@ class ProbabilisticLeaf(StubNode):
             if self._trail.going_on:
                 message = (
                     f"'{self.behaviour.name}' has several outcomes with probabilities while another node ends (catch_on_halt), "
-                    "and this case cannot be computed. Declare one outcome, or outcomes without p"
+                    "which cannot be computed. Declare only one outcome of the leaf, or outcomes without p"
                 )
                 raise UndecidableError(message)
             self._trail.going_on = option.weight
@@ -291,7 +291,7 @@ class ProbabilisticLeaf(StubNode):
         ticker.values[self._left] = self._probabilities.times.remaining_ticks(option.ticks)
 
     def _options(self, replies: list[Reply]) -> list[Option]:
-        """Return the options of the leaf if the given outcomes are possible."""
+        """Return the leaf's options, given the outcomes that are possible now."""
         place = tuple([reply.event for reply in replies])
         known = self._known.get(place)
         if known is None:
@@ -299,7 +299,7 @@ class ProbabilisticLeaf(StubNode):
         return known
 
     def _ending_replies(self, replies: list[Reply]) -> list[Reply]:
-        """Return the outcomes that the leaf can choose. RUNNING is one of them only if no other is possible."""
+        """Return the outcomes that the leaf can choose. Exclude RUNNING if any other outcome is possible."""
         return [reply for reply in replies if reply.outcome != RUNNING] or replies[:1]
 
     def _create_options(self, replies: list[Reply]) -> list[Option]:
@@ -317,7 +317,7 @@ class ProbabilisticLeaf(StubNode):
 
 
 class WeighedSteps(TickSteps):
-    """The steps of a tree with known probabilities. Consecutive ticks in which only time passes are one step.
+    """The steps of a tree, each with a known probability. Consecutive ticks in which only time passes form one step.
 
     `waits` contains the number of a step's weight, or the negative number of ticks if only time passes in the step.
 

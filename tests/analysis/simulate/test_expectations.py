@@ -45,7 +45,11 @@ def test_what_is_so_holds(expected):
 @pytest.mark.parametrize(
     ("expected", "word", "message"),
     [
-        ("root: FAILURE", "root", "the root is SUCCESS in the last tick, expected FAILURE"),
+        (
+            "root: FAILURE",
+            "root",
+            "the status of the root is SUCCESS in the last tick, but FAILURE was expected",
+        ),
         ("within: 5s", "within", "the run ends with tick 14 (6.5 s), but was expected to end by 5 s"),
         (
             "within: 13 ticks",
@@ -53,7 +57,11 @@ def test_what_is_so_holds(expected):
             "the run ends with tick 14 (6.5 s), but was expected to end by tick 13",
         ),
         ("within: 1 tick", "within", "the run ends with tick 14 (6.5 s), but was expected to end by tick 1"),
-        ("facts: {at: zone}", "facts", "the fact 'at' is 'base' at the end, expected 'zone'"),
+        (
+            "facts: {at: zone}",
+            "facts",
+            "the fact 'at' is 'base' at the end of the run, but 'zone' was expected",
+        ),
         (
             "order: [DetectSurvivor found, DetectSurvivor found]",
             "order",

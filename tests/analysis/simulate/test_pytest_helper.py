@@ -43,14 +43,17 @@ def test_a_run_without_an_end_fails_the_test():
 def test_a_run_that_cannot_go_on_fails_the_test():
     run = simulate(TREE, DetectSurvivor="no zone")
     with pytest.raises(
-        AssertionError, match="run: tick 1 could not be finished: 'DetectSurvivor' cannot return"
+        AssertionError, match="run: an error occurred in tick 1: 'DetectSurvivor' cannot return"
     ):
         run.run_to_end()
 
 
 def test_what_is_expected_and_is_not_so_fails_the_test_with_the_trace():
     run = simulate(TREE).run_to_end()
-    with pytest.raises(AssertionError, match=r"(?s)^root: the root is SUCCESS.*expected FAILURE\n\ntick 1, "):
+    with pytest.raises(
+        AssertionError,
+        match=r"(?s)^root: the status of the root is SUCCESS.*FAILURE was expected\n\ntick 1, ",
+    ):
         run.expect(root="FAILURE")
 
 

@@ -203,7 +203,7 @@ def test_what_cannot_be_breaks_the_run_off_and_is_the_only_failure(text, body, m
     run = played(f"{text}\nexpect: {{root: RUNNING}}", body)
     (failure,) = failures(run)
     assert failure.expected == "run"
-    assert failure.message.startswith("tick 1 could not be finished: ")
+    assert failure.message.startswith("an error occurred in tick 1: ")
     assert message in failure.message
 
 
