@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 STATUSES: Mapping[str, Status] = {outcome.name: outcome.status for outcome in ReturnedStatus}
-"""The return values of `update`, by the name of the outcome's status."""
+"""The statuses that `update` returns, by name."""
 
 
 class StubLeafError(SarError):
@@ -44,10 +44,10 @@ class StubLeafError(SarError):
 
 
 class OutcomePolicy(Protocol):
-    """Chooses the outcomes of leaves."""
+    """Decides which outcome a leaf returns."""
 
     def choose(self, leaf: "StubLeaf", options: Sequence[Outcome]) -> Outcome:
-        """Return the outcome of this tick, which must be one of *options*."""
+        """Choose one of the outcomes *options* for the current tick."""
         ...
 
 
@@ -89,14 +89,14 @@ class FactVariables:
         self._known: dict[str, ScopeVariables] = {}
 
     def read(self, name: str) -> ScriptValue:
-        """Return the value of a variable; see `Variables`."""
+        """Return the value of a variable, or an unknown value for the name `unknown`."""
         if name == UNKNOWN and not self.is_fact(name):
             # A script passes the value unchanged to `create` or `assign`.
             return cast("ScriptValue", UnknownValue(self._leaf))
         return self._leaf_variables(name).read(name)
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write a variable; create a key of the tree if the name is unknown."""
+        """Write a variable. If no variable has this name, create a key of the tree."""
         return self._write_unknown(name, value) or self._leaf_variables(name).create(name, value)
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
@@ -108,16 +108,16 @@ class FactVariables:
         return self._leaf_variables(name).entry(name)
 
     def values_of(self, names: Iterable[str]) -> dict[str, object]:
-        """Return the values of those names that are facts, by the last part of the fact's name on the board."""
+        """Return the values of the facts among *names*. The result's keys are the last parts of the facts' entry names."""
         entries = [self.entry(name) for name in names if self.is_fact(name)]
         return {entry.name.rpartition("/")[2]: entry.read() for entry in entries}
 
     def memo(self, scripts: Iterable[Script]) -> "Memo | None":
-        """Return the cache of script results, or None if the board does not store entries as numbers."""
+        """Return a cache for the results of the scripts, or None if the blackboard does not store entries as numbers."""
         return self.memo_of([self.entry(use.name) for each in scripts for use in name_uses(each)])
 
     def memo_of(self, entries: Sequence[Entry]) -> "Memo | None":
-        """Return a result cache for code that uses the given entries; None if the board stores no numbers."""
+        """Return a cache for the results of code that uses the entries, or None if the blackboard stores no numbers."""
         return self._scope.board.memo(entries)
 
     def is_fact(self, name: str) -> bool:
@@ -132,7 +132,7 @@ class FactVariables:
     def fast_runner(
         self, program: Program, condition: Callable[[ScriptValue], bool] | None = None
     ) -> Callable[[], Any] | None:
-        """Return a fast runner for a short program on facts; None for other programs.
+        """Return a fast runner for a short program that uses only facts, or None for any other program.
 
         Args:
             program: The program.
@@ -144,7 +144,7 @@ class FactVariables:
         return compile_fast_script(program.script, self.entry, self.enums.numbers, usual, condition)
 
     def _write_unknown(self, name: str, value: object) -> ScriptValue | None:
-        """Write an unknown value and return it. If the value is known, write nothing and return None."""
+        """Write a value if it is an unknown value, and return it. Otherwise write nothing, and return None."""
         if not isinstance(value, UnknownValue):
             return None
         entry = self.entry(name)
@@ -163,7 +163,7 @@ class FactVariables:
 
 
 class StubLeaf(SkippableLeaf):
-    """Returns the outcome that an outcome policy chooses.
+    """A leaf that returns the outcomes that an outcome policy chooses.
 
     Args:
         name: The node's name.
@@ -234,7 +234,7 @@ class StubLeaf(SkippableLeaf):
                 raise self._script_error(outcome, "then", outcome.then, error) from error
 
     def entries(self, scripts: Iterable[str]) -> list[Entry]:
-        """Return the entries that scripts of the leaf's outcomes can read or write."""
+        """Return the blackboard entries that the given scripts of this leaf can read or write."""
         names = (use.name for script in scripts for use in name_uses(parse(script)))
         return [
             self.variables.entry(name) for name in names if name != UNKNOWN or self.variables.is_fact(name)
@@ -245,7 +245,7 @@ class StubLeaf(SkippableLeaf):
         self.events.append(self.event(STARTED))
 
     def update(self) -> Status:
-        """Apply the outcome that the policy chooses, and return its status.
+        """Apply the outcome that the policy chooses, and return the status of this outcome.
 
         Raises:
             StubLeafError: If no outcome is possible, or a script fails.
@@ -257,7 +257,7 @@ class StubLeaf(SkippableLeaf):
         return STATUSES[outcome.status]
 
     def terminate(self, new_status: Status) -> None:
-        """Record a halt of the running leaf."""
+        """Record the halt of the leaf if the leaf is running."""
         if new_status is Status.INVALID and self.status is Status.RUNNING:
             self.events.append(self.event(HALTED))
 
@@ -267,7 +267,7 @@ class StubLeaf(SkippableLeaf):
         return Event(self.path, self.number, what, status, label, facts)
 
     def _recall(self, what: Outcome | None, programs: Iterable[Program], run: Callable[[], T]) -> T:
-        """Run code that evaluates programs, or reuse the cached result for equal values of the variables."""
+        """Call *run*. If it was called before with the same variable values, return the cached result instead."""
         if what not in self._memos:
             self._memos[what] = self.variables.memo(each.script for each in programs)
         memo = self._memos[what]
@@ -275,7 +275,7 @@ class StubLeaf(SkippableLeaf):
         return result
 
     def _apply_outcome(self, outcome: Outcome) -> Event:
-        """Apply the effects of an outcome, and return the event; if the effects fail, the event is recorded at once."""
+        """Apply the effects of an outcome, and return the event. If an effect fails, record the event immediately."""
         before = self._facts_of(outcome)
         try:
             self.change(outcome)
@@ -312,7 +312,7 @@ class StubLeaf(SkippableLeaf):
     def _fast_runner(
         self, program: Program, condition: Callable[[ScriptValue], bool] | None = None
     ) -> Callable[[], Any] | None:
-        """Return the fast runner of one of the leaf's scripts; None if there is none."""
+        """Return the fast runner of one of the leaf's scripts, or None if the script has no fast runner."""
         if self.variables.is_numbered:
             return None
         wanted = self.variables, program

@@ -1,4 +1,4 @@
-"""Random runs of a scenario for worker processes, and the search for the smallest failing scenario."""
+"""Plays random runs of a scenario in worker processes, and finds the smallest failing scenario."""
 
 import functools
 import hashlib
@@ -34,12 +34,12 @@ class UndecidedRunError(SarError):
 
 
 class ChangedTreeError(SarError):
-    """The files of a tree have changed since the start of a sweep."""
+    """The files of a tree have changed since the Monte Carlo runs started."""
 
 
 @dataclass(frozen=True)
 class ScenarioRuns:
-    """Plays a scenario with given seeds.
+    """Plays a scenario repeatedly, each time with a different seed.
 
     Attributes:
         tree: The absolute path of the tree file.
@@ -60,7 +60,7 @@ class ScenarioRuns:
     counted: tuple[str, ...] = ()
 
     def __call__(self, seeds: Sequence[int]) -> list[RunResultSample]:
-        """Return the result of a run for each seed."""
+        """Play a run for each seed, and return the results of the runs."""
         with _PLAY_LOCK:
             replays = _cached_runs(self)
             return [replays.outcome(seed) for seed in seeds]
@@ -76,7 +76,7 @@ class ScenarioRuns:
         return load_scenario(parse_yaml(self.scenario, self.path, ""), stage)
 
     def has_randomness(self) -> bool:
-        """Return whether two runs can differ."""
+        """Return whether runs with different seeds can differ."""
         play = self.understood()
         steps = [step for script in play.scenario.scripts.values() for step in script]
         if any(step.probability < 1.0 or step.longest_sec > step.after_sec for step in steps):
@@ -84,7 +84,7 @@ class ScenarioRuns:
         return bool(self.unusual) or any(leaf.is_random for leaf in play.simulated.leaves)
 
     def events(self, simulated: SimulatedTree) -> list[EventPattern]:
-        """Return the events to count.
+        """Return the patterns of the events to count.
 
         Raises:
             TreeError: If the tree does not have one of the events.
@@ -98,7 +98,7 @@ class ScenarioRuns:
         return [each for each in found if each is not None]
 
     def play(self, seed: int) -> ScenarioPlayer:
-        """Play the run with a seed, and return the player."""
+        """Play the run with the given seed, and return the player."""
         play = self.understood()
         player = ScenarioPlayer(play.simulated, replace(play.scenario, seed=seed, unusual=self.unusual))
         player.run_to_end()
@@ -106,7 +106,7 @@ class ScenarioRuns:
 
 
 class _CachedRuns:
-    """Plays runs on a compiled tree that a worker process caches.
+    """Plays runs on a compiled tree. The worker process caches this tree.
 
     Args:
         runs: The runs to play.
@@ -126,12 +126,12 @@ class _CachedRuns:
             self._tree = None
 
     def outcome(self, seed: int) -> RunResultSample:
-        """Play the run with a seed, and return its result."""
+        """Play the run with the given seed, and return the result of the run."""
         player = self._player(seed)
         run, choices = player.run, player.scripted.choices
         if run.is_undecided:
             raise UndecidedRunError(
-                f"nothing can be counted, because the run with seed {seed} is undecided: {run.trouble}"
+                f"the success rate is unknown, because the run with seed {seed} cannot be decided: {run.trouble}"
             )
         counts = {each.text: sum(map(each.matches, run.events)) for each in self._events}
         size = (sum(not choice.usual for choice in choices), len(run.ticks), len(choices))
@@ -139,7 +139,7 @@ class _CachedRuns:
         return RunResultSample(seed, missed, run.time_sec, counts, size)
 
     def _player(self, seed: int) -> Player:
-        """Play the run with a seed, and return the player."""
+        """Play the run with the given seed, and return the player."""
         if self._tree is None:
             return self._runs.play(seed)
         if self._tree.needs_replacement:
@@ -152,7 +152,7 @@ _cached_runs = functools.lru_cache(maxsize=16)(_CachedRuns)
 
 
 def content_of(tree: ProjectTree) -> str:
-    """Return a checksum of the texts of a tree file, its includes and its palettes."""
+    """Return one checksum for the texts of a tree file, the included files and the palettes."""
     files = [*tree.forest.files, *tree.forest.others, *tree.palettes]
     return hashlib.sha256("\0".join(file.source.text for file in files).encode()).hexdigest()
 
@@ -161,12 +161,14 @@ def content_of(tree: ProjectTree) -> str:
 def _stage(path: Path, content: str, additions: CommandLineSettings) -> ScenarioStage:
     tree = Workspace(additions).load(path)
     if content_of(tree) != content:
-        raise ChangedTreeError(f"{path}, or one of its files, has changed since the sweep started")
+        raise ChangedTreeError(
+            f"{path}, or a file that it uses, has changed since the Monte Carlo runs started"
+        )
     return stage_of(tree)
 
 
 def change_scenario(scenario: Mapping[str, object], changes: Mapping[str, object]) -> str:
-    """Return the text of a scenario in which keys, facts and parameters are changed.
+    """Return the text of a changed scenario. The changes may concern keys, facts and parameters.
 
     The expected trace is removed, because random runs have different traces. Without expectations and an end condition,
     the root is expected to succeed.
@@ -183,14 +185,14 @@ def change_scenario(scenario: Mapping[str, object], changes: Mapping[str, object
 
 
 class _Group(NamedTuple):
-    """Consecutive equal choices for a leaf, which become one step of a scenario."""
+    """A group of consecutive equal choices for a leaf, which becomes one step of a scenario."""
 
     leaf: str
     step: Mapping[str, object]
 
 
 def smallest_scenario(runs: ScenarioRuns, seed: int) -> str | None:
-    """Return a minimal scenario without randomness that reproduces a run's failure.
+    """Return a minimal scenario that reproduces the failure of a run without random choices.
 
     Args:
         runs: The runs.
@@ -233,7 +235,7 @@ def _failed_expectations(missed: Sequence[Failure]) -> list[str]:
 
 
 def _group_choices(player: ScenarioPlayer) -> list[_Group]:
-    """Return the choices of a run by leaf, with repeated choices combined."""
+    """Return the choices of a run, grouped by leaf. Combine repeated choices of a leaf."""
     leaves = player.run.simulated.leaves
     names = Counter(word for leaf in leaves for word in {leaf.name, leaf.tag})
     by_leaf: dict[str, list[DrawnChoice]] = {}

@@ -1,4 +1,4 @@
-"""The table of a sweep's results as text and as JSON."""
+"""Displays the results of Monte Carlo runs as a table or as JSON."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import sqrt
@@ -15,7 +15,7 @@ Smallest = tuple[SweepRow, RunResultSample] | None
 def sweep_as_text(
     rows: Sequence[SweepRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
 ) -> str:
-    """Return a line for each row, with the rates in percent, and the failures.
+    """Return a table with a line for each row and rates in percent, followed by the smallest failed run.
 
     Args:
         rows: The rows.
@@ -32,12 +32,12 @@ def sweep_as_text(
         which = "".join(f"{name} {value}, " for name, value in row.labels.items())
         text += f"\n\nThe failed run that differs least from a default run ({which}seed {played.seed}): {played.failure}"
     if written is not None:
-        text += f"\n  the smallest failing scenario was written to {written[0]}. Replay it with: {written[1]}"
+        text += f"\n  The smallest failing scenario was written to {written[0]}. Replay it with: {written[1]}"
     return text
 
 
 def table_text(lines: Sequence[Mapping[str, str]], labels: int) -> str:
-    """Format rows as a table.
+    """Format rows as a text table.
 
     Args:
         lines: The rows, at least one; each maps column heads to cells.
@@ -50,7 +50,7 @@ def table_text(lines: Sequence[Mapping[str, str]], labels: int) -> str:
 
 
 def _align(cells: Sequence[str], widths: Sequence[int], labels: int) -> Iterator[str]:
-    """Yield the cells of a row, with left-aligned labels and right-aligned numbers."""
+    """Yield the padded cells of a row. Labels are aligned left, and numbers are aligned right."""
     for index, (cell, width) in enumerate(zip(cells, widths, strict=True)):
         yield cell.ljust(width) if index < labels else cell.rjust(width)
 
@@ -71,7 +71,7 @@ def _row_cells(row: SweepRow, rule: StoppingRule, confidence: str) -> Mapping[st
 def sweep_as_json(
     rows: Sequence[SweepRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
 ) -> str:
-    """Return the table as a JSON object, with times in seconds and rates from 0 to 1."""
+    """Return the results as a JSON object, with times in seconds and rates between 0 and 1."""
     result: dict[str, object] = {"rows": [_row_data(row, rule) for row in rows], "smallest": None}
     if smallest is not None:
         row, played = smallest
@@ -102,14 +102,14 @@ def _rate(outcomes: Sequence[RunResultSample]) -> float:
 
 
 class _Mean(NamedTuple):
-    """The mean of a number over runs, with the half-width of its confidence interval (None for a single run)."""
+    """The mean of a number over runs, and the half-width of the mean's confidence interval (None for one run)."""
 
     value: float
     margin: float | None
 
 
 def _means(outcomes: Sequence[RunResultSample], confidence: float) -> dict[str, _Mean]:
-    """Return the mean of each counted number over the runs that contain this number."""
+    """Return the mean count of each event over the runs in which the event was counted."""
     names = dict.fromkeys(name for each in outcomes for name in each.counts)
     counts = {name: [each.counts[name] for each in outcomes if name in each.counts] for name in names}
     z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
@@ -129,5 +129,5 @@ def _times(outcomes: Sequence[RunResultSample]) -> list[float]:
 
 
 def quantile(ordered: Sequence[float], part: float) -> float:
-    """Return the value below or at which a given share of the ascending values lies."""
+    """Return the smallest value such that at least the share *part* of the values is not larger."""
     return ordered[max(0, -(-len(ordered) * round(part * 100) // 100) - 1)]

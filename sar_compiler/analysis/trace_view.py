@@ -1,4 +1,4 @@
-"""Scripted runs as a text trace, as JSON, and as JUnit XML for continuous integration."""
+"""Displays scripted runs as a text trace, as JSON, or as JUnit XML for continuous integration."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from sar_compiler.tree.plain import as_json, speakable, to_json_value, value_as_
 
 
 def trace(run: ScenarioRun) -> str:
-    """Return the trace of a run: ticks with new events in full, one line for other ticks, and the end."""
+    """Return the trace of a run. Ticks with new events are shown in full, and other ticks are summarised in a line."""
     writer = _TraceWriter(run)
     lines: list[str] = []
     repeated: list[TickRecord] = []
@@ -26,7 +26,7 @@ def trace(run: ScenarioRun) -> str:
 
 
 def leaf_labels(leaves: Sequence[StubLeaf]) -> Mapping[int, str]:
-    """Return the label of each leaf, by leaf number: the leaf's name, or the part of its path that is unique."""
+    """Return the label of each leaf by leaf number. The label is the name, or the part of the path that is unique."""
     return {
         leaf.number: _label(leaf, [other for other in leaves if other.name == leaf.name]) for leaf in leaves
     }
@@ -67,7 +67,7 @@ def failure_line(run: ScenarioRun, failure: Failure) -> str:
 
 
 def coverage_text(coverage: OutcomeCoverage) -> str:
-    """Describe how many nodes were ticked and leaf outcomes occurred in a set of runs, and list the missing ones."""
+    """Describe how many nodes and leaf outcomes a set of runs covers, and list those that are not covered."""
     nodes, missed = coverage.nodes, coverage.never_ticked
     possible = sum(len(node.outcomes) for node in nodes)
     unseen = sum(len(node.unseen_outcomes) for node in nodes)
@@ -83,7 +83,7 @@ def coverage_text(coverage: OutcomeCoverage) -> str:
 
 
 def _is_news(tick: TickRecord, before: TickRecord | None) -> bool:
-    """Return whether a tick has a change or an event that was not in the previous tick."""
+    """Return whether a tick has changed a value, or has an event that the previous tick did not have."""
     if before is None or tick.facts or tick.keys or tick.root != before.root:
         return True
     known = {(event.number, event.status, event.label) for event in _visible_events(before)}
@@ -116,7 +116,7 @@ class _TraceWriter:
             yield f"  keys: {_values(_new_values(tick.keys))}"
 
     def summary(self, repeated: Sequence[TickRecord]) -> list[str]:
-        """Return a line that summarises consecutive ticks that only repeat events; no line if there are none."""
+        """Return one line that summarises consecutive ticks without new events, or no line if there are no such ticks."""
         if not repeated:
             return []
         first, last = repeated[0], repeated[-1]
@@ -127,7 +127,7 @@ class _TraceWriter:
         return [f"{which}, until {last.time_sec:g} s: {events_text}"]
 
     def _is_done(self, event: Event) -> bool:
-        """Return whether an event is worth listing: a halt, or the end of a leaf that is not a condition."""
+        """Return whether to list an event in a summary. Listed are halts, and ends of leaves that are not conditions."""
         return event.status != "RUNNING" and event.number not in self._conditions
 
 
@@ -171,7 +171,7 @@ class PlayedScenario:
 
 
 def junit(tree: str, scenarios: Sequence[PlayedScenario]) -> str:
-    """Return a JUnit test suite for a tree file with a test case for each scenario; times are simulated seconds."""
+    """Return a JUnit test suite for a tree file, with a test case for each scenario. Times are simulated seconds."""
     counts = {
         "tests": str(len(scenarios)),
         "failures": str(sum(bool(each.failures) for each in scenarios)),
@@ -190,7 +190,7 @@ def _add_case(suite: ET.Element, tree: str, played: PlayedScenario) -> None:
     run, about = played.run, {"name": speakable(played.name), "classname": speakable(tree)}
     case = ET.SubElement(suite, "testcase", about, time=f"{run.time_sec if run else 0.0:.3f}")
     if run is None:
-        result = ET.SubElement(case, "error", message="the scenario cannot be played")
+        result = ET.SubElement(case, "error", message="the scenario is invalid or cannot be read")
         text = played.problem
     elif played.failures:
         lines = [failure_line(run, failure) for failure in played.failures]
@@ -205,7 +205,7 @@ def _add_case(suite: ET.Element, tree: str, played: PlayedScenario) -> None:
 def runs_as_json(
     tree: str, scenarios: Sequence[PlayedScenario], coverage: OutcomeCoverage | None = None
 ) -> str:
-    """Return the played scenarios as a JSON object; times are simulated seconds."""
+    """Return the played scenarios as a JSON object. Times are simulated seconds."""
     result: dict[str, object] = {"file": tree, "scenarios": [_scenario(each) for each in scenarios]}
     if coverage is not None:
         result["coverage"] = {

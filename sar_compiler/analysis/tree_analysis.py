@@ -1,4 +1,4 @@
-"""Functions that analyse the runs of a loaded tree: simulation, verification, monitoring, comparison, prediction."""
+"""Analyses the runs of a loaded tree: simulates, verifies, predicts, monitors or compares them."""
 
 import functools
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def _start_values(
     tree: ProjectTree, params: str | Path | StartValues | None, binding: Binding
 ) -> StartValues:
-    """Read the start values of a tree's runs from a parameter file, without ROS; report unusual values.
+    """Read the start values of a tree's runs from a parameter file without ROS, and report unusual values.
 
     Raises:
         ParameterFileError: If ROS would refuse or misread the file.
@@ -47,7 +47,7 @@ def _start_values(
 def stage_of(
     tree: ProjectTree, tree_id: str | None = None, params: str | Path | StartValues | None = None
 ) -> "ScenarioStage":
-    """Return the tree and the settings with which its scenarios are simulated.
+    """Return the tree together with the settings for simulating scenarios on this tree.
 
     Args:
         tree: The tree file.
@@ -109,7 +109,7 @@ def watch_tree(
     tree_id: str | None = None,
     clock: Callable[[], float] = lambda: 0.0,
 ) -> "RuntimeMonitor":
-    """Return a monitor that checks properties during a run of a tree.
+    """Return a monitor that checks properties while a tree runs.
 
     Args:
         tree: The tree file.

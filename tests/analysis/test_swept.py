@@ -188,5 +188,5 @@ def test_a_tree_that_has_changed_since_the_sweep_began_is_not_played(tmp_path):
     assert len(again([1])) == 1
     _cached_runs.cache_clear()
     _stage.cache_clear()
-    with pytest.raises(ChangedTreeError, match="has changed since the sweep started"):
+    with pytest.raises(ChangedTreeError, match="has changed since the Monte Carlo runs started"):
         play([2])

@@ -352,7 +352,7 @@ class WeighedSteps(TickSteps):
         return NOTHING if self._is_over else super().step()
 
     def save_state(self, outcome: int) -> None:
-        """Save the state after a tick, and after the following ticks in which only time passes."""
+        """Save the state after a tick and after any subsequent ticks in which only time passes."""
         ticker = self._ticker
         ticker.entries.update_contents()
         self._pass_by(1)
@@ -364,14 +364,14 @@ class WeighedSteps(TickSteps):
             self.waits = -1 - passed, 0, 0
 
     def _pass_by(self, ticks: int) -> None:
-        """Decrease the remaining ticks of all running leaves and timers."""
+        """Let a number of ticks pass: decrease the remaining ticks of all running leaves and timers."""
         values = self._ticker.values
         for place, value in enumerate(values):
             if isinstance(value, TicksLeft) and value.ticks:
                 values[place] = self._times.remaining_ticks(value.ticks - ticks)
 
     def _count_waiting_ticks(self) -> int:
-        """Return the number of following ticks in which only time passes; 0 if more has happened in the last tick."""
+        """Return the number of next ticks in which only time passes, or 0 if more happened in the last tick."""
         ticker, least = self._ticker, 0
         if ticker.trail.watched != self._watched or ticker.trail.broken:
             return 0

@@ -1,4 +1,4 @@
-"""Breadth-first search of the states of a tree.
+"""Searches the reachable states of a tree, breadth first.
 
 Why breadth first: the first violation that is found takes the minimum number of ticks, so the run that is shown is a
 shortest run. States are numbered in the order in which they are found. So the states at the same distance have
@@ -28,30 +28,30 @@ from sar_compiler.budget import Progress
 _REPORT_EVERY: Final = 256
 _WAITS_BITS: Final = 28
 _WAITS: Final = (1 << _WAITS_BITS) - 1
-"""A step is packed into one number. These bits contain the effect on the waits, and the higher bits the target."""
+"""A mask for steps that are packed into one number. These bits contain the step's effect on the waits."""
 _NO_TARGET: Final = (1 << 31) - 1
-"""The value that replaces the target of a step whose tick raises an error."""
+"""The value that stands for the missing target of a step whose tick raises an error."""
 _MANY_TARGETS: Final = -1
-"""The value that replaces the target of a place that leads to several states."""
+"""The value that stands for the target of a place from which several states can be reached."""
 _LINEAR_LIMIT: Final = 32
-"""The number of steps up to which a linear search is faster than a set."""
+"""The number of steps up to which a linear search of a list is faster than a set."""
 _PACKED_BITS: Final = 20
-"""The maximum size, in bits, of numbers of which three can be packed into one machine number."""
+"""The maximum number of bits of each number when three numbers are packed into one machine word."""
 
 NOTHING: Final = 0
-"""There is no further step."""
+"""The kind of a step: there are no more steps."""
 A_STATE: Final = 1
-"""A step ends a tick."""
+"""The kind of a step: the step ends a tick."""
 A_MIDDLE: Final = 2
-"""A step leads to a known intermediate state."""
+"""The kind of a step: the step leads to a known intermediate state."""
 A_NEW_MIDDLE: Final = 3
-"""A step leads to a new intermediate state; the next steps continue from there until the intermediate state is left."""
+"""The kind of a step: it leads to a new intermediate state. The next steps start there, until `LEFT`."""
 LEFT: Final = 4
-"""Intermediate states are left because all steps from them were played. They must be numbered before the next step."""
+"""The kind of a step: all steps from some intermediate states were played. Number these states now."""
 
 
 class Judgement(NamedTuple):
-    """The judgement of a state: whether the run is over, and which rules are violated or pending.
+    """The judgement of a state: whether the run is over there, and which rules are violated or pending.
 
     Attributes:
         ends: Whether the run is over in the state.
@@ -93,7 +93,7 @@ class Stepper:
         raise NotImplementedError
 
     def enter(self, state: bytes, *, alone: bool = False) -> None:
-        """Restore a state in order to play its steps; with *alone*, intermediate states of other states are ignored."""
+        """Restore a state to play the steps from it. With *alone*, ignore intermediate states found from other states."""
         raise NotImplementedError
 
     def step(self) -> int:
@@ -115,7 +115,7 @@ class Stepper:
 
 
 Report = Callable[[Progress], bool | None]
-"""Receives the progress; returns True to stop the search."""
+"""A function that receives the progress of a search, and returns True to stop the search."""
 
 
 def report_nothing(progress: Progress) -> None:
@@ -175,7 +175,7 @@ class _Exploration:
         return graph
 
     def _expand(self, index: int) -> None:
-        """Find the successors of a state; if the limit of states is reached, the state is not expanded."""
+        """Find all successors of a state. Stop without storing them if the limit on states is reached."""
         stepper = self._stepper
         self._source = index
         self._places = [_OpenPlace(b"", (0, 0, 0))]
@@ -193,7 +193,7 @@ class _Exploration:
         self._finish(state)
 
     def _process_step(self, kind: int) -> bool:
-        """Process the current step; return False if the search is over."""
+        """Process the current step. Return False if the search must stop."""
         graph, stepper = self._graph, self._stepper
         state, waits, broken = stepper.state, stepper.waits, stepper.broken
         self._count_tick()
@@ -221,7 +221,7 @@ class _Exploration:
         return True
 
     def _record_step(self, target: int, waits: Waits) -> None:
-        """Record a step from the current place. It has no target if the step, or all steps after it, raise errors."""
+        """Record a step from the current place. Omit the target if this step, or every step after it, raises an error."""
         goes_on, changed, settled = waits
         if target >= 0:
             # At the end of a tick, no run waits for leaves and timers that have started in the tick.
@@ -235,7 +235,7 @@ class _Exploration:
         self._places[-1].add(i64(target) << _WAITS_BITS | i64(number))
 
     def _number_of(self, goes_on: int, changed: int, settled: int) -> int:
-        """Return the index of a step's effect on the waits in `Graph.waits`."""
+        """Return the index in `Graph.waits` of a step's effect on the waits. Add the effect if it is new."""
         if (goes_on, changed, settled) == self._last_waits:
             return self._last_number
         key: Any = goes_on << 2 * _PACKED_BITS | changed << _PACKED_BITS | settled
@@ -250,7 +250,7 @@ class _Exploration:
         return number
 
     def _store_intermediate_steps(self, count: int) -> None:
-        """Store the steps of the last *count* current intermediate states."""
+        """Store the steps from the last *count* of the current intermediate states."""
         for _ in range(count):
             place = self._places.pop()
             number = self._stepper.middles.add(place.middle)
@@ -272,7 +272,7 @@ class _Exploration:
             self._report_progress()
 
     def _report_progress(self) -> None:
-        """Report the progress; stop the search if the receiver requests it."""
+        """Report the progress, and stop the search if the receiver requests this."""
         graph = self._graph
         broken = tuple(self._names[rule] for rule in graph.breaches if rule < len(self._names))
         numbers = len(graph.states), graph.expanded_count, graph.step_count, len(graph.levels) - 1
@@ -280,7 +280,7 @@ class _Exploration:
             graph.stopped, graph.complete = True, False
 
     def _write(self, steps: Steps, place: "_OpenPlace") -> int:
-        """Store the steps of a place; return the only state to which they lead, or _MANY_TARGETS."""
+        """Store the steps from a place. Return the only state to which they lead, or _MANY_TARGETS."""
         only: i64 = _NO_TARGET
         for step in place.steps:
             target = end = step >> _WAITS_BITS
@@ -297,7 +297,7 @@ class _Exploration:
         return int(only)
 
     def _judge_again(self, index: int, state: bytes, *, idle: bool) -> None:
-        """Judge a state again after all of its ticks are known.
+        """Judge a state again when all ticks from this state are known.
 
         Whether a state is idle depends on its ticks, and whether a run ends in the state may depend on whether it is
         idle. The ticks are not known when the state is found, so it is judged twice. Until then its end is not needed,
@@ -323,7 +323,7 @@ class _Exploration:
         return number
 
     def _record_violations(self, broken: int) -> None:
-        """Record that the current step violates rules."""
+        """Record the rules that the current step is the first to violate."""
         for rule in self._new_violations(broken):
             self._graph.breaches[rule] = Breach(self._source, self._stepper.path())
             self._report_progress()
@@ -359,7 +359,7 @@ class _OpenPlace:
         self._known: set[int] | None = None
 
     def add(self, step: i64) -> None:
-        """Add a step, unless it was added before."""
+        """Add a step if it was not added before."""
         steps = self.steps
         if len(steps) < _LINEAR_LIMIT:
             for known in steps:

@@ -1,4 +1,4 @@
-"""Encoding of states as bytes."""
+"""Encodes the states of a tree as bytes, and decodes them."""
 
 from typing import Any, Final
 
@@ -10,9 +10,9 @@ from sar_compiler.runtime.kernel.cells import RUNNING
 _CONTINUES: Final = 128
 """The bit that is set in every byte of a number except the last byte."""
 _HALF_FULL: Final = 15
-"""The maximum value of half a byte; a number of at least this size continues in further bytes."""
+"""The maximum value of half a byte. A number that is not smaller continues in further bytes."""
 _LONGEST: Final = 21
-"""The maximum number of bytes of a place with its content."""
+"""The maximum number of bytes that encode a place and the content of this place."""
 
 
 class StateCode:
@@ -64,7 +64,7 @@ class StateCode:
         values: list[Any],
         entries: vec[i32],
     ) -> bytes:
-        """Encode an intermediate state of a tick; the code is never decoded.
+        """Encode an intermediate state of a tick. The result is only compared, never decoded.
 
         Args:
             node: The next node.
@@ -88,13 +88,13 @@ class StateCode:
         return written
 
     def _make_room(self, bits: int, places: i64) -> None:
-        """Enlarge the buffer if a head of *bits* bits and *places* places would not fit."""
+        """Enlarge the buffer if it is too small for a head of *bits* bits followed by *places* places."""
         most = bits + _LONGEST * (places + 3)
         if len(self._room) < most:
             self._room = vec[u8](bytes(most))
 
     def _write(self, at: i64, cells: vec[i32], values: list[Any], entries: vec[i32]) -> bytes:
-        """Write all places after the head, and return the code."""
+        """Write all changed places after the head, and return the complete code."""
         at = self._write_cells(at, cells)
         at = self._write_values(at, len(cells), values)
         at = self._write_entries(at, len(cells) + len(values), entries)
@@ -140,7 +140,7 @@ class StateCode:
         return number
 
     def head(self, code: bytes) -> tuple[int, int]:
-        """Return the outcome of the last tick, and the state of the properties."""
+        """Decode the head of a code: return the outcome of the last tick and the state of the properties."""
         watched, shift, at = 0, 0, 1
         while True:
             byte = code[at]
@@ -181,7 +181,7 @@ class StateCode:
 
 
 def _write_place(code: vec[u8], at: i64, step: i64, held: i64) -> i64:
-    """Write a place (the distance from the previous place) and its content; return the next index."""
+    """Write the distance from the previous place and the content of a place. Return the next index."""
     if step < _HALF_FULL and held < _HALF_FULL:
         code[at] = u8(step << 4 | held)
         return at + 1
@@ -193,7 +193,7 @@ def _write_place(code: vec[u8], at: i64, step: i64, held: i64) -> i64:
 
 
 def _write_number(code: vec[u8], at: i64, number: int) -> i64:
-    """Write a number that begins at index *at*; return the index of the byte after the number."""
+    """Write a number at index *at*, and return the index of the byte after the number."""
     while number >= _CONTINUES:
         code[at] = u8(_CONTINUES | number & (_CONTINUES - 1))
         at += 1
@@ -203,14 +203,14 @@ def _write_number(code: vec[u8], at: i64, number: int) -> i64:
 
 
 def _skip_number(code: bytes, at: i64) -> i64:
-    """Return the index of the first byte after the number that begins at *at*."""
+    """Return the index of the first byte that follows the number at index *at*."""
     while code[at] >= _CONTINUES:
         at += 1
     return at + 1
 
 
 def _read_rest(code: bytes, at: i64) -> tuple[i64, i64]:
-    """Return the number that continues at *at* after a full half byte, and the index of the first byte after it."""
+    """Read the rest of a number, which continues at *at*. Return the number and the index of the byte after it."""
     number: i64 = _HALF_FULL
     shift: i64 = 0
     while True:

@@ -1,4 +1,4 @@
-"""Search nodes for stub leaves and timers, which try every possibility."""
+"""Defines the nodes with which a search tries all outcomes of leaves and all possibilities of timers."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Final
@@ -18,7 +18,7 @@ from sar_compiler.runtime.outcomes import Outcome
 
 
 class Reply:
-    """An outcome of a leaf.
+    """An outcome that a leaf can return in a search.
 
     Attributes:
         declared: The declared outcome.
@@ -39,7 +39,7 @@ class Reply:
 
 
 class LeafNodes:
-    """Builds the nodes of leaves.
+    """Builds the search nodes of leaves.
 
     Args:
         board: A numbered board, whose cells contain all entries.
@@ -68,7 +68,7 @@ class LeafNodes:
         self._stub = stub or StubNode
 
     def node_of(self, part: NodeBuilder) -> TreeNode:
-        """Build the node of a behaviour, which need not be a leaf.
+        """Build the search node of a behaviour. The behaviour may also be a control or a decorator.
 
         Raises:
             NotFlatError: If no node is known for the behaviour's class.
@@ -104,7 +104,7 @@ class RecordedLeafNode(ChoosingNode):
         self.heeds_end = node.heeds_end
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return the number of options of the leaf's next tick."""
+        """Return the number of ways in which the next tick of the leaf can continue."""
         return self._node.branch_count(ticker)
 
     def begin(self, ticker: Ticker) -> int:
@@ -118,7 +118,7 @@ class RecordedLeafNode(ChoosingNode):
 
 
 class ConditionLeafNode(RecordedLeafNode):
-    """A condition that reads a single entry, and caches the result for each content of this entry.
+    """A condition that reads a single blackboard entry. It caches a result for each content of this entry.
 
     Args:
         part: The builder of the node.
@@ -182,14 +182,14 @@ class StubNode(ChoosingNode):
         self._find_possible: Callable[[], list[Reply]] = self._possible_replies
 
     def branch_count(self, ticker: Ticker) -> int:  # noqa: ARG002
-        """Return the number of possible outcomes, or 1 if a condition raises an error, as the tick will then do."""
+        """Return the number of possible outcomes, or 1 if a condition raises an error. The tick raises it again."""
         try:
             return len(self._possible())
         except SarError:
             return 1
 
     def begin(self, ticker: Ticker) -> int:
-        """Start the leaf unless it is running, choose one of its outcomes, and return the outcome's status."""
+        """Start the leaf if it is not running, choose a possible outcome, and return the status of this outcome."""
         cells, trail = ticker.cells, self._trail
         self._ran.add(self.index)
         if cells[self.status_cell] != RUNNING:
@@ -214,7 +214,7 @@ class StubNode(ChoosingNode):
         ticker.cells[self.status_cell] = INVALID
 
     def _apply_reply(self, reply: Reply) -> Reply:
-        """Apply an outcome, and return it."""
+        """Apply the effects of an outcome, and return the outcome."""
         self._trail.add_event(reply.event)
         if reply.change is not None:
             reply.effect.call(reply.change)
@@ -237,7 +237,7 @@ _UP: Final = 2
 
 
 class ChosenTimes(Times):
-    """Timers for which each check tries both possibilities: the timer has expired, or it has not.
+    """Provides timers for a search. Each check of a timer tries both: the timer has expired or has not expired.
 
     Args:
         choices: Decide whether a timer has expired.
@@ -249,11 +249,11 @@ class ChosenTimes(Times):
         self._trail = trail
 
     def branch_count(self) -> int:
-        """Return 2, because a timer may or may not have expired."""
+        """Return 2, because a timer has either expired or not expired."""
         return 2
 
     def start(self, index: int, seconds: float) -> int:
-        """Start a timer, and return its token; a timer without a duration expires immediately."""
+        """Start a timer, and return a token for the timer. A timer with the duration 0 expires immediately."""
         self._trail.start(self._trail.bit(index))
         return _STARTED if seconds > 0 else _UP
 

@@ -1,4 +1,4 @@
-"""The ticks of a tree as steps of a search."""
+"""Provides the ticks of a tree as the steps of a search."""
 
 from collections.abc import Callable
 
@@ -19,13 +19,14 @@ from sar_compiler.runtime.kernel.entry_cells import Memo
 from sar_compiler.runtime.kernel.tree import FlatTree
 
 Judge = Callable[[int, int, bool | None], Judgement]
-"""Judges a state, given the outcome of the last tick, the state of the properties, and whether every tick leaves the
-state unchanged (None: unknown). The function reads a fixed set of the blackboard's entries.
+"""A function that judges a state. Its arguments are the outcome of the last tick, the state of the properties, and
+whether every tick leaves the state unchanged, or None if this is unknown. The function always reads the same blackboard
+entries.
 """
 
 
 class TickSteps(Stepper):
-    """The steps between the states of a tree: all of its possible ticks.
+    """The steps of a search between the states of a tree. The steps are all possible ticks of the tree.
 
     Args:
         flat: The tree.
@@ -70,7 +71,7 @@ class TickSteps(Stepper):
         return self._ticker.choices.path
 
     def enter(self, state: bytes, *, alone: bool = False, path: tuple[int, ...] = ()) -> None:
-        """Restore a state in order to play its ticks.
+        """Restore a state so that the ticks that start in it can be played.
 
         Args:
             state: The state.
@@ -152,7 +153,7 @@ class TickSteps(Stepper):
         return self._judge(outcome, watched, idle)
 
     def restore(self, state: bytes) -> tuple[int, int]:
-        """Restore a state of the tree; return the outcome of the last tick, and the state of the properties."""
+        """Restore a state of the tree. Return the outcome of the last tick and the state of the properties."""
         ticker = self._ticker
         ticker.entries.clear()
         ticker.cells = self._code.read(state, ticker.values, ticker.entries.now)

@@ -1,4 +1,4 @@
-"""The events of a tick, as numbers, and the leaves and timers for which a run waits."""
+"""Records the events of a tick as numbers, and the leaves and timers for which a run waits."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ Waits = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Guarded:
-    """A second event that accompanies a leaf event while a condition holds.
+    """An additional event that occurs together with a leaf event if a condition holds.
 
     Attributes:
         number: The number of the second event.
@@ -29,7 +29,7 @@ class Guarded:
 
 
 class Trail:
-    """The events of one tick, and their effects on the properties.
+    """Records the events of one tick, and the effects of these events on the properties.
 
     Args:
         guarded: The second events that may accompany a leaf event, by the leaf event's number.
@@ -73,7 +73,7 @@ class Trail:
         self.going_on = self.changed = self.settled = self.watched = self.broken = 0
 
     def bit(self, index: int) -> int:
-        """Return the bit of the leaf or timer of a node, given the node's index."""
+        """Return the bit that stands for the leaf or timer at the given node index."""
         bits = self._bits
         while len(bits) <= index:
             bits.append(0)
@@ -83,18 +83,18 @@ class Trail:
         return bits[index]
 
     def begin(self, watched: int) -> None:
-        """Start a tick, given the state of the properties."""
+        """Start a tick. *watched* is the state of the properties before the tick."""
         self.rewind(0)
         self.begin_part()
         self.broken = 0
         self.watched = watched
 
     def begin_part(self) -> None:
-        """Start a part of a tick, whose waits are recorded separately from the previous part."""
+        """Start a part of a tick. The waits of each part are recorded separately."""
         self.going_on = self.changed = self.settled = 0
 
     def rewind(self, happened: int) -> None:
-        """Forget all events except the first *happened* events."""
+        """Discard all recorded events except the first *happened* events."""
         if self.keeps:
             del self.numbers[happened:]
             del self.pasts[happened:]
@@ -130,7 +130,7 @@ class Trail:
         self.settled |= bit
 
     def add_event(self, number: int) -> None:
-        """Process an event and the second events that accompany it."""
+        """Process an event, and the additional events that occur together with it."""
         if number >= self._count or not self._heard[number]:
             if self.keeps:
                 self._store_event(number)

@@ -1,4 +1,4 @@
-"""Monte Carlo runs, which estimate the success rate of a mission for each combination of varied values."""
+"""Estimates the success rate of a mission with Monte Carlo runs, for each combination of varied values."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -25,7 +25,7 @@ class Interval(NamedTuple):
 
     @property
     def half_width(self) -> float:
-        """Half the distance between the bounds."""
+        """Half the distance between the lower and the upper bound."""
         return (self.high - self.low) / 2.0
 
 
@@ -52,7 +52,7 @@ _MAX_ATTEMPTS = 4
 
 
 class SweepError(SarError):
-    """A sweep cannot continue."""
+    """The Monte Carlo runs cannot continue, because workers have terminated repeatedly."""
 
 
 class RunResultSample(NamedTuple):
@@ -74,12 +74,12 @@ class RunResultSample(NamedTuple):
 
 
 PlayRuns = Callable[[Sequence[int]], list[RunResultSample]]
-"""Plays a run for each seed. The function can be pickled, and returns the same results in any process."""
+"""A function that plays a run for each seed. It can be pickled, and returns the same results in all processes."""
 
 
 @dataclass(frozen=True)
 class StoppingRule:
-    """The condition that ends the runs of a row.
+    """The condition under which a row needs no more runs.
 
     Attributes:
         runs: The maximum number of runs.
@@ -104,7 +104,7 @@ class StoppingRule:
 
 @dataclass(eq=False)
 class SweepRow:
-    """A combination of the varied values, with the results of its runs.
+    """A combination of the varied values, with the results of the runs for this combination.
 
     Attributes:
         labels: The values as text, by the name of the varied item.
@@ -122,7 +122,7 @@ class SweepRow:
     _early: dict[int, list[RunResultSample]] = field(default_factory=dict)
 
     def needs_no_more_runs(self, rule: StoppingRule) -> bool:
-        """Return whether no more runs of the row must be requested from workers."""
+        """Return whether enough runs of the row were requested from workers."""
         return self.is_done or self.asked >= rule.runs
 
     def next_batch(self, rule: StoppingRule, seed: int) -> "_Batch":
@@ -131,7 +131,7 @@ class SweepRow:
         return _Batch(self, first, range(seed + first, seed + self.asked))
 
     def add(self, first: int, outcomes: list[RunResultSample], rule: StoppingRule) -> None:
-        """Add the results of a batch, once the results of all earlier batches are known."""
+        """Store the results of a batch, and add them when the results of all earlier batches are known."""
         self._early[first] = outcomes
         while not self.is_done and len(self.outcomes) in self._early:
             self.outcomes += self._early.pop(len(self.outcomes))
@@ -145,7 +145,7 @@ class _Batch(NamedTuple):
 
 
 ShowRows = Callable[[Sequence[SweepRow]], object]
-"""Receives the rows from time to time."""
+"""A function that receives all rows after each batch."""
 
 
 def sweep(
@@ -179,7 +179,7 @@ def sweep(
             except BrokenExecutor as error:
                 attempts[batch] += 1
                 if attempts[batch] == _MAX_ATTEMPTS:
-                    message = f"workers have terminated {_MAX_ATTEMPTS} times while they played {_batch_label(batch)}"
+                    message = f"worker processes have terminated {_MAX_ATTEMPTS} times during the runs with {_batch_label(batch)}"
                     raise SweepError(message) from error
                 again.append(batch)
         report(rows)
@@ -188,7 +188,7 @@ def sweep(
 def _next_batch(
     rows: Sequence[SweepRow], rule: StoppingRule, seed: int, again: list[_Batch]
 ) -> _Batch | None:
-    """Return the next batch to play: a batch of a terminated worker, or a batch of the row with the fewest runs."""
+    """Return the next batch to play: one that a terminated worker had, or one for the row with the fewest runs."""
     if again:
         return again.pop(0)
     row = min(
@@ -203,6 +203,6 @@ def _batch_label(batch: _Batch) -> str:
 
 
 def smallest_failure(rows: Sequence[SweepRow]) -> tuple[SweepRow, RunResultSample] | None:
-    """Return the failed run that differs least from a default run, and its row; None if no run has failed."""
+    """Return the failed run that differs least from a default run, with its row, or None if no run has failed."""
     failed = [(row, outcome) for row in rows for outcome in row.outcomes if outcome.failure]
     return min(failed, key=lambda each: each[1].size, default=None)

@@ -1,4 +1,4 @@
-"""Workers for the runs of a sweep: the current process, or several worker processes."""
+"""Provides the workers that play Monte Carlo runs: the current process or several worker processes."""
 
 import multiprocessing
 import os
@@ -25,7 +25,7 @@ class InlineExecutor(Executor):
 
 
 class ReplaceableExecutor:
-    """An executor that is replaced if one of its processes was killed.
+    """An executor that is replaced by a new one if any of its processes is killed.
 
     Args:
         make: Creates an executor.
@@ -46,7 +46,7 @@ class ReplaceableExecutor:
         self._is_over = False
 
     def submit(self, work: "Callable[..., _Result]", *arguments: object) -> "Future[_Result]":
-        """Submit a task; the tasks of a broken executor are lost.
+        """Submit a task. If the executor is broken, its tasks are lost, and a new executor receives the task.
 
         Raises:
             CancelledError: If the executor was stopped.
@@ -72,7 +72,7 @@ class ReplaceableExecutor:
 
 
 def worker_processes(count: int) -> ReplaceableExecutor:
-    """Return an executor with worker processes, or with only the current process if *count* is 1."""
+    """Return an executor with *count* worker processes, or one that uses the current process if *count* is 1."""
     if count == 1:
         return ReplaceableExecutor(InlineExecutor, 1)
     # Spawned, because a forked process would copy locks that this process's threads hold.
@@ -81,7 +81,7 @@ def worker_processes(count: int) -> ReplaceableExecutor:
 
 
 def live_with_parent() -> None:
-    """Ignore Ctrl-C, which the parent process handles, and end with the parent."""
+    """Make this worker process end when its parent ends, and ignore Ctrl-C, which the parent handles."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None  # noqa: S101 - this is a worker

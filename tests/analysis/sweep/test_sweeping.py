@@ -94,7 +94,8 @@ def test_a_worker_that_is_killed_changes_nothing(tmp_path, times):
 
 def test_runs_that_end_every_worker_end_the_sweep(tmp_path):
     with pytest.raises(
-        SweepError, match="workers have terminated 4 times while they played seeds 0 to 9 of row 0"
+        SweepError,
+        match="worker processes have terminated 4 times during the runs with seeds 0 to 9 of row 0",
     ):
         swept(StoppingRule(10, 0.0, batch=10), worker_processes(2), plays=[EndsItsWorker(tmp_path, 99)])
 

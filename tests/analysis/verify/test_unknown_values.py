@@ -196,7 +196,7 @@ def command(capsys, tmp_path):
         (["simulate", "--scenario", "SCENARIO"], "s.yaml: 's' is not decided:"),
         (
             ["sweep", "--unusual", "0.1", "--runs", "20", "--jobs", "1"],
-            "nothing can be counted, because the run with seed",
+            "the success rate is unknown, because the run with seed",
         ),
         (["predict"], "Some runs are undecided, so some numbers have two bounds: "),
     ],
