@@ -214,7 +214,7 @@ def conform_tree(  # noqa: PLR0913 - each has its default
         )
 
     def best(more: Assumptions | None) -> "Conformance":
-        """Return the result with the fewest assumptions about the leaves."""
+        """Return the result of the comparison that needs the fewest assumptions about leaves."""
         first = compare({}, more)
         if first.misfit is None and not first.assumed:
             return first
@@ -240,7 +240,7 @@ def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`
     max_states: int = 1_000_000,
     budget: "Budget | None" = None,
 ) -> "Prediction":
-    """Compute the probabilities that the tree succeeds and that each property holds, and the tree's duration.
+    """Predict the tree's success probability, the probability that each property holds, and the duration.
 
     Args:
         tree: The tree file.

@@ -1,4 +1,4 @@
-"""Search of a tree file's possible runs for ticks that raise errors."""
+"""Searches the possible runs of a tree file for ticks that raise errors."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -61,7 +61,7 @@ def try_runs_within(
 
 
 def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Diagnostic]:
-    """Return findings about ticks that raise errors, within a budget. A file with other errors is not searched.
+    """Search for ticks that raise errors, within a budget, and return findings. Skip files with other errors.
 
     A tree without keys and scripts cannot raise errors, and is not compiled.
 
@@ -102,7 +102,7 @@ def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Di
 
 
 def _may_raise(tree: Element, registry: Registry) -> bool:
-    """Return whether a tree has keys or scripts. Only ticks of trees with keys or scripts can raise errors."""
+    """Return whether ticks of a tree may raise errors. This requires that the tree has keys or scripts."""
     return any(
         "{" in text or name in CONDITIONS or _is_script(element.tag, name, registry)
         for element in tree.iterate()
@@ -117,11 +117,11 @@ def _is_script(tag: str, name: str, registry: Registry) -> bool:
 
 _EQUALITY = {"==", "!="}
 _MAX_EXACT = 10**15
-"""The numbers below this limit are compared exactly."""
+"""The limit below which numbers are compared exactly."""
 
 
 def is_plain(tree: BoundTree) -> bool:
-    """Return whether the scripts of a tree are so simple that they certainly never raise errors.
+    """Return whether a tree's scripts are simple enough that they can never raise errors.
 
     In most trees with scripts, one script assigns a number or a string to a variable, and another script, which is
     ticked only afterwards, compares it. For such trees the slow import of the search (0.3 s) is avoided.
@@ -142,19 +142,19 @@ def is_plain(tree: BoundTree) -> bool:
 
 
 def _script_of(bound: BoundNode) -> Script | None:
-    """Return the only script of a leaf; None for any other node."""
+    """Return the script of a node that is a leaf with exactly one script, or None for any other node."""
     scripts = [each for each in bound.values.values() if isinstance(each, Script)]
     return scripts[0] if len(scripts) == 1 and not bound.children else None
 
 
 class _PlainScriptCheck:
-    """Checks the scripts of a tree in the order in which its nodes are ticked for the first time."""
+    """Checks the scripts of a tree, in the order in which the nodes are first ticked."""
 
     def __init__(self) -> None:
         self._types: dict[str, type] = {}
 
     def visit(self, bound: BoundNode, known: frozenset[str]) -> frozenset[str] | None:
-        """Return the variables that are set after a node has succeeded; None if one of its scripts may raise an error.
+        """Return the variables that have values after a node succeeds, or None if one of its scripts may raise an error.
 
         Args:
             bound: The node.
@@ -205,7 +205,7 @@ class _PlainScriptCheck:
         return known | {name} if bound.spec.statuses == {"SUCCESS"} else known
 
     def _type_of(self, value: object, known: frozenset[str]) -> type | None:
-        """Return the type of a value, `int`, `float` or `str`, if it is certain; otherwise None."""
+        """Return the type of a value (`int`, `float` or `str`), or None if the type is uncertain."""
         if isinstance(value, Name):
             return self._types.get(value.name) if value.name in known else None
         if not isinstance(value, Literal):

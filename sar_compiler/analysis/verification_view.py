@@ -1,4 +1,4 @@
-"""The results of verifications as text and as JSON."""
+"""Displays the results of verifications as text or as JSON."""
 
 import textwrap
 from collections import Counter
@@ -24,7 +24,7 @@ _WIDTH = 110
 
 
 def verification_as_text(verification: Verification, seconds: float) -> str:
-    """Return the results of a verification as text: a line for each property, then the counterexamples.
+    """Return the results of a verification as text: one line for each property, then the counterexamples.
 
     Args:
         verification: The verification.
@@ -41,12 +41,12 @@ def verification_as_text(verification: Verification, seconds: float) -> str:
 
 
 def verification_as_json(verification: Verification, seconds: float) -> str:
-    """Return the results of a verification as JSON; see `verification_as_text`."""
+    """Return the results of a verification as JSON. The arguments are those of `verification_as_text`."""
     return as_json({**verification_data(verification), "seconds": round(seconds, 3)})
 
 
 def verification_data(verification: Verification) -> dict[str, object]:
-    """Return the results of a verification as a JSON object."""
+    """Return the results of a verification as data that can be written as JSON."""
     return {
         "proved": verification.is_proved,
         **_search_data(verification),
@@ -60,7 +60,7 @@ def verification_data(verification: Verification) -> dict[str, object]:
 
 
 def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
-    """Return a comparison as text: a line for each property, and a counterexample for each worse result.
+    """Return a comparison as text: one line for each property, and a counterexample for each result that got worse.
 
     Args:
         comparison: The compared verifications.
@@ -78,7 +78,7 @@ def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str
 
 
 def comparison_as_json(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
-    """Return a comparison of two verifications as JSON; see `comparison_as_text`."""
+    """Return a comparison of two verifications as JSON. The arguments are those of `comparison_as_text`."""
     sides = zip(("before", "now"), names, (comparison.before, comparison.now), strict=True)
     data = {
         "worse": comparison.is_worse,
@@ -162,7 +162,7 @@ def _summary(verification: Verification, seconds: float) -> Iterator[str]:
 
 
 def _count_line(verification: Verification) -> str:
-    """Return the line with the number of results of each kind."""
+    """Return the line that states how many properties were proved, violated, undecided or left out."""
     counts = Counter(verdict.outcome for verdict in verification.verdicts)
     broken = "does not hold" if counts[ProofStatus.BROKEN] == 1 else "do not hold"
     kinds = [
@@ -176,15 +176,15 @@ def _count_line(verification: Verification) -> str:
 
 
 def _verdict_text(verdict: Verdict) -> str:
-    """Return a verdict as text. The reason is included unless a counterexample shows it."""
+    """Return a verdict as text. Include the reason if there is no counterexample that shows this reason."""
     shown = verdict.trace is not None or not verdict.reason
     return verdict.outcome.value if shown else f"{verdict.outcome.value}: {verdict.reason}"
 
 
 def _limits(verification: Verification) -> Iterator[str]:
-    """Yield notes on the search and on its limits."""
+    """Yield notes on how the search was simplified, and on the limits that it reached."""
     if verification.branches:
-        yield f"{verification.branches} parallel branches share no data and were searched separately, in {verification.searches} searches."
+        yield f"{verification.branches} parallel branches share no data, so they were searched separately, in {verification.searches} searches."
     yield from merging_notes(verification.merged)
     for tag, cls in verification.by_semantics:
         yield f"<{tag}> ({cls}) was replaced by its semantics. Its own methods are not verified."
@@ -194,7 +194,7 @@ def _limits(verification: Verification) -> Iterator[str]:
     yield f"Not proved beyond {count_with_noun(verification.states, 'state')}: there are more states ({how})."
     if verification.growing:
         listed = ", ".join(f"{name} ({count})" for name, count in verification.growing)
-        yield f"The entries with the most different values in the last states: {listed}."
+        yield f"The entries with the highest numbers of different values in the last states are: {listed}."
 
 
 def _search_data(verification: Verification) -> dict[str, object]:

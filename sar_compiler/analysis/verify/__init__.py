@@ -1,4 +1,4 @@
-"""Verification of a tree: whether properties hold in all of its possible runs.
+"""Verifies a tree: determines whether properties hold in all possible runs of the tree.
 
 The tree is compiled with stub leaves and converted to its flat form. Then every combination of leaf outcomes is
 played in every reachable state, breadth first.
@@ -92,7 +92,7 @@ def _search(
     forgets: bool,
     plainly: int,
 ) -> Verification:
-    """Search the states of a tree, branch by branch if the plain search finds too many states."""
+    """Search the states of a tree. If there are too many, search independent branches separately."""
     simulated = prepared.simulated
     stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
     asked = [*questions_of(properties), *([OWN_RECORDS] if stepper.claims else ())]
@@ -119,7 +119,7 @@ def _search(
 def _partial_result(
     asked: Collection[str], progress: Progress, properties: Properties, simulated: SimulatedTree
 ) -> Verification:
-    """Return an intermediate result. Its violated properties have no counterexamples yet."""
+    """Return an intermediate result, in which violated properties have no counterexamples yet."""
     violated = "the property is violated, but the search stopped before a run could be shown"
     verdicts = tuple(
         Verdict(each, ProofStatus.BROKEN, violated)
@@ -150,7 +150,7 @@ def _search_whole(
     report: Report,
     budget: Budget,
 ) -> Verification:
-    """Search the states of a tree without replacing branches."""
+    """Search the states of a tree without replacing branches by automata."""
     simulated = prepared.simulated
     graph, unknown = explore_decidable(stepper, max_states, report, (*properties.names, OWN_RECORDS))
     plain = plain_stepper(prepared, properties.rules)

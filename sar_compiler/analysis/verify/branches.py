@@ -1,4 +1,4 @@
-"""Independent branches below parallel nodes, and the automata that describe the results of their ticks.
+"""Finds independent branches below parallel nodes, and creates automata that describe the results of their ticks.
 
 Neighbouring branches that must all succeed are joined into one branch (`joined`): a parallel node with three such
 children is replaced by a parallel node with two children, the first of which is a parallel node with the other two. The
@@ -39,7 +39,7 @@ _MAX_STATES = 20_000
 """The maximum number of states of a branch. The search of a larger branch could take longer than the proof."""
 _READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.FIXED)
 _OUTSIDE = -1
-"""The number that represents the properties in the set of users of an entry."""
+"""The number that stands for the properties among the node numbers that use an entry."""
 
 
 def has_parallels(flat: FlatTree) -> bool:
@@ -49,7 +49,7 @@ def has_parallels(flat: FlatTree) -> bool:
 
 
 class EntrySharing:
-    """The blackboard entries and facts that the nodes of a tree use.
+    """Determines which nodes of a tree use which blackboard entries and facts.
 
     Args:
         simulated: The tree.
@@ -91,7 +91,7 @@ class EntrySharing:
                 self._changed.add(entry.name)
 
     def is_apart(self, branch: Behaviour) -> bool:
-        """Return whether a branch shares no changing entry with other parts of the tree or with properties."""
+        """Return whether neither other parts of the tree nor properties use the changing entries of a branch."""
         if branch.id not in self._origins:
             return False
         made = self._origins.construction(branch.id)
@@ -103,7 +103,7 @@ class EntrySharing:
 
 @dataclass(frozen=True, eq=False)
 class BranchAssembly:
-    """A tree or a separate branch in which automata replace branches.
+    """A tree, or a single branch of a tree, in which automata replace some branches.
 
     Attributes:
         stepper: Ticks the tree or branch.
@@ -126,7 +126,7 @@ class BranchAssembly:
         around: Behaviour | None = None,
         joined: Mapping[Behaviour, list[Behaviour]] | None = None,
     ) -> "BranchAssembly":
-        """Replace branches of a tree, or of a separate branch, by automata.
+        """Replace branches by automata in a tree or in a single branch of a tree.
 
         Args:
             prepared: The tree.
@@ -145,7 +145,7 @@ class BranchAssembly:
         return cls(stepper, results, found)
 
     def start(self) -> "BranchPosition":
-        """Return the initial position."""
+        """Return the position at the start of a run."""
         return BranchPosition(
             self.stepper.steps.start(), tuple(branch.parts.start() for branch in self.branches.values())
         )
@@ -153,7 +153,7 @@ class BranchAssembly:
     def play_tick(
         self, position: "BranchPosition", wanted: IsWanted
     ) -> "tuple[BranchPosition, tuple[int, ...]]":
-        """Play the first tick that *wanted* accepts; return the new position and the choices in the original tree."""
+        """Play the first tick that *wanted* accepts. Return the new position and the choices in the original tree."""
         path = next(step for step in self.stepper.ticks(position.state) if wanted(step)).path()
         self.results.clear()
         state = next(self.stepper.ticks(position.state, path)).state or b""
@@ -168,7 +168,7 @@ class BranchAssembly:
 
 @dataclass(frozen=True)
 class BranchPosition:
-    """A position in a run that is composed of runs of branches.
+    """A position in a run of a tree with replaced branches, and in the runs of these branches.
 
     Attributes:
         state: The state of the tree with replaced branches; empty after an error.
@@ -181,7 +181,7 @@ class BranchPosition:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A branch that was searched on its own.
+    """A branch that was searched separately from the rest of the tree.
 
     Attributes:
         root: The root of the branch.
@@ -197,13 +197,13 @@ class Branch:
 
     @property
     def is_never_skipped(self) -> bool:
-        """Whether the branch is never skipped."""
+        """Whether no tick of the branch returns SKIPPED."""
         return all(outcome != SKIPPED for some in self.automaton.ticks for outcome, _ in some)
 
     def play_tick(
         self, position: BranchPosition, result: BranchResult
     ) -> tuple[BranchPosition, tuple[int, ...]]:
-        """Play a tick with a given result; return the new position and the choices in the original tree."""
+        """Play a tick that has the given result. Return the new position and the choices in the original tree."""
         classes, runs = self.classes, self.automaton.halts[self.classes[position.state]]
         after, choices = self.parts.play_tick(
             position, lambda step: (step.outcome, classes[step.state or b""]) == result
@@ -234,7 +234,7 @@ def branches_of(prepared: PreparedTree, flat: FlatTree, read: Iterable[str]) -> 
 
 
 def search_branch(prepared: PreparedTree, root: Behaviour, pair: Sequence[Branch] = ()) -> Branch | None:
-    """Search a branch on its own; return None if it cannot be replaced by an automaton.
+    """Search a branch separately. Return None if no automaton can replace the branch.
 
     Args:
         prepared: The tree.
@@ -267,7 +267,7 @@ def search_branch(prepared: PreparedTree, root: Behaviour, pair: Sequence[Branch
 
 
 def _always_ends(graph: Graph, runs: Sequence[bool]) -> bool:
-    """Return whether every fair run of a branch ends, and no tick waits for leaves or timers of an idle branch.
+    """Return whether every fair run of a branch ends, and whether the branch waits for nothing while it is idle.
 
     The waits of a branch end with the branch, so runs of the tree in which the branch ends repeatedly are fair.
     """
@@ -279,7 +279,7 @@ def _always_ends(graph: Graph, runs: Sequence[bool]) -> bool:
 
 
 def _bisimulation_classes(results: Sequence[Sequence[BranchResult]]) -> list[int]:
-    """Return the class number of each state in the coarsest bisimulation.
+    """Return the class of each state, as a number, in the coarsest bisimulation.
 
     Only a running branch can be halted, so states in which the branch runs and does not run have different classes.
     """

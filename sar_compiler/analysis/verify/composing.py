@@ -1,4 +1,4 @@
-"""Proofs of trees with independent parallel branches, one branch at a time.
+"""Proves properties of trees with independent parallel branches, one branch at a time.
 
 The states of k parallel branches are the product of their states. But the rest of the tree observes only the results
 of a branch's ticks if it shares nothing with the branch. So for each question, only the branches that the question
@@ -37,9 +37,9 @@ from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.walking import pre_order
 
 _MAX_JOINED = 64
-"""The maximum number of children of a parallel node whose branches are joined. More would be nested too deeply."""
+"""The maximum number of children up to which the branches below a parallel node are joined."""
 _MIN_BRANCHES = 2
-"""The minimum number of replaceable branches. With one branch, one of the searches would be the plain search."""
+"""The minimum number of replaceable branches. With a single branch, separate searches have no advantage."""
 
 
 def prove_by_branches(
@@ -50,7 +50,7 @@ def prove_by_branches(
     report: Report,
     so_far: Verification,
 ) -> Verification | None:
-    """Decide all questions by searches with replaced branches; return None if this is not possible.
+    """Decide all questions by searches in which automata replace branches, or return None if this is impossible.
 
     Args:
         prepared: The tree.
@@ -84,7 +84,7 @@ def prove_by_branches(
 
 
 class _BranchQuestions:
-    """The questions about a tree, grouped by the branches that must not be replaced.
+    """The questions about a tree. Questions with the same irreplaceable branches form a group.
 
     Args:
         prepared: The tree.
@@ -113,7 +113,7 @@ class _BranchQuestions:
             self.numbers.setdefault(named, []).append(number)
 
     def search(self, concrete: frozenset[Behaviour], max_states: int, report: Report) -> Graph:
-        """Search the tree without replacing the branches with the roots *concrete*."""
+        """Search the tree with all branches replaced, except the branches whose roots are *concrete*."""
         asked = self._properties.select(self.numbers[concrete])
         parts = self._arrangement.without_branches(concrete, asked.rules)
         graph, unknown = explore_decidable(parts.stepper, max_states, report, asked.names)
@@ -128,7 +128,7 @@ class _BranchQuestions:
         return graph
 
     def verdicts(self) -> Iterator[Verdict]:
-        """Yield the verdicts on all questions."""
+        """Yield a verdict on each question."""
         explain = self._prepared.simulated.explain
         questions = {concrete: ProofQuestions(space, explain) for concrete, space in self.spaces.items()}
         whole = questions[frozenset()]
@@ -150,7 +150,7 @@ class _BranchQuestions:
 
 
 class BranchArrangement:
-    """Replaces all branches of a tree, singly or joined, except for the given branches.
+    """Replaces the branches of a tree, except given branches. Neighbouring branches are joined where possible.
 
     Args:
         prepared: The tree.
@@ -165,7 +165,7 @@ class BranchArrangement:
         self._joined: dict[tuple[Behaviour, Behaviour], Branch | None] = {}
 
     def without_branches(self, concrete: Collection[Behaviour], rules: PropertyAutomata) -> BranchAssembly:
-        """Return the tree in which all but the given branches are replaced.
+        """Replace all branches except the given ones, and return the resulting tree.
 
         Args:
             concrete: The roots of the branches that are not replaced.
@@ -182,7 +182,7 @@ class BranchArrangement:
         )
 
     def _join_neighbours(self, parallel: Behaviour, parts: dict[Behaviour, Branch]) -> list[Behaviour]:
-        """Return the children of a parallel node after neighbouring replaced branches were joined."""
+        """Join neighbouring replaced branches below a parallel node, and return the node's remaining children."""
         can_join = {root for root, branch in parts.items() if branch.is_never_skipped}
         children: list[Behaviour] = []
         for joins, some in groupby(parallel.children, can_join.__contains__):
@@ -208,7 +208,7 @@ class BranchArrangement:
         return found if is_first else found[::-1]
 
     def _join(self, parallel: Behaviour, pair: Sequence[Branch]) -> Branch | None:
-        """Join two branches; return None if they can only be replaced separately."""
+        """Join two branches into one, or return None if the branches can only be replaced separately."""
         roots = pair[0].root, pair[1].root
         if roots not in self._joined:
             self._joined[roots] = search_branch(self._prepared, copy.copy(parallel), pair)
@@ -216,7 +216,7 @@ class BranchArrangement:
 
 
 def _needs_all(node: TreeNode) -> bool:
-    """Return whether the children of a parallel node may be joined, because all of them must succeed."""
+    """Return whether a parallel node requires all children to succeed, so that the children may be joined."""
     behaviour, count = node.behaviour, len(node.children)
     if count > _MAX_JOINED:
         return False
@@ -229,13 +229,13 @@ def _needs_all(node: TreeNode) -> bool:
 
 
 def _constant(port: Input[int]) -> int:
-    """Return the value of a constant port; 0 for a port that reads an entry."""
+    """Return the value of a constant port, or 0 if the port reads an entry."""
     return port.get() if port.entry is None else 0
 
 
 @dataclass(frozen=True, eq=False)
 class ComposedSpace(StateSpace):
-    """The states of a tree with replaced branches; runs are shown for the original tree.
+    """The states of a tree in which automata replace branches. Its runs are shown as runs of the original tree.
 
     Attributes:
         parts: The tree with replaced branches.
@@ -285,7 +285,7 @@ class _WholeRun:
         return self._state, self._of_parts
 
     def play_tick(self, wanted: IsWanted) -> None:
-        """Play the tick that corresponds to the wanted tick of the tree with replaced branches."""
+        """Play the tick of the original tree that corresponds to the wanted tick of the tree with replaced branches."""
         whole, parts = self._whole, self._parts
         self._of_parts, choices = parts.play_tick(self._of_parts, wanted)
         step = next(whole.ticks(self._state or b"", choices))

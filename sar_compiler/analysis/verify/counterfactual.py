@@ -1,4 +1,4 @@
-"""Counterfactuals: the smallest change that lets a recorded run succeed, and the effects of other leaf outcomes.
+"""Finds the smallest change that lets a recorded run succeed, and the effects of other outcomes of a leaf.
 
 The recorded run is located among all runs of the tree, tick by tick. Then the search tries other continuations, from
 the last tick backwards.
@@ -24,7 +24,7 @@ _MAX_FOLLOWED = 12
 
 
 class Counterfactual(NamedTuple):
-    """A change of an outcome that makes a run succeed.
+    """A changed outcome with which a run would have succeeded.
 
     Attributes:
         tick: The number of the latest tick in which the outcome could have been different.
@@ -44,7 +44,7 @@ class Counterfactual(NamedTuple):
 
 
 class WhatIfResult(NamedTuple):
-    """The consequence of another outcome of a leaf.
+    """The consequence that a different outcome of a leaf would have had.
 
     Attributes:
         was: The outcome of the leaf.
@@ -62,7 +62,7 @@ class WhatIfResult(NamedTuple):
 def counterfactual(
     simulated: SimulatedTree, record: Iterable[Event] | TickSource, names: Sequence[str]
 ) -> Counterfactual | None:
-    """Return the latest of the smallest changes that make a run succeed; None if no such change was found.
+    """Return the latest of the smallest changes that make a run succeed, or None if no such change is found.
 
     The change is another outcome of one leaf. After the change, leaves return their usual outcomes, which are their
     first possible outcomes, with as few exceptions as possible and at most two.
@@ -97,7 +97,7 @@ def counterfactual(
 
 
 class WhatIfSearch:
-    """Finds the effects of other outcomes of a leaf in a recorded run.
+    """Finds the effects that different outcomes of a leaf would have had in a recorded run.
 
     Args:
         simulated: The tree with stub leaves; not usable afterwards.
@@ -113,7 +113,7 @@ class WhatIfSearch:
         self._after = _Continuations(self._runs)
 
     def consequences(self, record: Iterable[Event], leaf: int) -> list[WhatIfResult]:
-        """Return the consequence of each other outcome that a leaf could have had in the last recorded tick.
+        """Return the consequences of all different outcomes that a leaf could have had in the last recorded tick.
 
         Args:
             record: The recorded run, up to the tick.
@@ -154,14 +154,14 @@ class _OtherOutcome(NamedTuple):
 
     @property
     def unusual_count(self) -> int:
-        """The number of unusual outcomes in the tick, from the other outcome on."""
+        """The number of unusual outcomes in the tick, counted from the different outcome on."""
         return sum(self.tick.unusual[self.place :])
 
 
 def _changes(
     moment: FoundTick, ticks_of_state: Callable[[bytes], Iterable[PossibleTick]]
 ) -> list[_OtherOutcome]:
-    """Return the outcomes of a tick that could have been different, starting with the last outcome.
+    """Return the outcomes of a tick that could have been different. The latest outcome comes first.
 
     Args:
         moment: The recorded tick.
@@ -180,7 +180,7 @@ def _changes(
 
 
 class _Continuations:
-    """Searches continuations of a tree's runs."""
+    """Searches for ways in which the runs of a tree can continue."""
 
     def __init__(self, runs: TreeRuns) -> None:
         self._runs = runs
@@ -188,7 +188,7 @@ class _Continuations:
         self._successful: dict[tuple[bytes, int], list[PossibleTick]] = {}
 
     def follow(self, change: _OtherOutcome) -> WhatIfResult:
-        """Return the consequence of a changed outcome, by playing the most usual ticks until the tree has ended."""
+        """Find the consequence of a changed outcome. Play the most usual ticks until the root has ended."""
         tick, outcomes = change.tick, list(change.tick.outcomes[change.place + 1 :])
         for _ in range(_MAX_FOLLOWED):
             ticks = self._runs.possible_ticks(tick.state) if tick.root == _RUNNING else []
@@ -200,7 +200,7 @@ class _Continuations:
         return WhatIfResult(change.was, change.instead, then, tick.root)
 
     def ticks_to_success(self, state: bytes, most: int) -> list[PossibleTick]:
-        """Return the ticks of a state from which the root can succeed.
+        """Return the ticks from a state after which the root can still succeed.
 
         Args:
             state: The state.
@@ -217,7 +217,7 @@ class _Continuations:
         return found
 
     def path_to_success(self, tick: PossibleTick, most: int) -> list[PossibleTick] | None:
-        """Return the shortest sequence of ticks after *tick* that lets the root succeed; None if there is none.
+        """Return the fewest ticks after *tick* with which the root succeeds, or None if the root cannot succeed.
 
         Args:
             tick: The tick.

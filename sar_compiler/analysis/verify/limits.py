@@ -1,4 +1,4 @@
-"""Limits: facts that bound how often events can happen. Proofs require such bounds."""
+"""Finds limits: facts that bound how often an event can happen. Proofs require such bounds."""
 
 from collections.abc import Collection
 
@@ -12,7 +12,7 @@ _WITHOUT_END = 1e18
 
 
 def remove_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
-    """Remove the assumed limits on leaf outcomes for a recorded run; return whether any limit was removed.
+    """Remove the limits assumed for leaf outcomes in a recorded run, and return whether there was any limit.
 
     Args:
         simulated: The tree with stub leaves.
@@ -40,7 +40,7 @@ def find_limits(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
 
 
 def spending_conditions(simulated: SimulatedTree, limits: Collection[str]) -> set[int]:
-    """Return the numbers of a tree's conditions that decrease limits.
+    """Return the conditions of a tree that decrease limits, by leaf number.
 
     If such a condition finds the same situation in consecutive ticks, such as a pause, the situation has happened once.
 

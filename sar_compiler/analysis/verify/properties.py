@@ -1,4 +1,4 @@
-"""Properties of trees: properties files, conditions, and monitors that detect violations."""
+"""Parses properties files, and defines the conditions and monitors that detect violations of properties."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,11 +22,11 @@ from sar_compiler.runtime.outcomes import Fact
 from sar_compiler.runtime.variables import Enums, ScriptValue
 
 ROOT = "root"
-"""The name by which conditions read the status of the root after the last tick."""
+"""The name under which conditions read the status of the root after the last tick."""
 IDLE = "idle"
-"""The name by which conditions read whether no further tick changes the tree."""
+"""The name under which conditions read whether the tree is idle: no further tick changes the tree."""
 AFTER_A_TICK = (ROOT, IDLE)
-"""The names of the values that are only known after a tick."""
+"""The names under which conditions read values that are only known after a tick."""
 
 
 class ConditionError(UndecidableError):
@@ -43,11 +43,11 @@ class ConditionError(UndecidableError):
 
 
 class IdleUnknownError(SarError):
-    """A condition reads whether the tree is idle, but this is not known yet."""
+    """A condition reads whether the tree is idle, but it is not yet known whether the tree is idle."""
 
 
 class PropertyScope(FactVariables):
-    """The variables of conditions: facts, keys of the tree, and the result of the last tick.
+    """The variables that conditions can read: facts, keys of the tree, and the result of the last tick.
 
     Args:
         simulated: The tree.
@@ -81,7 +81,7 @@ class PropertyScope(FactVariables):
 
 
 class Condition:
-    """A condition of a property, or for the end of a run.
+    """A condition in a property, or the condition that defines the end of a run.
 
     Args:
         script: The script of the condition.
@@ -101,7 +101,7 @@ class Condition:
         return self._program.script
 
     def entry_name(self, name: str) -> str | None:
-        """Return the absolute name of a variable's entry; None for `root` and `idle`."""
+        """Return the absolute name of the entry that a variable refers to, or None for `root` and `idle`."""
         return None if name in AFTER_A_TICK else self._surroundings.entry(name).name
 
     @property
@@ -111,7 +111,7 @@ class Condition:
 
     @property
     def names(self) -> set[str]:
-        """The names in the condition's script."""
+        """The names that the condition's script uses."""
         return {use.name for use in name_uses(self.script)}
 
     def holds(self) -> bool:
@@ -126,7 +126,7 @@ class Condition:
         return holds
 
     def after_tick(self, root: str, idle: bool | None) -> bool:
-        """Return whether the condition holds after a tick; see `PropertyScope.end_tick`.
+        """Return whether the condition holds after a tick. The arguments are those of `PropertyScope.end_tick`.
 
         Raises:
             ConditionError: As for `holds`.
@@ -145,25 +145,25 @@ class Condition:
 
 
 class PropertyPattern(Enum):
-    """The pattern of a property, after the specification patterns of Dwyer, Avrunin and Corbett."""
+    """The pattern of a property, based on the specification patterns of Dwyer, Avrunin and Corbett."""
 
     NEVER = "never"
-    """Absence: the event does not happen."""
+    """Absence: the event never happens."""
     BEFORE = "before"
-    """Precedence: the event happens only after another event (since a third event)."""
+    """Precedence: the event happens only if another event has happened before, or has happened since a third event."""
     AFTER = "after"
-    """Response: after the event another event happens (before a third event)."""
+    """Response: each time the event happens, another event happens afterwards, possibly before a third event."""
     AT_MOST_ONCE = "at_most_once"
-    """Bounded existence: the event happens at most once (between two occurrences of another event)."""
+    """Bounded existence: the event happens at most once, or at most once between two occurrences of another event."""
 
 
 MAIN, OTHER, LIMIT = 1, 2, 4
-"""The roles of an event in a property: the main event, the required event, and the limiting event."""
+"""The roles that events can have in a property: main event, required event and limiting event."""
 
 
 @dataclass(frozen=True)
 class PropertyMonitor:
-    """A monitor of a property over events.
+    """A monitor that checks one property about events.
 
     Attributes:
         form: The pattern of the property.
@@ -176,7 +176,7 @@ class PropertyMonitor:
     owes: bool = False
 
     def next_flag(self, flag: bool, event: int) -> tuple[bool, bool]:
-        """Return the flag after an event, and whether the event violates the property.
+        """Return the new state of the monitor after an event, and whether the event violates the property.
 
         Args:
             flag: The state of the monitor: whether the required event has happened (`BEFORE`), whether it is pending
@@ -218,7 +218,7 @@ _RULES: Mapping[PropertyPattern, Callable[[bool, int], tuple[bool, bool]]] = {
 
 
 class MonitorSet:
-    """A set of monitors, whose state is a number with a bit for each monitor.
+    """A set of monitors. The state of the set is a number with one bit for each monitor.
 
     Args:
         monitors: The monitors; the first monitor has the lowest bit.
@@ -244,7 +244,7 @@ class MonitorSet:
         return {event for monitor in self._monitors for event in monitor.roles}
 
     def next_state(self, state: int, event: int) -> tuple[int, int]:
-        """Return the state after an event, and the monitors that report a violation, as bits."""
+        """Return the state after an event, and a bit set of the monitors that report a violation."""
         following = broken = 0
         for bit, monitor in enumerate(self._monitors):
             flag, wrong = monitor.next_flag(bool(state >> bit & 1), event)
@@ -253,19 +253,19 @@ class MonitorSet:
         return following, broken
 
     def pending_monitors(self, state: int) -> int:
-        """Return the monitors with a pending obligation in a state, as bits."""
+        """Return a bit set of the monitors that have a pending obligation in the given state."""
         return state & self._owing
 
 
 AfterTickCondition = Callable[[str, bool | None], bool]
-"""Returns whether a condition holds after a tick, given the root's status and whether the tree idles (None: unknown).
-The function may raise `IdleUnknownError` if it is unknown whether the tree idles.
+"""A function that returns whether a condition holds after a tick. Its arguments are the root's status and whether the tree
+is idle, or None if this is unknown. In that case, the function may raise `IdleUnknownError`.
 """
 
 
 @dataclass(frozen=True)
 class PropertyAutomata:
-    """The properties of a tree as automata.
+    """The properties of a tree, in the form of automata for the search.
 
     Attributes:
         monitors: The monitors of the properties over events, which have the lowest rule numbers.
@@ -287,7 +287,7 @@ class PropertyAutomata:
         return self.monitors.count + len(self.at_end)
 
     def judge(self, outcome: int, watched: int, idle: bool | None) -> Judgement:
-        """Judge the state after a tick.
+        """Judge the state after a tick: whether the run is over, and which rules are violated or pending.
 
         Args:
             outcome: The outcome of the root, as a number; INVALID before the first tick.
@@ -311,7 +311,7 @@ class PropertyAutomata:
 
 
 def _evaluate_condition(condition: AfterTickCondition, root: str, *, idle: bool | None) -> bool | None:
-    """Return whether a condition holds; None if it depends on `idle`, and it is unknown whether the tree is idle."""
+    """Return whether a condition holds, or None if it depends on `idle` and `idle` is not known yet."""
     try:
         return condition(root, idle)
     except IdleUnknownError:
@@ -331,7 +331,7 @@ _KEYS: Mapping[PropertyPattern, tuple[str, str, str]] = {
 
 @dataclass(frozen=True)
 class EventProperty:
-    """A property over events, as written in a file.
+    """A property about events, as it is written in a file.
 
     Attributes:
         name: The name of the property.
@@ -392,7 +392,7 @@ def read_property_file(path: str | Path) -> PropertyFile:
 
 
 def parse_property_file(text: str, path: str = "<text>") -> PropertyFile:
-    """Parse the text of a properties file; see `read_property_file`."""
+    """Parse the text of a properties file, like `read_property_file`."""
     from sar_compiler.documents.yaml_files import parse_yaml
 
     return _parse_document(parse_yaml(text, path, _EMPTY_HINT))
@@ -421,7 +421,7 @@ def _events(name: str, parts: Mapping[str, Value]) -> EventProperty:
 
 
 NO_END = "none"
-"""The value of `end` that declares that runs have no end."""
+"""The value of `end` with which a file declares that runs have no end."""
 
 
 @dataclass(frozen=True)
@@ -459,7 +459,7 @@ class Properties:
 
     @property
     def asks_for_idle(self) -> bool:
-        """Whether any condition reads `idle`, which tells whether every tick leaves the tree unchanged."""
+        """Whether any condition reads `idle`, the variable that is true if every tick leaves the tree unchanged."""
         return any(IDLE in condition.names for condition in self.conditions)
 
     def events(self, number: int) -> set[int]:
@@ -470,7 +470,7 @@ class Properties:
         return (heard | beside).difference(each.number for some in guarded.values() for each in some)
 
     def without_owner(self, owner: str) -> "Properties":
-        """Return the properties without the property *owner*; for `end`, without properties that depend on the end."""
+        """Return all properties except *owner*. For `end`, exclude the properties that depend on the end of a run."""
         if owner in self.names:
             return self.select([number for number, each in enumerate(self.names) if each != owner])
         lasting = set(range(self.rules.monitors.count)).difference(self.owing)
@@ -498,14 +498,14 @@ class Properties:
 
 
 def without_properties() -> Properties:
-    """Return the properties to use without a file: a run ends when the root has succeeded or failed."""
+    """Return the default for trees without a properties file. A run ends when the root succeeds or fails."""
     return Properties(PropertyAutomata(MonitorSet(()), {}, _root_is_over))
 
 
 def properties_of(
     file: PropertyFile | None, prepared: PreparedTree, tags: Collection[str], keys: Scope | None = None
 ) -> Properties:
-    """Return the properties of a tree that a file defines.
+    """Return the properties that a file defines for a tree.
 
     Args:
         file: The properties file; None for `without_properties`.
@@ -524,9 +524,7 @@ def properties_of(
     has_end = file.end is None or file.end.text != NO_END
     if not has_end:
         for name, value in file.ends.items():
-            message = (
-                f"'{name}' must hold at the end of a run, but 'end: {NO_END}' declares that runs have no end"
-            )
+            message = f"the property '{name}' must hold at the end of a run, but 'end: {NO_END}' declares that runs have no end"
             file.document.report("conflicting-keys", message, value, hint="use 'never' instead of 'at_end'")
     at_end = [reading.condition(value, name, after_a_tick=True) for name, value in file.ends.items()]
     end = reading.condition(file.end, "end", after_a_tick=True) if file.end is not None and has_end else None
@@ -547,7 +545,7 @@ def properties_of(
 
 @dataclass
 class _PropertyEvents:
-    """The events that a property names in one role.
+    """The events that a property names for one role, such as the main event.
 
     Attributes:
         numbers: The numbers of the events.
@@ -603,7 +601,7 @@ class _PropertyParser:
         self.names.append(written.name)
 
     def condition(self, value: Value, owner: str, *, after_a_tick: bool) -> Condition | None:
-        """Create a condition; return None if it is invalid."""
+        """Create a condition, or return None if the condition is invalid."""
         own, later = (AFTER_A_TICK, ()) if after_a_tick else ((), AFTER_A_TICK)
         script = self._words.condition(value, own, later)
         if script is None:
@@ -624,7 +622,7 @@ class _PropertyParser:
         return events
 
     def _missing_leaf(self, text: str) -> str | None:
-        """Return the tag of the leaf that an event names, if the tree does not have the leaf; otherwise None."""
+        """Return the tag of the leaf that an event names, or None if the tree has this leaf."""
         words = text.split(" ")
         heads = [" ".join(words[:count]) for count in range(len(words), 0, -1)]
         if any(self._words.leaves_for_key(head) for head in heads):
@@ -632,7 +630,7 @@ class _PropertyParser:
         return next((head for head in heads if head in self._tags), None)
 
     def _guard(self, numbers: set[int], condition: Condition, *, comes_first: bool) -> int:
-        """Create a second event that accompanies leaf events while a condition holds; return its number."""
+        """Create an additional event that occurs together with leaf events if a condition holds. Return its number."""
         companion = len(self._alphabet.events) + len(self.monitors)
         for number in numbers:
             self.guarded.setdefault(number, []).append(Guarded(companion, condition.holds, comes_first))

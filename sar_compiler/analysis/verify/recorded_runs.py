@@ -1,4 +1,4 @@
-"""Location of a recorded run among all possible runs of its tree.
+"""Locates a recorded run among all possible runs of the tree.
 
 A record does not contain when timers expired, and may not contain which outcome a leaf's status stands for. So several
 possible ticks may match a recorded tick.
@@ -33,11 +33,11 @@ _NO_STATE = b""
 
 
 class NotReplayedError(UndecidableError):
-    """A recorded run is not a possible run of its tree with the declared outcomes of leaves."""
+    """A recorded run is impossible in its tree, given the outcomes that the leaves declare."""
 
 
 class OtherTreeError(UndecidableError):
-    """A recorded run belongs to a tree with different nodes."""
+    """A recorded run does not belong to the given tree, because the nodes differ."""
 
 
 def ticks_of(record: Iterable[Event]) -> Iterator[list[Event]]:
@@ -55,7 +55,7 @@ def ticks_of(record: Iterable[Event]) -> Iterator[list[Event]]:
 
 
 def recorded_ticks(record: Iterable[Event]) -> Iterator[LoggedTick]:
-    """Yield the ticks of a record as logged ticks; see `ticks_of`."""
+    """Yield the ticks of a record in the form of logged ticks. Include ticks without recorded events."""
     for tick in ticks_of(record):
         end = tick[-1]
         content = (*[event[1:5] for event in tick], end.statuses)
@@ -63,7 +63,7 @@ def recorded_ticks(record: Iterable[Event]) -> Iterator[LoggedTick]:
 
 
 class ObservedPrefix(NamedTuple):
-    """The results of nodes in a record up to a tick.
+    """The statuses and labels that a record contains for each node, up to a certain tick.
 
     Attributes:
         statuses: The last status of each node, by node number; empty for an idle node.
@@ -74,7 +74,7 @@ class ObservedPrefix(NamedTuple):
     labels: dict[int, str | None]
 
     def with_tick(self, tick: Sequence[Event]) -> "ObservedPrefix":
-        """Return the results up to the end of a further tick."""
+        """Return the statuses and labels up to the end of the next tick."""
         *events, end = tick
         outcomes = [event for event in events if event.outcome]
         statuses = {**self.statuses, 0: end.status, **{event.number: event.status for event in outcomes}}
@@ -93,7 +93,7 @@ def _is_same(outcome: Event, status: str, label: str | None) -> bool:
 
 
 class PossibleTick(NamedTuple):
-    """A possible tick in a state.
+    """A tick that is possible in a certain state.
 
     Attributes:
         outcomes: The outcomes of leaves in the tick.
@@ -116,7 +116,7 @@ class PossibleTick(NamedTuple):
     broken: tuple[tuple[int, Event], ...] = ()
 
     def common(self, recorded: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
-        """Return how many recorded outcomes, and how many outcomes of this tick, belong to their common beginning.
+        """Compare this tick with a record. Return how many outcomes of the record and of this tick agree at the start.
 
         A recorded outcome that may only be the result of a leaf's condition is ignored if this tick lacks it.
 
@@ -127,7 +127,7 @@ class PossibleTick(NamedTuple):
         return _common(self.outcomes, recorded, before)
 
     def other_status(self, recorded: Sequence[tuple[int, str]]) -> tuple[int, str] | None:
-        """Return the first node whose recorded status differs from this tick, and that status; None if all match.
+        """Return the number and recorded status of the first node whose status differs in this tick, or None.
 
         Args:
             recorded: The recorded statuses of the tick, in order, each with the node's number.
@@ -160,7 +160,7 @@ class PossibleTick(NamedTuple):
 
 
 def _common(outcomes: Sequence[Event], recorded: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
-    """Return the result of `PossibleTick.common` for a tick with the given outcomes."""
+    """Return the result that `PossibleTick.common` has for a tick with the given outcomes."""
     observed = ObservedPrefix({}, {})
     count = 0
     for place, outcome in enumerate(outcomes):
@@ -190,7 +190,7 @@ _Matches = list[tuple[bytes, PossibleTick]]
 
 
 class FoundTick(NamedTuple):
-    """A recorded tick that was located among the tree's runs.
+    """A recorded tick, with the possible ticks of the tree that match it.
 
     Attributes:
         number: The number of the tick in the run, from 1.
@@ -204,7 +204,7 @@ class FoundTick(NamedTuple):
 
 
 class FoundTicks:
-    """The located ticks of a record, stored compactly because a run can have a million ticks.
+    """The recorded ticks that were located. They are stored compactly, because a run can have a million ticks.
 
     Attributes:
         omitted: The number of ticks that the record omits.
@@ -228,13 +228,13 @@ class FoundTicks:
         return map(FoundTick, reversed(self._numbers), reversed(self._times), reversed(self._matches))
 
     def append(self, tick: LoggedTick, matches: "_Matches") -> None:
-        """Append a recorded tick with the possible ticks that match."""
+        """Append a recorded tick and the possible ticks that match it."""
         self._numbers.append(tick.number)
         self._times.append(tick.time_sec)
         self._matches.append(matches)
 
     def remove_other_ticks(self, states: Collection[bytes], shared: "Callable[[_Matches], _Matches]") -> None:
-        """Remove the matches that lead to none of the possible states after the last tick."""
+        """Remove the matches that do not lead to any of the given states after the last tick."""
         now = frozenset(states)
         known: dict[tuple[int, frozenset[bytes]], tuple[_Matches, frozenset[bytes]]] = {}
         for index in range(len(self._matches) - 1, -1, -1):
@@ -247,7 +247,7 @@ class FoundTicks:
 
 
 class LostTick(NamedTuple):
-    """A recorded tick that is impossible after the previous ticks.
+    """A recorded tick that cannot follow the previously recorded ticks.
 
     Attributes:
         number: The number of the tick in the run, from 1.
@@ -267,7 +267,7 @@ class LostTick(NamedTuple):
 
 
 class _RecordPosition:
-    """A position in a record, with the possible states and the previous results.
+    """A position in a record, with the possible states of the tree and the previously recorded results.
 
     Args:
         states: The possible states of the run at this position.
@@ -283,12 +283,12 @@ class _RecordPosition:
 
     @property
     def key(self) -> Hashable:
-        """A key that is equal for equivalent positions."""
+        """A dictionary key. Two positions with equal keys are equivalent."""
         return self.states, frozenset(self.observed.statuses.items()), frozenset(self.observed.labels.items())
 
 
 class TreeRuns:
-    """All possible runs of a tree, computed lazily.
+    """All possible runs of a tree. They are computed only when they are needed.
 
     Args:
         simulated: The tree with stub leaves; not usable afterwards.
@@ -332,7 +332,7 @@ class TreeRuns:
         self.renew()
 
     def renew(self) -> None:
-        """Reset the number of ticks that may still be explored."""
+        """Reset the counter that limits how many more ticks may be explored."""
         self._left = _MAX_EXPLORED // len(self.names)
 
     @property
@@ -341,7 +341,7 @@ class TreeRuns:
         return not self._left
 
     def possible_ticks(self, state: bytes) -> list[PossibleTick]:
-        """Return the ticks of a state; an empty list once the limit on explored ticks is reached."""
+        """Return the ticks that start in a state, or an empty list if the limit on explored ticks is reached."""
         known = self._known.get(state)
         if known is not None or self.is_spent:
             return known or []
@@ -351,7 +351,7 @@ class TreeRuns:
     def ticks_like(
         self, state: bytes, recorded: Sequence[Event], before: ObservedPrefix
     ) -> list[PossibleTick]:
-        """Return the ticks of a state that resemble a recorded tick, or all ticks if the state has few ticks.
+        """Return the ticks from a state that resemble a recorded tick, or all ticks from the state if they are few.
 
         Ticks with other outcomes are represented by one tick for each first outcome that differs. So their number
         grows with the number of ticked leaves, and not with the number of combinations of outcomes.
@@ -370,14 +370,14 @@ class TreeRuns:
     def _ticks_with(
         self, state: bytes, recorded: Sequence[Event], before: ObservedPrefix
     ) -> Iterable[PossibleTick]:
-        """Return the ticks of a state with exactly the recorded outcomes, or all ticks if the state has few ticks."""
+        """Return the ticks from a state with exactly the recorded outcomes, or all ticks from the state if they are few."""
         if self._has_few_ticks(state):
             return self._known[state]
         matches = self._play_ticks(state, recorded, before, is_whole=True)
         return (option for option in matches if option.state is not _NO_STATE)
 
     def _has_few_ticks(self, state: bytes) -> bool:
-        """Return whether a state has so few ticks that all of them are stored."""
+        """Return whether the ticks from a state are few enough to store all of them."""
         if (
             state not in self._known
             and state not in self._wide
@@ -388,7 +388,7 @@ class TreeRuns:
         return state in self._known
 
     def _explore_ticks(self, state: bytes, most: int) -> bool:
-        """Store at most *most* ticks of a state; return whether these are all ticks of the state."""
+        """Store at most *most* ticks from a state. Return whether these are all ticks from the state."""
         found: dict[PossibleTick, None] = {}
         for count, option in enumerate(self._play_ticks(state), 1):
             found[option] = None
@@ -438,13 +438,13 @@ class TreeRuns:
     def beginnings(
         self, state: bytes, recorded: Sequence[Event], before: ObservedPrefix
     ) -> list[PossibleTick]:
-        """Return the same ticks as `ticks_like`, and additionally the ticks that raise errors."""
+        """Return the ticks that `ticks_like` returns, and also the ticks that raise errors."""
         if state in self._wide:
             return [*self._play_ticks(state, recorded, before)]
         return [*self.possible_ticks(state), *self._raising.get(state, ())]
 
     def _last_tick(self, state: bytes) -> PossibleTick:
-        """Return the tick that was played last, given the state after it."""
+        """Return the tick that was just played. *state* is the state after this tick."""
         statuses = self._statuses()
         tick, broken = self.stepper.tick_record(), self.stepper.violated_properties()
         outcomes = tuple(event for event in tick.events if event.outcome)
@@ -461,7 +461,7 @@ class TreeRuns:
         )
 
     def _statuses(self) -> tuple[str, ...]:
-        """Return the current statuses of the nodes, by node number; empty for idle nodes."""
+        """Return the current status of each node, in the order of node numbers. The status of an idle node is empty."""
         cells = self.stepper.ticker.cells
         return tuple(
             WORDS[cells[node.status_cell]] if cells[node.status_cell] else ""
@@ -469,7 +469,7 @@ class TreeRuns:
         )
 
     def restore_before(self, state: bytes, option: PossibleTick, place: int) -> None:
-        """Restore the facts and keys before the outcome with index *place* of a tick."""
+        """Restore the facts and keys as they were before the outcome with index *place* in a tick."""
         for step in self.stepper.ticks(state):
             if self._last_tick(step.state or _NO_STATE)._replace(running=option.running) == option:
                 self.stepper.restore_before_outcome(place)
@@ -527,7 +527,7 @@ class TreeRuns:
         return found, None
 
     def follow(self, earlier: Iterable[TickSource]) -> bool:
-        """Set the start to the end of the program's earlier runs; return False if these runs are impossible.
+        """Start where the earlier runs of the program have ended. Return False if these runs are impossible.
 
         The program has halted the tree after each earlier run.
 
@@ -549,7 +549,7 @@ class TreeRuns:
         return True
 
     def _matches_before_halt(self, matches: _Matches) -> _Matches:
-        """Return the matches in which the root has ended, with the states after the program then halts the tree."""
+        """Return the matches whose root has ended, each with the state after the program has then halted the tree."""
         return [
             (state, option._replace(state=halted))
             for state, option in matches
@@ -558,7 +558,7 @@ class TreeRuns:
         ]
 
     def _states_after_silent_ticks(self, position: "_RecordPosition") -> frozenset[bytes]:
-        """Return the states after any number of ticks without a change."""
+        """Return the states that can be reached by any number of ticks without recorded changes."""
         end = Event((self.names[0],), 0, TICKED, position.observed.statuses.get(0, ""))
         states, found = position.states, set(position.states)
         for _ in range(_MAX_OMITTED):
@@ -570,7 +570,7 @@ class TreeRuns:
         return frozenset(found)
 
     def _find_later_matches(self, position: "_RecordPosition", tick: Sequence[Event]) -> list[_Matches]:
-        """Return the matches of omitted unchanged ticks, followed by those of a recorded tick, or an empty list."""
+        """Assume that the record omits unchanged ticks. Return their matches and those of the tick, or an empty list."""
         end = Event(tick[-1].path, 0, TICKED, position.observed.statuses.get(0, ""))
         now, steps = position, list[_Matches]()
         seen = {now.states}
@@ -586,7 +586,7 @@ class TreeRuns:
         return []
 
     def _find_matches(self, position: "_RecordPosition", tick: Sequence[Event]) -> _Matches:
-        """Return the possible ticks that match a recorded tick, each with its initial state."""
+        """Return the possible ticks that match a recorded tick, each with the state in which the tick starts."""
         *events, end = tick
         recorded = [event for event in events if event.outcome and event.number in self.leaves]
         halted = self.leaves.intersection(event.number for event in events if event.what == HALTED)
@@ -619,7 +619,7 @@ class TreeRuns:
         moments, lost = self.locate(record)
         if lost is not None:
             raise NotReplayedError(
-                f"the run is impossible in the tree from tick {lost.number} ({lost.time_sec:.1f} s) on, because "
-                "no declared leaf outcomes match this tick"
+                f"the recorded run is impossible in this tree: the outcomes that leaves declare cannot produce "
+                f"tick {lost.number} ({lost.time_sec:.1f} s)"
             )
         return moments

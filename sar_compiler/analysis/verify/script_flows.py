@@ -1,4 +1,4 @@
-"""Analysis of the values in scripts: comparisons with constants, and flows of values, as in `y = x + 2`."""
+"""Analyses the values in scripts: finds comparisons with constants, and flows of values such as `y = x + 2`."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -17,16 +17,16 @@ from sar_compiler.runtime.expressions import (
 from sar_compiler.runtime.operators import LONGEST_TEXT
 
 Resolve = Callable[[str], str | None]
-"""Returns the absolute name of the entry to which a name refers; None if the name does not refer to an entry."""
+"""A function that returns the absolute name of the entry to which a name refers, or None if there is no entry."""
 
 _MAX_FORMS = 16
 _LONGEST_NUMBER = 330
-"""The maximum number of characters of a number that is part of a string."""
+"""The maximum number of characters that a number takes within a string."""
 
 
 @dataclass(frozen=True)
 class FlowValue:
-    """The known properties of an expression's value.
+    """The information about the value of an expression that is known without evaluating it.
 
     Attributes:
         forms: The possible forms of the value: an entry plus a constant, or a constant (entry None); empty if the value
@@ -45,11 +45,11 @@ class FlowValue:
 
     @property
     def is_constant(self) -> bool:
-        """Whether the value is always a known constant, or one of several."""
+        """Whether the value is always a known constant, or always one of several known constants."""
         return bool(self.forms) and not self.names
 
     def plus(self, constant: float) -> "FlowValue":
-        """Return the known properties of the sum of this value and a constant."""
+        """Return what is known about the sum of this value and a constant."""
         forms = frozenset((name, offset + constant) for name, offset in self.forms)
         return replace(self, forms=forms, types=_REAL)
 
@@ -63,7 +63,7 @@ _TRUTH = FlowValue(frozenset([(None, 0.0), (None, 1.0)]), _REAL)
 
 @dataclass
 class ScriptFlows:
-    """The effects of scripts on entries.
+    """The ways in which scripts read and write blackboard entries.
 
     Args:
         enums: The numbers for which names stand in scripts.
@@ -95,7 +95,7 @@ class ScriptFlows:
         }
 
     def add_script(self, script: Script, resolve: Resolve, *, is_condition: bool) -> None:
-        """Add the effects of a script.
+        """Add the reads and writes of a script.
 
         Args:
             script: The script.

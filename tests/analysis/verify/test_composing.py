@@ -141,7 +141,7 @@ def test_a_small_tree_is_searched_as_it_is():
 def test_how_many_branches_stood_for_themselves_is_told():
     found = Case(guarded(2), OF_A_BRANCH).verified(10, 100_000)
     told = verification_as_text(found, 0.0)
-    assert "\n2 parallel branches share no data and were searched separately, in 3 searches.\n" in told
+    assert "\n2 parallel branches share no data, so they were searched separately, in 3 searches.\n" in told
     numbers = json.loads(verification_as_json(found, 0.0))
     assert (numbers["branches"], numbers["searches"]) == (2, 3)
 

@@ -251,7 +251,7 @@ def test_nothing_can_hold_at_an_end_that_there_is_not():
     (finding,) = caught.value.findings
     assert (finding.code, finding.message) == (
         "conflicting-keys",
-        "'p' must hold at the end of a run, but 'end: none' declares that runs have no end",
+        "the property 'p' must hold at the end of a run, but 'end: none' declares that runs have no end",
     )
 
 
