@@ -1,4 +1,4 @@
-"""Values that a leaf may have written in a recorded run.
+"""Determines the values that a leaf may have written in a recorded run.
 
 A log of BehaviorTree.CPP contains no blackboard. If a condition depends on a key that a leaf writes, the run is compared with the runs in which the leaf
 writes one of the values that the scripts of the tree distinguish. A run that fits is possible, because a leaf may write any value. If none fits,
@@ -22,7 +22,7 @@ _MOST = 24
 
 
 def distinguished_values(binding: Binding) -> tuple[str, ...]:
-    """Return, as script literals, the values that a tree's scripts and cases distinguish; empty if too many."""
+    """Return the values that a tree's scripts and cases distinguish, as script literals, or () if they are too many."""
     found: dict[str, None] = {}
     for text in _texts(binding):
         for literal in _LITERAL.findall(text):
@@ -48,7 +48,7 @@ def _texts(binding: Binding) -> Iterator[str]:
 def compare_with_written_values(
     binding: Binding, compare: Callable[[Assumptions | None], Conformance]
 ) -> Conformance:
-    """Compare a run with its tree's possible runs. Values that leaves write are assumed if the result needs them.
+    """Compare a run with the possible runs of its tree. If needed, assume the values that leaves write.
 
     Args:
         binding: The tree.

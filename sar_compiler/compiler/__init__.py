@@ -1,4 +1,4 @@
-"""Compilation of a bound tree to py_trees behaviours, with the origin of each behaviour in the tree file."""
+"""Compiles a bound tree to py_trees behaviours, and records where in the tree file each behaviour originates."""
 
 import functools
 import weakref
@@ -57,7 +57,7 @@ class Origin:
 
 
 class Construction(NamedTuple):
-    """The construction of a behaviour: its node, subtree instance and blackboard values.
+    """A record of how a behaviour was constructed: the node, the subtree instance and the blackboard values.
 
     Attributes:
         behaviour: The id of the behaviour.
@@ -75,7 +75,7 @@ class Construction(NamedTuple):
 
 
 class Origins(Mapping[UUID, Origin]):
-    """The origins of all behaviours of a tree, by behaviour id; each origin is computed on request."""
+    """The origins of all behaviours of a tree, by behaviour ID. Each origin is computed when it is requested."""
 
     def __init__(self, constructions: Sequence[Construction]) -> None:
         self._constructions = constructions
@@ -93,11 +93,11 @@ class Origins(Mapping[UUID, Origin]):
         return Origin(bound, attributes, tuple(_uses(instance, bound, attributes)))
 
     def construction(self, behaviour: UUID) -> Construction:
-        """Return the construction of a behaviour."""
+        """Return the record of how a behaviour was constructed."""
         return self._by_id[behaviour]
 
     def declared_outcomes(self) -> dict[UUID, tuple[Outcome, ...]]:
-        """Return the declared outcomes of the leaves with labelled outcomes, by behaviour id."""
+        """Return the declared outcomes of each leaf that has labelled outcomes, by behaviour ID."""
         return {
             each.behaviour: each.bound.spec.outcomes
             for each in self._constructions
@@ -107,7 +107,7 @@ class Origins(Mapping[UUID, Origin]):
         }
 
     def location(self, behaviour: UUID) -> str | None:
-        """Return the file and line of a behaviour's element; None if the behaviour was not built from a file."""
+        """Return the file and line of a behaviour's element, or None if the behaviour was not built from a file."""
         made = self._by_id.get(behaviour)
         return None if made is None else made.bound.element.file_and_line
 
@@ -123,12 +123,12 @@ _of_trees: "weakref.WeakKeyDictionary[Behaviour, weakref.ref[Origins]]" = weakre
 
 
 def register_origins(root: Behaviour, origins: Origins) -> None:
-    """Register the origins of a compiled tree for its behaviours, as long as the tree exists."""
+    """Register the origins of a tree's behaviours, so that they can be found while the tree exists."""
     _of_trees[root] = weakref.ref(origins)
 
 
 def file_and_line_of(behaviour: Behaviour) -> str | None:
-    """Return the file and line of a behaviour or of its nearest ancestor from a file; None if no file has them."""
+    """Return the file and line of a behaviour, or of its nearest ancestor that a file contains, or None."""
     around: list[Behaviour] = []
     each: Behaviour | None = behaviour
     while each is not None:
@@ -161,7 +161,7 @@ def _attributes(instance: TreeInstance, bound: BoundNode, known: Mapping[str, An
 
 
 def _uses(instance: TreeInstance, bound: BoundNode, attributes: Mapping[str, object]) -> Iterator[Use]:
-    """Yield the external resources that a node needs; omit a resource whose name depends on an unknown key."""
+    """Yield the external resources that a node needs, except resources whose names depend on unknown keys."""
     ports = {each.name for each in bound.spec.ports}
     entries = {name: instance.scope.resolve(key) for name, key in bound.keys.items() if name in ports}
     known = {name: entry for name, entry in entries.items() if entry.exists and not entry.is_unknown}
@@ -194,11 +194,11 @@ class Arguments:
         self._collector = collector
 
     parameter_advice = "set it: --params FILE, or --ros-args -p {name}:=..."
-    """The advice for a missing mission parameter."""
+    """The hint that is shown for a missing mission parameter."""
 
     @property
     def enums(self) -> Enums:
-        """The named constants for scripts."""
+        """The named constants that scripts can use."""
         enums = self._context[Enums]
         assert isinstance(enums, Enums)  # noqa: S101 - the type is the key
         return enums
@@ -219,7 +219,7 @@ class Arguments:
         return arguments
 
     def fixed_value(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
-        """Return the compile-time value of a constant attribute; the default if the file does not set the attribute."""
+        """Return the compile-time value of a constant attribute, or its default if the file does not set it."""
         if parameter.name in bound.keys:
             return self._blackboard_value(instance, bound, parameter)
         return bound.values.get(parameter.name, parameter.default)
@@ -227,7 +227,7 @@ class Arguments:
     def _port(
         self, instance: TreeInstance, bound: BoundNode, parameter: Parameter, arguments: dict[str, Any]
     ) -> None:
-        """Add the argument for a port; a port that the file does not set keeps the constructor's default."""
+        """Add the constructor argument for a port. Without a value in the file, keep the constructor's default."""
         name, value_type = parameter.name, parameter.value_type
         cls = InOut if parameter.direction is _INOUT else Input
         if name in bound.keys:
@@ -247,7 +247,7 @@ class Arguments:
     def _check_mission_parameter(
         self, bound: BoundNode, parameter: Parameter, key: str, scope: Scope
     ) -> None:
-        """Report a mission parameter that is a number but is read as a string."""
+        """Report a mission parameter whose value is a number if the port expects a string."""
         if parameter.value_type.python is not str or not self._parameters:
             return
         owner, name = scope.owner(key)
@@ -264,13 +264,13 @@ class Arguments:
             return instance.scope
         if target in self._context or not parameter.required:
             return self._context.get(target, parameter.default)
-        message = f"<{bound.spec.tag}> needs a {target.__name__}, which this mission does not provide"
-        hint = "to display the tree without a mission, call preview(), which uses placeholders"
+        message = f"<{bound.spec.tag}> needs an object of the type {target.__name__}, but this mission does not provide it"
+        hint = "to display the tree without a mission, call preview(), which replaces missing objects by placeholders"
         self._collector.add("missing-context", message, bound.element, hint=hint)
         return None
 
     def _blackboard_value(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
-        """Return the compile-time value of an attribute that is set to a key."""
+        """Return the compile-time value of an attribute for which the file names a blackboard key."""
         key, name = bound.keys[parameter.name], parameter.name
         entry = instance.scope.resolve(key)
         if not entry.exists:
@@ -301,27 +301,27 @@ class Arguments:
 
 
 def write_constant(entry: Entry, value: object) -> None:
-    """Write an entry's value before the first tick; a number also sets the entry's type."""
+    """Write a constant to an entry before the first tick. If it is a number, also set the entry's type."""
     entry.declare(kind_of(type(value)) if not isinstance(value, str) else None)
     entry.write(value)
 
 
 def kind_of(python: type | None) -> type | None:
-    """Return the type to which an entry of a Python type converts strings."""
+    """Return the type to which an entry converts strings, given the Python type of its port."""
     if python is Script:
         return str
     return python if python in (bool, int, float, str) else None
 
 
 def _as_text(value: object) -> str:
-    """Return a mission parameter as an attribute's text; the items of a list or array are separated by `;`."""
+    """Convert a mission parameter to the text of an attribute. List and array items are separated by `;`."""
     if isinstance(value, (list, tuple, array)):
         return ";".join(str(item) for item in value)
     return str(value)
 
 
 class PreviewArguments(Arguments):
-    """Constructor arguments of nodes, in which placeholders replace the objects and parameters of a mission."""
+    """The constructor arguments of nodes for a preview. Placeholders replace the mission's objects and parameters."""
 
     def _handed_over(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
         if parameter.target in (Scope, Enums):
@@ -336,7 +336,7 @@ class PreviewArguments(Arguments):
 
 
 _NodeInInstance = tuple[TreeInstance, BoundNode]
-"""A tree instance, and one of its nodes."""
+"""A tree instance, and a node in this instance."""
 
 
 def report_without_class(bound: BoundNode, collector: FindingCollector) -> None:
@@ -354,7 +354,7 @@ def report_without_class(bound: BoundNode, collector: FindingCollector) -> None:
 
 
 class Builder:
-    """Builder of the behaviours of one tree.
+    """Builds the behaviours of one tree.
 
     Attributes:
         constructions: The construction of each behaviour.
@@ -371,7 +371,7 @@ class Builder:
         self._arguments: dict[tuple[TreeInstance, BoundNode], dict[str, Any]] = {}
 
     def prepare(self, instance: TreeInstance) -> None:
-        """Collect and check the arguments of an instance and its descendants, and write their constants."""
+        """Collect and check the arguments of all nodes in an instance and its subtrees, and write the constants."""
         self._targets.update(target for _, target in instance.references.values())
         for bound in instance.tree.demanding:
             if bound.references:
@@ -387,11 +387,11 @@ class Builder:
                 self.prepare(inner)
 
     def report_only_described(self, bound: BoundNode) -> None:
-        """Report a node without a class."""
+        """Report a node for which no class is registered."""
         report_without_class(bound, self._collector)
 
     def build(self, instance: TreeInstance, bound: BoundNode) -> Behaviour:
-        """Build a node with its wrappers and descendants, without recursion because trees may be deep."""
+        """Build a node with its wrappers and descendants. There is no recursion, because trees may be deep."""
         left: Iterator[_NodeInInstance] = iter([(instance, bound)])
         children: list[Behaviour] = []
         # The enclosing nodes, each with its remaining siblings and the siblings that are already built.
@@ -481,17 +481,17 @@ class Builder:
         return behaviour
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:  # noqa: ARG002
-        """Return a replacement for a node whose constructor rejects its arguments; None if there is no replacement."""
+        """Return a replacement for a node whose constructor rejects the arguments, or None if there is none."""
         return None
 
     def known_values(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Mapping[str, Any] | None:
-        """Return the values of constant attributes that were read from the blackboard; None if there are no keys."""
+        """Return the values that constant attributes have read from the blackboard, or None if there are no keys."""
         if not bound.keys:
             return None
         return {parameter.name: arguments[parameter.name] for parameter in bound.spec.constant_attributes}
 
     def _maker(self, bound: BoundNode) -> Any:
-        """Return the factory of a node, or of its replacement if the py_trees class would misinterpret a skip.
+        """Return the factory of a node. If the py_trees class would misinterpret a skip, return a replacement's factory.
 
         A node that has only a model becomes a stock behaviour of its kind, unless `prepare` has reported it.
         """
@@ -503,13 +503,13 @@ class Builder:
 
 
 class PreviewBuilder(Builder):
-    """Builder of a tree for display. It needs neither the objects of a mission nor the modules of leaves."""
+    """Builds a tree for display, without the objects of a mission and without the modules of leaves."""
 
     def report_only_described(self, bound: BoundNode) -> None:
-        """Report nothing, because a stock py_trees behaviour of the same kind is used instead."""
+        """Report nothing, because a py_trees behaviour of the same kind replaces the node."""
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:
-        """Return a stock py_trees behaviour if one of the rejected arguments is a placeholder for a key's value."""
+        """Return a py_trees behaviour as a replacement if a rejected argument is a placeholder for a key's value."""
         if not any(parameter.name in bound.keys for parameter in bound.spec.constant_attributes):
             return None
         return _stand_in(bound.spec.kind, **arguments)
@@ -566,18 +566,18 @@ class CompiledTree:
 
     @property
     def board(self) -> Board:
-        """The tree's entries on the blackboard."""
+        """The blackboard entries of the tree."""
         return self.instance.scope.board
 
     def uses(self) -> list[Use]:
-        """Return the resources outside the tree that the tree's leaves need, each once."""
+        """Return the external resources that the leaves of the tree need, without duplicates."""
         return list(dict.fromkeys(use for origin in self.origins.values() for use in origin.uses))
 
 
 def bind_main(
     forest: Forest, registry: Registry, tree_id: str | None = None, palettes: Iterable[TreeFile] = ()
 ) -> Binding:
-    """Bind the tree to execute.
+    """Bind the tree that is to be executed.
 
     Raises:
         TreeError: If there is no such tree, or it has errors. The exception contains all findings.
@@ -637,7 +637,7 @@ def preview_tree(binding: Binding) -> CompiledTree:
 def compile_with(
     binding: Binding, builder: Builder, parameters: Mapping[str, object], collector: FindingCollector
 ) -> CompiledTree:
-    """Compile a bound tree with the given builder.
+    """Compile a bound tree, using the given builder.
 
     Raises:
         TreeError: If the tree has errors, or the builder has findings.
@@ -661,7 +661,7 @@ def _has_error(findings: Iterable[Diagnostic]) -> bool:
 
 
 def _sorted_findings(findings: list[Diagnostic]) -> list[Diagnostic]:
-    """Sort findings by file, line and column, without duplicates from repeated uses of a tree."""
+    """Sort findings by file, line and column, and remove duplicates that repeated uses of a tree cause."""
     files = list(dict.fromkeys(finding.source.path for finding in findings))
     return sorted(
         dict.fromkeys(findings),

@@ -1,4 +1,4 @@
-"""A tree as text or as plain data. `show --format json` prints the data, and golden tests compare it."""
+"""Converts a tree to text or plain data. `show --format json` prints this data, and golden tests compare it."""
 
 from collections.abc import Callable
 from typing import Any
@@ -48,19 +48,19 @@ def unicode_tree(root: Behaviour) -> str:
 
 
 def ascii_tree(root: Behaviour) -> str:
-    """Draw a tree with ASCII characters only; see `unicode_tree`."""
+    """Draw a tree like `unicode_tree`, but only with ASCII characters."""
     return _draw(py_trees.display.ascii_tree, root)
 
 
 def outline_text(tree: Drawable, form: str) -> str:
-    """Return a tree as text in a format of `show`: `json`, `ascii`, or `unicode`."""
+    """Return a tree as text in one of the formats of `show`: `json`, `ascii` or `unicode`."""
     if form == "json":
         return f"{as_json(outline(tree))}\n"
     return visible(add_tags((ascii_tree if form == "ascii" else unicode_tree)(tree.root), tree))
 
 
 def add_tags(drawing: str, tree: Drawable) -> str:
-    """Add the tags of leaves and decorators to the drawing of a tree, unless their names already contain them."""
+    """Add the tags of leaves and decorators to the drawing of a tree, where the name differs from the tag."""
     lines, behaviours = drawing.rstrip("\n").split("\n"), list(pre_order(tree.root))
     if len(behaviours) != len(lines):  # a constructor has set a name of several lines
         return drawing

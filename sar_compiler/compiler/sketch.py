@@ -1,4 +1,4 @@
-"""A drawable tree built from a parsed file, even if the file has errors.
+"""Builds a tree that can be drawn from a parsed file, even if the file has errors.
 
 A drawing shows py_trees behaviours with their origins, which a compiled tree contains. In a sketch, placeholders replace
 the behaviours. Unknown nodes have no meaning, and subtrees that are missing or contain themselves are collapsed.
@@ -37,7 +37,7 @@ class Drawable(Protocol):
 
     @property
     def origins(self) -> Mapping[UUID, Origin]:
-        """The origin of each behaviour, by its id."""
+        """The origin of each behaviour, by behaviour ID."""
 
     @property
     def name(self) -> str:
@@ -46,7 +46,7 @@ class Drawable(Protocol):
 
 @dataclass(frozen=True)
 class Sketch:
-    """A tree with placeholders for its behaviours; it cannot be ticked.
+    """A tree that can be drawn but not ticked, because placeholders replace its behaviours.
 
     Attributes:
         root: The root behaviour.
@@ -62,7 +62,7 @@ class Sketch:
 
 
 class SketchedNode(Behaviour):
-    """A placeholder for a node that no stock composite represents, with any number of children.
+    """A placeholder for a node that no py_trees composite can represent. It can have any number of children.
 
     Attributes:
         class_name: The import path of the node's class; None if the node has no class.
@@ -89,12 +89,12 @@ class UnknownSpec(NodeSpec):
 
 
 def is_unknown(bound: BoundNode) -> bool:
-    """Return whether a node's tag is unknown, even if it is similar to a known tag."""
+    """Return whether a node's tag is unknown. A tag that is only similar to a known tag is also unknown."""
     return isinstance(bound.spec, UnknownSpec)
 
 
 def class_of(behaviour: Behaviour) -> str | None:
-    """Return the import path of the class of a behaviour, or of a placeholder's node; None if the node has no class."""
+    """Return the import path of the class of a behaviour or placeholder, or None if the node has no class."""
     return behaviour.class_name if isinstance(behaviour, SketchedNode) else _path_of(type(behaviour))
 
 
@@ -103,7 +103,7 @@ def _path_of(cls: type) -> str:
 
 
 def sketch_tree(tree: BoundTree, others: Iterable[BoundTree]) -> Sketch:
-    """Return the sketch of a tree, with its subtrees expanded.
+    """Return a sketch of a tree, in which the subtrees are expanded.
 
     Args:
         tree: The tree.
@@ -155,12 +155,12 @@ class _SketchBuilder:
         waiting.extend((each, above, level, around) for each in reversed(elements))
 
     def _fits(self, tree: BoundTree, level: int, around: frozenset[int]) -> bool:
-        """Return whether a subtree can be expanded, that is, if it is not recursive, not too deep and not too large."""
+        """Return whether a subtree can be expanded because it is not recursive, too deep or too large."""
         is_deep = level + tree.nesting + tree.wrappers > MAX_LEVELS
         return not is_deep and id(tree) not in around and self._count + len(tree.nodes) <= MAX_NODES
 
     def _with_wrappers(self, bound: BoundNode, above: Behaviour) -> Behaviour:
-        """Add a placeholder for a node to a parent, inside placeholders for its conditions and its OneShot."""
+        """Add a placeholder for a node to a parent, wrapped in placeholders for the node's conditions and OneShot."""
         self._count += 1
         if bound.oneshot is not None:
             policy = {"policy": OneShotPolicy[bound.oneshot]}
@@ -184,7 +184,7 @@ class _SketchBuilder:
 
 
 def _is_as_written(bound: BoundNode) -> bool:
-    """Return whether an element has exactly the tag of the node to which it is bound, not a similar tag."""
+    """Return whether the tag of an element is identical, not only similar, to the tag of the bound node."""
     return bound.element.tag == SUBTREE_TAG or _tag(bound.element) == bound.spec.tag
 
 
@@ -195,7 +195,7 @@ def _unknown(element: Element) -> BoundNode:
 
 
 def _tag(element: Element) -> str:
-    """Return the tag of a node; in the explicit form, this is its ID."""
+    """Return the tag of a node. In the explicit form, the attribute `ID` contains this tag."""
     return element.attributes.get("ID", element.tag) if element.tag in KIND_TAGS else element.tag
 
 
@@ -213,7 +213,7 @@ def _stand_in(bound: BoundNode) -> Behaviour:
 
 
 def _attributes(bound: BoundNode) -> Iterator[tuple[str, object]]:
-    """Yield the attributes of a node: their parsed values if possible, otherwise their texts."""
+    """Yield the attributes of a node, each with the parsed value if possible, otherwise with the text."""
     written = bound.element.attributes
     if is_unknown(bound):
         yield from ((name, text) for name, text in written.items() if name not in ("name", "ID"))

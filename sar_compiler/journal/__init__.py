@@ -1,4 +1,4 @@
-"""The journal of a mission: events, which are on disk before they take effect, and observations.
+"""The journal of a mission: observations, and events that are stored on disk before they take effect.
 
 Only the mission's own process writes to the journal. Every display of the mission reads from it.
 """

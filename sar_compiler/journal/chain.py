@@ -16,10 +16,10 @@ from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED
 from sar_compiler.json_values import json_text
 
 START = bytes(hashlib.sha256().digest_size)
-"""The previous link of the first entry."""
+"""The link that stands for the missing predecessor of the first entry."""
 
 BEGAN, FACT, WATCHED, ENDED = b"b", b"f", b"w", b"e"
-"""The categories of an entry: start of a run, event, observation, end of a run."""
+"""The possible categories of an entry: start of a run, event, observation, or end of a run."""
 
 # Category, number, run, wall, time, length of the kind; most significant bytes first.
 _HEAD = struct.Struct(">cqqddI")
@@ -33,7 +33,7 @@ _ENTRIES = (
 def link_of_entry(
     before: bytes, category: bytes, number: int, run: int, wall: float, time: float, kind: str, data: str
 ) -> bytes:
-    """Return the link of an entry.
+    """Compute the link of an entry from the previous link and the columns of the entry.
 
     Args:
         before: The link of the previous entry.
@@ -52,7 +52,7 @@ def link_of_entry(
 
 
 class ChainPosition(NamedTuple):
-    """A position between two entries of a chain, or at its end.
+    """A position between two entries of a chain, or at the end of the chain.
 
     Attributes:
         link: The link of the entry before the position.
@@ -66,7 +66,7 @@ class ChainPosition(NamedTuple):
 def run_start_link(
     position: ChainPosition, run: int, wall: float, about: str, of_mission: Iterable[tuple[str, str]]
 ) -> bytes:
-    """Return the link of a run's start.
+    """Compute the link of the entry for the start of a run.
 
     Args:
         position: The position of the run's start.
@@ -81,7 +81,7 @@ def run_start_link(
 def run_end_link(
     position: ChainPosition, run: int, wall: float, ending: str, status: int, reason: str
 ) -> bytes:
-    """Return the link of a run's end, given the end's position and columns of the run's row."""
+    """Compute the link of the entry for the end of a run from its position and the columns of the run's row."""
     return link_of_entry(position.link, *_run_end_row(position.number, run, wall, ending, status, reason))
 
 

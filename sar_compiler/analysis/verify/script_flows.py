@@ -114,13 +114,13 @@ class ScriptFlows:
 
 
 class _FlowReader:
-    """Evaluates the expressions of a script symbolically, and records their effects."""
+    """Evaluates the expressions of a script symbolically, and records which entries they read and write."""
 
     def __init__(self, found: ScriptFlows, resolve: Resolve) -> None:
         self._found, self._resolve = found, resolve
 
     def flow_value(self, node: Expression) -> FlowValue:
-        """Return the known properties of an expression's value, and record the effects of its evaluation."""
+        """Return what is known about the value of an expression, and record the effects of the evaluation."""
         if isinstance(node, Literal):
             return _constant(node.value)
         if isinstance(node, Name):
@@ -228,5 +228,5 @@ def _join_values(first: FlowValue, second: FlowValue) -> FlowValue:
 
 
 def _is_number(value: FlowValue) -> bool:
-    """Return whether a value is certainly a number if the entries on which it depends contain numbers."""
+    """Return whether a value must be a number if all entries on which the value depends contain numbers."""
     return str not in value.types and object not in value.types

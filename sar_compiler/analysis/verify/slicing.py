@@ -1,4 +1,4 @@
-"""Merging of states that differ only in values that no run can distinguish.
+"""Determines values that no run can distinguish, so that a search can merge states with such values.
 
 A patrol that counts its rounds (`rounds = rounds + 1`) has a state for each number, although no node depends on the
 number, or only on whether it is below 3. So before a search, the scripts of the tree, of leaf outcomes and of
@@ -77,7 +77,7 @@ def _mergeable(simulated: SimulatedTree, properties: Properties) -> dict[str, Me
 
 
 _ReadScript = tuple[Script, Resolve, bool]
-"""A script, the function that resolves its names, and whether its value is used."""
+"""A script, the function that resolves the names in the script, and whether the value of the script is used."""
 
 
 def _scripts_of_nodes(simulated: SimulatedTree) -> Iterator[_ReadScript]:
@@ -107,7 +107,7 @@ def _scripts_of_outcomes(simulated: SimulatedTree) -> Iterator[_ReadScript]:
 
 
 def _add_port_accesses(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
-    """Add the reads and writes of ports; return False if a node may use unknown entries.
+    """Add the reads and writes of ports. Return False if a node may use entries that are not known.
 
     The ports of stub leaves are ignored: their reads have no effect, and outcome scripts contain their writes.
     """
@@ -127,13 +127,13 @@ def _add_port_accesses(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
 
 
 def _types_at_start(board: Board, name: str) -> set[object]:
-    """Return the declared type of an entry and the type of its initial value, if they exist."""
+    """Return a set with the declared type of an entry and the type of the entry's initial value, where they exist."""
     own = {board.kind_of(name)} if board.is_declared(name) else set()
     return {*own, *((type(board.get(name)),) if board.has(name) else ())} - {None}
 
 
 class _Solution:
-    """The solution of the inequalities between the values of entries.
+    """Solves the inequalities that state which values of entries a search must distinguish.
 
     Args:
         flows: The effects of scripts.
@@ -165,7 +165,7 @@ class _Solution:
         return self._types[name] <= NUMBERS
 
     def _real_entries(self) -> set[str]:
-        """Return the entries that contain only real numbers and whose values flow only into such entries."""
+        """Return the entries that hold only floats, and whose values are only assigned to other entries of this kind."""
         real = {name for name, types in self._types.items() if types == {float}}
         while lost := {
             source for target, source, _ in self._flows.flows if source in real and target not in real
@@ -174,7 +174,7 @@ class _Solution:
         return real
 
     def _fixed_entries(self) -> set[str]:
-        """Return the entries for which reads distinguish all values."""
+        """Return the entries whose values must all be distinguished, because of the way in which they are read."""
         flows = self._flows
         fixed = {*flows.fixed, *(name for name in self._read if not self._are_numbers(name))}
         for target, source, offset in flows.flows:
@@ -187,13 +187,13 @@ class _Solution:
         return fixed
 
     def _is_irrelevant(self, target: str, value: FlowValue) -> bool:
-        """Return whether an assigned value is irrelevant, because the entry is never read and has only one type."""
+        """Return whether an assigned value is irrelevant: the entry is never read, and always has the same type."""
         types = self._types[target]
         is_taken = len(types) == 1 and types == value.types and types <= {float, str}
         return target not in self._read and value.is_total and is_taken
 
     def _require(self, name: str, above: float, below: float) -> bool:
-        """Require that values between two bounds are distinguished; return whether the requirement is new."""
+        """Require that the values of an entry between two bounds are distinguished. Return whether this was not known."""
         above = above if above <= _LARGEST_LIMIT else math.inf
         below = below if below >= -_LARGEST_LIMIT else -math.inf
         is_new = above > self._above[name] or below < self._below[name]
@@ -202,7 +202,7 @@ class _Solution:
         return is_new
 
     def _follow_flows(self) -> None:
-        """Propagate required distinctions backwards along the flows of values.
+        """Propagate the required bounds from assigned entries back to the entries that the assignments read.
 
         The bounds are the lengths of longest paths. A path that still grows after as many steps as there are entries
         contains a cycle.
@@ -221,7 +221,7 @@ class _Solution:
 
 
 def _distance(offset: float) -> float:
-    """Return the distance by which a flow with a constant moves a bound."""
+    """Return the distance by which adding a constant moves a bound."""
     return max(0.0, offset if offset.is_integer() else math.ceil(offset) + 1.0)
 
 

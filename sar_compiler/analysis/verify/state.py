@@ -1,4 +1,4 @@
-"""The preparation of a tree for searches, and the description of its states between two ticks."""
+"""Prepares a tree for searches, and describes the states of the tree between two ticks."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ _MAX_GROWING = 3
 
 
 class EventAlphabet:
-    """The possible events of a tree's stub leaves, numbered for the kernel.
+    """The possible events of a tree's stub leaves. Each event has a number.
 
     Args:
         simulated: The tree.
@@ -93,7 +93,7 @@ class PreparedTree:
         return prepared
 
     def merge(self, values: Mapping[str, MergedValues]) -> None:
-        """Let searches merge values, by absolute entry name. This must be called before the first tick."""
+        """Let searches merge the values of the given entries. Call this method before the first tick."""
         if not values:
             return
         entries, merging = self.entries, ValueMerging(self.entries, values)
@@ -126,18 +126,18 @@ class StateValues:
         return dict(sorted(self.simulated.fact_values().items()))
 
     def facts_and_keys(self, state: bytes | None = None) -> tuple[dict[str, object], dict[str, object]]:
-        """Return the values of facts and of keys, each by name, in a state (by default in the current state)."""
+        """Return the facts and the keys in a state as two dictionaries. The default is the current state."""
         if state is not None:
             self.steps.restore(state)
         return self.fact_values(), dict(sorted(self.simulated.compiled.board.values().items()))
 
     def values_in(self, state: bytes) -> dict[str, object]:
-        """Return the values of keys and facts in a state, by name."""
+        """Return the keys and facts in a state as one dictionary."""
         facts, keys = self.facts_and_keys(state)
         return {**keys, **facts}
 
     def growing_values(self, states: StateStore) -> tuple[tuple[str, int], ...]:
-        """Return the entries with the most different values in the last states, and how many values each has."""
+        """Return the entries with the highest numbers of different values in the last states, and these numbers."""
         values: dict[str, set[str]] = {}
         for state in states.states_between(max(len(states) - _SAMPLE, 0), len(states)):
             for name, value in {**self.values_in(state), **self.own()}.items():

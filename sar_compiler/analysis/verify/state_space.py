@@ -1,4 +1,4 @@
-"""The states that a search has found, and runs that lead to them."""
+"""Provides the states that a search has found, and the runs that lead to these states."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.runtime.events import Event, TickRecord
 
 IsWanted = Callable[[TickSteps], bool]
-"""Returns whether the tick that was just played is the wanted tick."""
+"""A function that returns whether the tick that was just played is the wanted tick."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +29,12 @@ class Trace:
 
     @property
     def events(self) -> Iterator[Event]:
-        """The events of the run, one by one."""
+        """The events of all ticks of the run, in order."""
         return (event for tick in self.ticks for event in tick.events)
 
 
 class PlayedTick(NamedTuple):
-    """A tick found in a search.
+    """A tick that was played in a search.
 
     Attributes:
         path: The choices of the tick.
@@ -50,7 +50,7 @@ class PlayedTick(NamedTuple):
 
 
 def replay_ticks(stepper: TreeStepper, ticks: Iterable[PlayedTick]) -> list[TickRecord]:
-    """Play a run from the start with given choices; return its ticks.
+    """Play a run from the start with the given choices, and return the ticks of the run.
 
     Args:
         stepper: Plays the run.
@@ -60,7 +60,7 @@ def replay_ticks(stepper: TreeStepper, ticks: Iterable[PlayedTick]) -> list[Tick
     for found in ticks:
         step = next(stepper.ticks(state, found.path))
         if PlayedTick(found.path, step.outcome, step.broken, step.error is not None) != found:
-            message = "a run without merged values differs from the run of the search"
+            message = "the run without merged values differs from the run that the search found"
             raise AssertionError(message)
         played.append(stepper.tick_record(len(played) + 1))
         state = step.state or b""
@@ -96,15 +96,15 @@ class StateSpace:
 
     @property
     def tick_error(self) -> Exception | None:
-        """The error of the last tick that `plain` has played; None if there is no error or no `plain`."""
+        """The error of the last tick that `plain` has played, or None if there was no error or `plain` is None."""
         return None if self.plain is None else self.plain.steps.error
 
     def trace_to(self, state: int) -> Trace:
-        """Return a shortest run to a state."""
+        """Return a shortest run that leads to a state."""
         return self._trace(self._stem(self.graph.stem(state)))
 
     def breach(self, breach: Breach) -> Trace:
-        """Return a shortest run to a violation."""
+        """Return a shortest run that leads to a violation."""
         stem, path = self._stem(self.graph.stem(breach.source)), breach.path
         last = [] if path is None else [(breach.source, lambda step: step.path() == path)]
         return self._trace([*stem, *last])
@@ -119,7 +119,7 @@ class StateSpace:
         return [(source, self._leads_to(target)) for source, target in pairwise(states)]
 
     def _trace(self, steps: Iterable[tuple[int, IsWanted]], loop: int = 0) -> Trace:
-        """Return the run of the given ticks, each of which is specified by its initial state and a predicate."""
+        """Return the run that consists of the given ticks. Each is given as an initial state and a predicate."""
         if self.plain is None:
             played = [self._play(source, wanted, number) for number, (source, wanted) in enumerate(steps, 1)]
         else:

@@ -1,4 +1,4 @@
-"""Code that plays ticks of a simulated tree from any state, and checks the user's declarations."""
+"""Plays ticks of a simulated tree from any state, and checks what the user's classes declare."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
@@ -38,7 +38,7 @@ from sar_compiler.runtime.variables import UNKNOWN, unknown_value_of
 def check_declarations(
     nodes: Iterable[UserNode], compiled: CompiledTree, deny: Callable[[Behaviour, str], None]
 ) -> bool:
-    """Enable checks of nodes against their declarations; return whether any node has declarations.
+    """Check during ticks that nodes behave as they declare. Return whether any node has declarations.
 
     Args:
         nodes: The nodes.
@@ -63,7 +63,7 @@ def check_declarations(
 
 
 class TreeStepper:
-    """Plays ticks of a simulated tree in its flat form.
+    """Plays ticks of a simulated tree, which is converted to flat form.
 
     Args:
         prepared: The tree with stub leaves.
@@ -133,7 +133,7 @@ class TreeStepper:
         self._before: tuple[Mapping[str, object], Mapping[str, object]] = ({}, {})
 
     def _begin_as_first(self, prepared: PreparedTree, ticker: Ticker) -> None:
-        """Initialise the cells of nodes as in the first stepper, because behaviours may have been ticked since."""
+        """Give nodes the initial cells that they had in the first stepper. The behaviours may have been ticked since."""
         cells, values = ticker.cells, ticker.values
         for node in self.flat.nodes:
             keeps_nothing = node.first_cell == node.last_cell and node.first_value == node.last_value
@@ -151,7 +151,7 @@ class TreeStepper:
         self.wrong = f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) {what}. Correct the declared outcomes or semantics"
 
     def _user_cells(self) -> dict[str, object]:
-        """Return the values of the cells of the user's controls and decorators, by node and attribute name."""
+        """Return the cell values of the user's controls and decorators, by node and attribute name."""
         values = self.ticker.values
         return {
             f"{node.behaviour.name}.{name}": values[at]
@@ -162,7 +162,7 @@ class TreeStepper:
         }
 
     def ticks(self, state: bytes, path: tuple[int, ...] = ()) -> Iterator[TickSteps]:
-        """Play the ticks of a state one after the other, or only the tick with the choices *path*.
+        """Play the ticks that start in a state, one after the other, or only the tick with the choices *path*.
 
         After each tick, `tick_record`, `unusual_outcomes` and `violated_properties` describe it.
         """
@@ -177,7 +177,7 @@ class TreeStepper:
             self._trail.keeps = False
 
     def states_after_halt(self, state: bytes, *, begins: bool = False) -> Iterator[bytes]:
-        """Yield the possible states after a program with BehaviorTree.CPP has halted the tree in a state.
+        """Yield the states that are possible after a BehaviorTree.CPP program has halted the tree in a given state.
 
         `Tree::haltTree` halts the running nodes, and then each node, although it does not run. So each `_onHalted` runs once more.
 
@@ -197,7 +197,7 @@ class TreeStepper:
             is_left = self.ticker.next_fork()
 
     def _halts_tree(self) -> bool:
-        """Halt the tree; return False if a script fails and thereby ends the program."""
+        """Halt the tree. Return False if a script fails, which would end the program."""
         try:
             self.flat.nodes[0].stop(self.ticker)
             for node in self.flat.nodes:
@@ -209,12 +209,14 @@ class TreeStepper:
             raise
         except SarError as error:
             if unknown_value_of(error) is not None:
-                raise UndecidableError(f"after the program has halted the tree: {error}") from error
+                raise UndecidableError(
+                    f"an error occurred after the program had halted the tree: {error}"
+                ) from error
             return False
         return True
 
     def pass_over(self, place: int) -> None:
-        """Skip all following ticks that equal the last tick up to the outcome with index *place*.
+        """Skip all further ticks that are equal to the last tick up to the outcome with index *place*.
 
         The next combination of choices then differs at this outcome or before it.
         """
@@ -228,12 +230,12 @@ class TreeStepper:
         self.ticker.choices.rewind(next(behind, self.ticker.choices.choice_count))
 
     def play(self, state: bytes, wanted: Callable[[TickSteps], bool], number: int = 0) -> TickRecord:
-        """Play the first tick of a state that *wanted* accepts, and return its record with the given tick number."""
+        """Play the first tick from a state that *wanted* accepts. Return the tick's record with the given number."""
         next(step for step in self.ticks(state) if wanted(step))
         return self.tick_record(number)
 
     def tick_record(self, number: int = 0) -> TickRecord:
-        """Return the record of the last tick, with the given tick number."""
+        """Return the record of the last tick. *number* is the tick number in the record."""
         now, events = self.ticker.entries.now, []
         happened, after = self._recorded_events(), list(now)
         for (event, past), (_, then) in pairwise([*happened, (0, after)]):
@@ -250,7 +252,7 @@ class TreeStepper:
         )
 
     def outcomes(self) -> list[Event]:
-        """Return the leaf outcomes of the last tick as events without changes of facts."""
+        """Return the leaf outcomes of the last tick as events, without the changes of facts."""
         events = self._alphabet.events
         numbers = (number for number in self._trail.numbers if number < len(events))
         return [event for event in map(events.__getitem__, numbers) if event.outcome]
@@ -268,12 +270,12 @@ class TreeStepper:
         return tuple(unusual)
 
     def judgement(self, state: bytes, *, idle: bool | None = None) -> Judgement:
-        """Return the judgement of a state; see `PropertyAutomata.judge`."""
+        """Return the judgement of a state, as `PropertyAutomata.judge` defines it."""
         outcome, watched = self.steps.restore(state)
         return self._rules.judge(outcome, watched, idle)
 
     def violated_properties(self) -> tuple[tuple[int, Event], ...]:
-        """Return the numbers of the event properties that the last tick violated, each with the violating event."""
+        """Return the rule number of each event property that the last tick violated, and the violating event."""
         if not self.steps.broken:
             return ()
         watched, found = self._watched, []
@@ -285,7 +287,7 @@ class TreeStepper:
         return tuple(found)
 
     def _own_number(self, place: int) -> int:
-        """Return the number of an event of the last tick. A second event has the number of its leaf event."""
+        """Return the number of an event of the last tick. For an additional event, return that of its leaf event."""
         count, numbers = len(self._alphabet.events), self._trail.numbers
         if numbers[place] < count:
             return numbers[place]
@@ -295,14 +297,14 @@ class TreeStepper:
         return next(number for number in others if number < count)
 
     def restore_before_outcome(self, place: int) -> None:
-        """Restore the entries before the outcome with index *place* of the last tick."""
+        """Restore the entries as they were before the outcome with index *place* in the last tick."""
         outcomes = [
             past for event, past in self._recorded_events() if self._alphabet.outcomes[event][1] is not None
         ]
         self.ticker.entries.restore(vec[i32](outcomes[place]))
 
     def _recorded_events(self) -> list[tuple[int, list[int]]]:
-        """Return the leaf events of the last tick, each with the contents of the entries before the event."""
+        """Return the leaf events of the last tick, and for each event the contents of the entries before it."""
         # Numbers after the alphabet belong to second events, which accompany leaf events.
         count, trail = len(self._alphabet.events), self._trail
         return [each for each in zip(trail.numbers, trail.pasts, strict=True) if each[0] < count]
@@ -313,6 +315,6 @@ class TreeStepper:
 
 
 def plain_stepper(prepared: PreparedTree, rules: PropertyAutomata) -> TreeStepper | None:
-    """Return a stepper without merged values; None if the searches so far have not merged any values."""
+    """Return a stepper that does not merge values, or None if the previous searches have not merged any."""
     has_merged = any(each.is_used for each in prepared.merged)
     return TreeStepper(prepared, rules, merges=False) if has_merged else None

@@ -1,4 +1,4 @@
-"""Searches of trees in which leaves write unknown values.
+"""Searches trees in which leaves write unknown values.
 
 A run is not explored beyond a tick that needs an unknown value. So the runs that are shown are possible, but statements
 about all runs are undecided.
@@ -20,7 +20,7 @@ DecidableResult = TypeVar("DecidableResult")
 def search_decidable(
     properties: Properties, search: Callable[[Properties], DecidableResult]
 ) -> tuple[DecidableResult, dict[str, str]]:
-    """Search a tree with all properties whose conditions do not need unknown values.
+    """Search a tree, leaving out the properties whose conditions need unknown values.
 
     Args:
         properties: The properties of the tree.
@@ -47,7 +47,7 @@ def search_decidable(
 def explore_decidable(
     stepper: TreeStepper, max_states: int, report: Report, names: Sequence[str] = ()
 ) -> tuple[Graph, Breach | None]:
-    """Search the states of a tree; see `explore`.
+    """Search the states of a tree as `explore` does, and report ticks that need unknown values separately.
 
     Returns:
         The graph, whose error is the first tick that raises an error for another reason than an unknown value, and the
@@ -62,7 +62,7 @@ def explore_decidable(
 
 
 class _RecordedErrors(Stepper):
-    """The steps of a tree, together with the first ticks that raised errors.
+    """Provides the steps of a tree, and records the first ticks that raise errors.
 
     Args:
         steps: The steps.

@@ -1,4 +1,4 @@
-"""The questions about a tree, the verdicts on them, and the comparison of the verdicts on two trees."""
+"""Decides questions about a tree, and compares the verdicts on two trees."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -17,7 +17,7 @@ from sar_compiler.runtime.variables import unknown_value_of
 
 
 class ProofStatus(str, Enum):
-    """The status of a question after a verification."""
+    """The result of verifying one statement about a tree."""
 
     PROVED = "proved"
     BROKEN = "does not hold"
@@ -26,7 +26,7 @@ class ProofStatus(str, Enum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """A question and its verdict.
+    """A statement about a tree, and the verdict on this statement.
 
     Attributes:
         question: The statement that should hold.
@@ -41,7 +41,7 @@ class Verdict:
     trace: Trace | None = None
 
     def __repr__(self) -> str:
-        """Return the question and the verdict, without the run."""
+        """Return the question and the verdict as text, without the run."""
         return f"<{self.question}: {self.outcome.value}{f', {self.reason}' if self.reason else ''}>"
 
     def _repr_html_(self) -> str:
@@ -49,7 +49,7 @@ class Verdict:
 
 
 def _html_table(verdicts: Iterable[Verdict], caption: str = "") -> str:
-    """Return verdicts as an HTML table for notebooks."""
+    """Return verdicts as an HTML table that notebooks can display."""
     rows = [(each.question, each.outcome.value, each.reason) for each in verdicts]
     body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     return f"<table><caption>{escape(caption)}</caption>{body}</table>"
@@ -113,13 +113,13 @@ OWN_RECORDS = "your classes behave as they declare"
 
 
 def questions_of(properties: Properties) -> list[str]:
-    """Return the questions about a tree: the general questions, and the names of its properties."""
+    """Return the questions about a tree: the general questions and the names of the properties."""
     ends = [AN_END, NO_LIVELOCK] if properties.has_end else []
     return [NO_ERROR, EVERY_LEAF, *ends, *properties.names]
 
 
 class ProofQuestions:
-    """Determines the verdicts on the questions about a tree.
+    """Decides the questions about a tree from the states that a search has found.
 
     Args:
         space: The states of the tree and the ticks between them.
@@ -172,7 +172,7 @@ class ProofQuestions:
             yield _violation(NO_LIVELOCK, "this run never ends", self._loop_trace(found.circling))
 
     def verdict_on_declarations(self, rule: int, wrong: Callable[[], str]) -> Verdict:
-        """Return the verdict on whether the user's controls and decorators match their declarations.
+        """Return the verdict on whether the user's controls and decorators behave as they declare.
 
         Args:
             rule: The number of the rule that a deviation violates.
@@ -211,7 +211,7 @@ class ProofQuestions:
     def _not_violated(self, question: str) -> Verdict:
         graph = self._graph
         if graph.error is not None:
-            reason = "runs were not explored beyond ticks that raise errors"
+            reason = "a tick raises an error, and runs were not explored beyond such ticks"
             return Verdict(question, ProofStatus.UNDECIDED, reason)
         if self._space.unknown is not None:
             return Verdict(question, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))
@@ -228,7 +228,7 @@ def _violation(question: str, reason: str, trace: Trace | None = None) -> Verdic
 
 
 SAME, WORSE, BETTER, OTHER = "the same", "worse", "better", "different"
-"""The possible changes of a verdict between two trees."""
+"""The possible results of comparing the verdicts on two trees."""
 
 # A question that does not apply to a tree (None) ranks like an undecided question.
 _RANKS: Mapping[ProofStatus | None, int] = {
@@ -241,7 +241,7 @@ _RANKS: Mapping[ProofStatus | None, int] = {
 
 @dataclass(frozen=True)
 class ComparedVerdict:
-    """The verdicts on the same question about two trees.
+    """The verdicts that two trees have for the same question.
 
     Attributes:
         question: The question.
@@ -255,7 +255,7 @@ class ComparedVerdict:
 
     @property
     def change(self) -> str:
-        """The change of the verdict: `SAME`, `WORSE`, `BETTER`, or `OTHER` for any other change."""
+        """How the verdict has changed: `SAME`, `WORSE`, `BETTER`, or `OTHER` for any other change."""
         before, now = (None if each is None else each.outcome for each in (self.before, self.now))
         if before is now:
             return SAME
@@ -266,7 +266,7 @@ class ComparedVerdict:
 
 @dataclass(frozen=True)
 class VerificationComparison:
-    """The verdicts on the same questions about two trees.
+    """A comparison of the verifications of two trees.
 
     Attributes:
         before: The verification of the first tree.
@@ -278,7 +278,7 @@ class VerificationComparison:
 
     @property
     def verdicts(self) -> tuple[ComparedVerdict, ...]:
-        """The verdicts on all questions about either tree, the questions about the second tree first."""
+        """The verdicts on all questions about either tree. The questions about the second tree come first."""
         before, now = ({v.question: v for v in each.verdicts} for each in (self.before, self.now))
         return tuple(ComparedVerdict(name, before.get(name), now.get(name)) for name in {**now, **before})
 

@@ -36,7 +36,7 @@ def test_nothing_is_proved_of_runs_that_break_off_with_an_error():
     found = verdict(verification, NO_LIVELOCK)
     assert (found.outcome, found.reason) == (
         UNDECIDED,
-        "runs were not explored beyond ticks that raise errors",
+        "a tick raises an error, and runs were not explored beyond such ticks",
     )
     assert outcome(verification, AN_END) is UNDECIDED
 
