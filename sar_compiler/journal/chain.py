@@ -100,12 +100,12 @@ def _json_text(values: Any) -> str:
 
 
 def _hex_list(value: bytes) -> list[str]:
-    """Convert bytes to a JSON value that no valid entry contains; only an altered journal contains bytes."""
+    """Convert bytes, which only an altered journal contains, to a JSON value that no valid entry contains."""
     return [value.hex()]
 
 
 class ChainEntry(NamedTuple):
-    """An entry of the chain as stored; in an altered file its values may have any type.
+    """An entry of the chain, as it is stored in the file. In an altered file, the values may have any type.
 
     Attributes:
         category: The entry's category.
@@ -129,7 +129,7 @@ class ChainEntry(NamedTuple):
 
 
 def chain_entries(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
-    """Yield the entries of the chain in order, as tuples of the fields of `ChainEntry`.
+    """Yield the entries of the chain in order. Each tuple contains the fields of a `ChainEntry`.
 
     Args:
         connection: The database.
@@ -149,7 +149,7 @@ def chain_entries(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
 
 
 def _marks(row: tuple[Any, ...], of_mission: Iterable[Any]) -> Iterator[tuple[Any, ...]]:
-    """Yield the entries for the start of a run and, if the run has ended, for its end."""
+    """Yield the entry for the start of a run and, if the run has ended, the entry for the end."""
     run, began, about, *end, link, closed, began_behind, ended_behind = row
     yield *_run_start_row(began_behind, run, began, about, of_mission), link
     if (*end, closed, ended_behind) != (None, None, None, "", None, None):
@@ -157,7 +157,7 @@ def _marks(row: tuple[Any, ...], of_mission: Iterable[Any]) -> Iterator[tuple[An
 
 
 class JournalChain(NamedTuple):
-    """The result of checking a chain.
+    """The result of checking the hash chain of a journal.
 
     Attributes:
         entries: The number of unaltered events and observations.
@@ -175,12 +175,12 @@ class JournalChain(NamedTuple):
 
     @property
     def head(self) -> str:
-        """The link of the last run's end, as hexadecimal digits; empty if the last entry is not the end of a run."""
+        """The link of the last run's end in hexadecimal, or an empty string if the last entry is not a run's end."""
         return [*self.heads.values()][-1] if self.is_closed else ""
 
 
 def check_chain(entries: Iterable[tuple[Any, ...]]) -> JournalChain:
-    """Check a chain up to its end or the first entry whose link is wrong.
+    """Check a chain up to the first entry whose link is wrong, or up to the end of the chain.
 
     Args:
         entries: The entries, as `chain_entries` yields them.
@@ -207,7 +207,7 @@ def _has_right_link(before: bytes, entry: tuple[Any, ...]) -> bool:
 
 
 def last_position(connection: sqlite3.Connection) -> ChainPosition:
-    """Return the position after the last entry.
+    """Return the chain position that follows the last entry.
 
     Args:
         connection: The database.

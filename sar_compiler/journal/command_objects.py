@@ -14,16 +14,16 @@ from typing import Any
 from sar_compiler.journal.display import Landmark
 
 RUN, OBJECT = "run", "object"
-"""The keys for the run and for the object of the command. All other keys name landmarks, such as `point/north`."""
+"""The keys that stand for the run and for the object of the command. Other keys name landmarks, such as `point/north`."""
 
 SeenObjects = Mapping[str, str]
-"""The objects of a command as the sender saw them: a string for each key. The string is empty for an object that did not exist."""
+"""The objects that the sender of a command saw, each described by a string. An object that did not exist has an empty string."""
 
 _MAX_OBJECTS, _MAX_LENGTH = 20, 500
 
 
 def parse_seen(text: str) -> dict[str, str]:
-    """Parse the JSON text that contains the objects that the sender of a command saw.
+    """Parse the objects that the sender of a command saw from JSON text.
 
     Raises:
         ValueError: If the text is not a JSON object of strings, or is too large.
@@ -33,9 +33,11 @@ def parse_seen(text: str) -> dict[str, str]:
     except (ValueError, RecursionError):
         seen = None
     if not isinstance(seen, dict) or len(seen) > _MAX_OBJECTS:
-        raise ValueError(f"not a JSON object of at most {_MAX_OBJECTS} strings")
+        raise ValueError(f"expected a JSON object with at most {_MAX_OBJECTS} strings")
     if any(not isinstance(value, str) or len(value) > _MAX_LENGTH for value in seen.values()):
-        raise ValueError(f"not a JSON object of strings of at most {_MAX_LENGTH} characters")
+        raise ValueError(
+            f"expected a JSON object whose values are strings of at most {_MAX_LENGTH} characters each"
+        )
     return seen
 
 
@@ -50,7 +52,7 @@ def run_identity(number: int, about: Mapping[str, Any]) -> str:
 
 
 def describe_change(seen: SeenObjects, now: SeenObjects, landmarks: Mapping[str, Landmark]) -> str:
-    """Describe the first object of a command that has changed since the sender saw it; empty if none has.
+    """Describe the first object that has changed since a command's sender saw it, or return an empty string.
 
     Args:
         seen: The objects that the sender saw.

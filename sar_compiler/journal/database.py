@@ -1,4 +1,4 @@
-"""The SQLite file of a journal."""
+"""Reads and writes the SQLite file of a journal."""
 
 import errno
 import functools
@@ -86,7 +86,7 @@ from sar_compiler.resources import state_folder
 # name is on disk before any event.
 
 VERSION = 4
-"""The version of the schema; journals of other versions are refused."""
+"""The version of the database schema. Journals with another version are refused."""
 
 # The ID by which `file` and SQLite recognise a journal: "SARJ".
 _APPLICATION_ID = 0x5341524A
@@ -137,7 +137,7 @@ CREATE TEMP TABLE run AS SELECT * FROM main.run;
 
 
 class ReadCursor(NamedTuple):
-    """A read position in the stream of a journal; by default its start.
+    """A read position in the stream of a journal. The default is the start of the stream.
 
     Attributes:
         fact: The number of the last event that was read.
@@ -153,7 +153,7 @@ class ReadCursor(NamedTuple):
 
 
 class StreamPosition(NamedTuple):
-    """A position in the stream of a journal, after an entry; by default its start.
+    """A position after an entry in the stream of a journal. The default is the start of the stream.
 
     Attributes:
         run: The number of the run.
@@ -166,16 +166,16 @@ class StreamPosition(NamedTuple):
     time: float = -math.inf
 
     def next_position(self, entry: JournalEntry) -> "StreamPosition":
-        """Return the position after the next entry."""
+        """Return the position that follows *entry*, the next entry."""
         latest = max(self.time, entry.time) if entry.run == self.run else entry.time
         return StreamPosition(entry.run, entry.number, latest)
 
 
 _SQLITE_SUFFIXES = ("-wal", "-shm", "-journal")
-"""The endings of the files that SQLite creates beside a database."""
+"""The suffixes of the files that SQLite creates beside a database."""
 
 END = 2**63 - 1
-"""The number of a run's end in a `StreamPosition`."""
+"""The entry number that stands for a run's end in a `StreamPosition`."""
 
 
 class JournalFile:
@@ -206,7 +206,7 @@ class JournalFile:
 
     @classmethod
     def create(cls, path: Path) -> "JournalFile":
-        """Create a journal, or reuse a journal in which no run has started, and lock it.
+        """Create and lock a journal. A journal in which no run has started may be reused.
 
         Raises:
             JournalError: If the file cannot be created, belongs to another process, or contains a mission.
@@ -219,7 +219,7 @@ class JournalFile:
 
     @classmethod
     def open(cls, path: Path) -> "JournalFile":
-        """Open a journal for a run, and lock it; a missing or empty file is created.
+        """Open and lock a journal for a run. Create the journal if the file is missing or empty.
 
         Raises:
             JournalError: If the file cannot be opened or created, belongs to another process, or is not a journal of this version.
@@ -252,19 +252,19 @@ class JournalFile:
         self._write_spilled(self._spilled_entries())
 
     def _spilled_entries(self) -> SpilledEntries:
-        """Return the entries in the reserve file beside the journal, if the file belongs to this journal."""
+        """Return the entries in the reserve file beside the journal if that file belongs to this journal."""
         spilled = read_reserve(self.path)
         began = self._connection.execute("SELECT min(began) FROM run").fetchone()[0]
         return spilled if spilled.began == began else SpilledEntries()
 
     def _write_spilled(self, spilled: SpilledEntries) -> None:
-        """Write the entries that an earlier run could not write."""
+        """Write the entries that an earlier run could only store in the reserve file."""
         if spilled.facts or spilled.end:
             known = {number for (number,) in self._connection.execute("SELECT number FROM fact")}
             self.write((), [fact for fact in spilled.facts if fact.number not in known], spilled.end)
 
     def _overlay_spilled(self, spilled: SpilledEntries) -> None:
-        """Make all reads return the entries of the reserve file, too."""
+        """Make all reads also return the entries of the reserve file."""
         if spilled.facts or spilled.end:
             self._connection.executescript(_OVERLAY)
             self._connection.executemany("INSERT INTO spilled VALUES (?, ?, ?, ?, ?, ?)", spilled.facts)
@@ -272,7 +272,7 @@ class JournalFile:
                 self._connection.execute(_END_OF_RUN, _end_of_run(spilled.end))
 
     def reserve(self) -> SpillFile:
-        """Open or create the journal's reserve file; from then on, transactions do not wait for other processes' locks.
+        """Open or create the reserve file. Transactions after this call do not wait for locks of other processes.
 
         Raises:
             JournalError: If the reserve file cannot be created.
@@ -317,7 +317,7 @@ class JournalFile:
     @classmethod
     @contextmanager
     def open_snapshot(cls, path: Path) -> "Iterator[JournalFile]":
-        """Open a snapshot of a journal for reading; see `read`."""
+        """Open a snapshot of a journal for reading, like `read`."""
         with closing(cls.read(path)) as file, file.snapshot():
             yield file
 
@@ -334,8 +334,8 @@ class JournalFile:
             return f"{self.path} is a database, but not the journal of a mission"
         if version != VERSION:
             return (
-                f"{self.path} is a journal of version {version}, and this sar_compiler reads version {VERSION}. "
-                "Use the sar_compiler that wrote it, or move the file away to start over"
+                f"{self.path} is a journal of version {version}, but this sar_compiler reads only version {VERSION}. "
+                "Use the sar_compiler that wrote the journal, or move the file away to start over"
             )
         known = _schema_definitions()
         objects = self._connection.execute("SELECT type, name, sql FROM main.sqlite_master")
@@ -351,7 +351,7 @@ class JournalFile:
 
     @contextmanager
     def _limit_reading(self) -> Iterator[None]:
-        """Limit the work of the reads in the block, and convert their errors to a `JournalError`.
+        """Limit the work of the reads in the block, and convert errors of these reads to a `JournalError`.
 
         Raises:
             JournalError: If the journal cannot be read.
@@ -367,17 +367,17 @@ class JournalFile:
                 if self._query_budget.was_interrupted:
                     raise KeyboardInterrupt from error
                 raise ValueError(
-                    "reading the journal takes far more steps than the size of the file explains"
+                    "reading the journal takes far more steps than expected for a file of this size"
                 ) from error
 
     def description(self) -> dict[str, Any]:
-        """Return the mission's description: `mission`, `tree`, `identity` and so on; empty before the first run."""
+        """Return the mission's description (`mission`, `tree`, `identity` and so on), which is empty before the first run."""
         with self._limit_reading():
             rows = self._connection.execute("SELECT key, value FROM about").fetchall()
             return {key: json_value(value) for key, value in rows}
 
     def runs(self) -> list[JournalRun]:
-        """Return the runs, in the order of their starts."""
+        """Return the runs in the order in which they started."""
         with self._limit_reading():
             rows = self._connection.execute(_RUNS)
             runs = [
@@ -402,22 +402,22 @@ class JournalFile:
         return self._read("fact")
 
     def observations(self, *kinds: str) -> Iterator[JournalEntry]:
-        """Yield the observations of the given kinds, by default of all kinds, in order."""
+        """Yield the observations of the given kinds in order. Without kinds, yield all observations."""
         return self._read(f"watched WHERE kind IN ({_placeholders(kinds)})" if kinds else "watched", kinds)
 
     def stream(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries in order, as a listener of the `Journal` receives them; omit observations of the kinds *without*."""
+        """Yield all entries in order, as a `Journal` listener receives them, except observations of the kinds *without*."""
         for number, entry in enumerate(self.every_run(without=without), 1):
             yield JournalEntry(number, *entry[1:])
 
     def every_run(self, *, without: Sequence[str] = (), is_condensed: bool = False) -> Iterator[JournalEntry]:
-        """Yield the entries of all runs in order, numbered as in the file. The arguments are those of `last_run`."""
+        """Yield the entries of all runs in order, with their numbers in the file. The arguments are those of `last_run`."""
         with self.snapshot():
             for run in self.runs():
                 yield from self._run_entries(run, without, is_condensed=is_condensed)
 
     def stream_after(self, after: StreamPosition, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries after a position in order, numbered as in the file; omit observations of the kinds *without*."""
+        """Yield all entries after a position in order, except observations of the kinds *without*."""
         with self.snapshot():
             for run in self.runs():
                 if run.number >= after.run:
@@ -440,7 +440,7 @@ class JournalFile:
     def run_entries(
         self, number: int, *, without: Sequence[str] = (), log: TickLog | None = None
     ) -> Iterator[JournalEntry]:
-        """Yield the entries of a run in order; see `last_run`."""
+        """Yield the entries of the run *number* in order, like `last_run`."""
         with self.snapshot():
             for run in self.runs():
                 if run.number == number:
@@ -487,7 +487,7 @@ class JournalFile:
         is_condensed: bool = False,
         log: TickLog | None = None,
     ) -> Iterator[JournalEntry]:
-        """Yield the events of a run, by default also its observations, in order.
+        """Yield the events of a run in order. By default, also yield the observations of the run.
 
         Args:
             run: The number of the run.
@@ -504,7 +504,7 @@ class JournalFile:
         return self._read(source, (run, after, *without), is_condensed=is_condensed, log=log)
 
     def widest_kind(self, run: int, *, with_watched: bool) -> int:
-        """Return the length of the longest kind of the entries of a run, for aligned output; 0 if the run has no entries."""
+        """Return the length of the longest entry kind in a run, for aligned output, or 0 if the run has no entries."""
         query = "SELECT max(length(kind)) FROM fact WHERE run = ?1"
         if with_watched:
             query += " UNION ALL SELECT max(length(kind)) FROM watched WHERE run = ?1"
@@ -522,7 +522,7 @@ class JournalFile:
         return JournalEntry(END, run.number, run.ended, last, RUN_ENDED, data)
 
     def read_new(self, mark: "ReadCursor") -> "tuple[list[JournalEntry], ReadCursor]":
-        """Return the entries after a read position, and the read position after them.
+        """Return the entries after a read position, and the read position that follows these entries.
 
         Args:
             mark: The read position.
@@ -532,7 +532,7 @@ class JournalFile:
 
     @contextmanager
     def snapshot(self) -> Iterator[None]:
-        """Let all reads in the block see the same state of the file while another process writes."""
+        """Let all reads in the block see the same state of the file, even if another process writes meanwhile."""
         if self._connection.in_transaction:
             yield
             return
@@ -567,14 +567,14 @@ class JournalFile:
         return entries, following
 
     def last_number(self) -> int:
-        """Return the number of the last entry; 0 if there is none."""
+        """Return the number of the last entry, or 0 if there are no entries."""
         with self._limit_reading():
             query = "SELECT max(number) FROM (SELECT number FROM fact UNION ALL SELECT number FROM watched)"
             (last,) = self._connection.execute(query).fetchone()
             return int(last or 0)
 
     def _last_time(self, run: int) -> float:
-        """Return the latest time of the mission's clock in the entries of a run; minus infinity if the run has no entries."""
+        """Return the latest mission clock time in the entries of a run, or minus infinity if the run has no entries."""
         with self._limit_reading():
             query = "SELECT max(time) FROM (SELECT run, time FROM fact UNION ALL SELECT run, time FROM watched) WHERE run = ?"
             (last,) = self._connection.execute(query, (run,)).fetchone()
@@ -588,7 +588,7 @@ class JournalFile:
         is_condensed: bool = False,
         log: TickLog | None = None,
     ) -> Iterator[JournalEntry]:
-        """Yield the entries of *source*, which is a table with an optional condition, in the order of their numbers."""
+        """Yield the entries of *source*, a table with an optional SQL condition, in the order of the entry numbers."""
         query = f"{_ENTRIES} {source} ORDER BY number"
         with self._limit_reading():
             rows = self._connection.execute(query, tuple(values))
@@ -618,20 +618,20 @@ class JournalFile:
                 self._connection.text_factory = str
 
     def spilled_count(self) -> int:
-        """Return the number of events that are in the reserve file, but not yet in the chain."""
+        """Return how many events are stored in the reserve file but not yet in the hash chain."""
         with self._limit_reading():
             counts = "SELECT (SELECT count(*) FROM fact) - (SELECT count(*) FROM main.fact)"
             return int(self._connection.execute(counts).fetchone()[0])
 
     def _last_position(self) -> ChainPosition:
-        """Return the position after the last entry."""
+        """Return the chain position that follows the last entry."""
         if self._end is None:
             with self._limit_reading():
                 self._end = last_position(self._connection)
         return self._end
 
     def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
-        """Add a run, preceded by the mission's description if it is the first run; return the run's number."""
+        """Add a run, and return the number of the run. For the first run, also add the mission's description."""
         # The limit of steps is only needed for reading files that other programs may have written.
         self._connection.set_progress_handler(None, 0)
         position, text = self._last_position(), json_text(run_about)
@@ -648,7 +648,7 @@ class JournalFile:
         return int(number)
 
     def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
-        """Write observations, events and the end of a run; events and the end are on disk when the function returns.
+        """Write observations, events and a run's end. When this function returns, events and end are safe on disk.
 
         The function does not wait. It raises an error, and no row is written, if another process has locked the file or the file
         cannot be written.
@@ -667,7 +667,7 @@ class JournalFile:
         self._end = position
 
     def _end_run(self, end: RunEnd, position: ChainPosition) -> ChainPosition:
-        """Write the end of a run; return the position after the end."""
+        """Write the end of a run, and return the chain position that follows it."""
         self._connection.execute(_END_OF_RUN, _end_of_run(end))
         link = run_end_link(position, end.run, end.wall, end.ending.value, end.status, end.reason)
         closing = "UPDATE run SET closed = ?, ended_behind = ? WHERE number = ?"
@@ -690,7 +690,7 @@ class JournalFile:
             raise
 
     def move(self, path: Path) -> None:
-        """Close and rename the journal, including the files beside it.
+        """Close and rename the journal. Also rename the files beside it that belong to it.
 
         Raises:
             JournalError: If the new name exists, or the file cannot be renamed.
@@ -707,7 +707,7 @@ class JournalFile:
             self.close()
 
     def remove(self) -> None:
-        """Close and delete the journal, including the files beside it."""
+        """Close and delete the journal. Also delete the files beside it that belong to it."""
         with self._limit_reading():
             self._connection.close()
             for ending in ("", *_SIDECARS):
@@ -715,7 +715,7 @@ class JournalFile:
             self.close()
 
     def close(self) -> None:
-        """Close the journal and release its lock."""
+        """Close the journal, and release the lock of the file."""
         with suppress(sqlite3.Error):
             self._connection.close()
         # After the connection is closed, because closing any descriptor of the file releases SQLite's locks.
@@ -742,7 +742,7 @@ def is_locked(path: Path) -> bool:
 
 
 def _is_used(path: Path) -> bool:
-    """Return whether a process may be writing to the journal: whether the file is locked or has a write-ahead log."""
+    """Return whether a process may be writing to the journal, because the file is locked or has a write-ahead log."""
     for _ in range(_ATTEMPTS):
         if Path(f"{path}-wal").exists():
             return True
@@ -770,7 +770,7 @@ def _open_locked(path: Path) -> int:
 
 
 def _lock_exclusively(descriptor: int) -> None:
-    """Lock a file; retry, because another process may be testing the lock."""
+    """Lock a file. Retry if this fails, because another process may only be testing the lock."""
     import fcntl
 
     for left in reversed(range(_ATTEMPTS)):
@@ -786,7 +786,7 @@ def _lock_exclusively(descriptor: int) -> None:
 
 @functools.cache
 def _schema_definitions() -> frozenset[str]:
-    """Return the SQL definitions of a journal's schema objects; a file with other schema objects is refused."""
+    """Return the SQL definitions of all schema objects in a journal. Files with other schema objects are refused."""
     with closing(sqlite3.connect(":memory:")) as empty:
         empty.executescript(_CREATE_SCHEMA)
         return frozenset(text for (text,) in empty.execute("SELECT sql FROM sqlite_master"))
@@ -797,12 +797,12 @@ def _end_of_run(end: RunEnd) -> tuple[object, ...]:
 
 
 def _is_created_by_sqlite(name: object, text: object) -> bool:
-    """Return whether SQLite created this schema object itself, such as the index of a primary key."""
+    """Return whether SQLite itself created a schema object, such as the index of a primary key."""
     return (text is None and str(name).startswith("sqlite_autoindex_")) or str(name).startswith("sqlite_stat")
 
 
 def _placeholders(values: Sequence[str]) -> str:
-    """Return the placeholders of an SQL statement for the values."""
+    """Return one SQL placeholder for each value, separated by commas."""
     return ", ".join("?" * len(values))
 
 
@@ -813,13 +813,13 @@ def _size(path: str | Path) -> int:
 
 
 def _start(run: JournalRun) -> float:
-    """Return the time of the mission's clock at the start of a run, in seconds; 0 if unknown."""
+    """Return the time of the mission's clock at the start of a run in seconds, or 0 if it is unknown."""
     began = run.about.get("time")
     return float(began) if isinstance(began, (int, float)) else 0.0
 
 
 def _sync_folder(folder: Path) -> None:
-    """Flush a folder to disk, so that the names of its files survive a power cut."""
+    """Write a folder to disk, so that the names of the files in it survive a power cut."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -828,7 +828,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 class _QueryBudget:
-    """A limit on SQLite's work for one read, because reading a malicious file could take forever.
+    """A limit on the number of steps that SQLite may take for one read. A malicious file could make a read endless.
 
     Args:
         steps: The maximum number of SQLite's steps in one read.
@@ -844,13 +844,13 @@ class _QueryBudget:
         self._left = self._steps
 
     def is_over(self) -> bool:
-        """Return whether SQLite must abort the read; SQLite calls this progress handler every `STRIDE` steps."""
+        """Return whether SQLite must abort the read. SQLite calls this progress handler every `STRIDE` steps."""
         self._left -= self.STRIDE
         return self._left < 0
 
     @property
     def was_interrupted(self) -> bool:
-        """Whether SQLite has aborted the read for another reason, such as Ctrl-C."""
+        """Whether an aborted read was aborted for another reason than the limit, such as Ctrl-C."""
         return self._left >= 0
 
 
@@ -864,7 +864,7 @@ def _connect(target: str | Path, **options: Any) -> sqlite3.Connection:
 
 @contextmanager
 def _convert_errors(path: Path) -> Iterator[None]:
-    """Convert errors of SQLite, of the file system and of damaged content to a `JournalError`."""
+    """Convert errors that SQLite, the file system or damaged content cause to a `JournalError`."""
     try:
         yield
     except UnreadableFileError as error:

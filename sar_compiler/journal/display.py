@@ -1,4 +1,4 @@
-"""The display state of a mission: landmarks, figures, gauges, alarms, and the phase. The module does not need ROS.
+"""Computes what a mission displays: landmarks, figures, gauges, alarms and the phase. Does not need ROS.
 
 Events change the state of a mission. After each event the mission's `Display` is computed, and its changes are written to the
 journal as an entry of the kind `changed`. A reader of the journal can therefore show any mission without the mission's code.
@@ -26,13 +26,13 @@ _IDENTIFYING_CORNERS = 8
 
 
 class Level(IntEnum):
-    """The progress of a landmark, which determines its colour."""
+    """How far a mission has dealt with a landmark. The level determines the colour of the landmark."""
 
     TO_COME = 0
     IN_HAND = 1
     DONE = 2
     GIVEN_UP = 3
-    """The landmark was abandoned, or an error occurred."""
+    """The mission has abandoned the landmark, or an error has occurred."""
 
 
 class LandmarkKind(NamedTuple):
@@ -79,7 +79,7 @@ class EventTime(NamedTuple):
 
     @property
     def utc(self) -> str | None:
-        """The time of the system's clock in ISO 8601; None if the time is out of range."""
+        """The time of the system's clock in ISO 8601, or None if the time is out of range."""
         try:
             return datetime.fromtimestamp(self.wall, timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
         except (OSError, OverflowError, ValueError):
@@ -121,13 +121,13 @@ class Landmark(NamedTuple):
 
     @property
     def identity(self) -> str:
-        """The state and position, such as `candidate at (1.00, 2.00)`; commands are refused if either has changed."""
+        """The state and position, such as `candidate at (1.00, 2.00)`. A change of either makes commands outdated."""
         outline = "".join(f" ({x:.2f}, {y:.2f})" for x, y in self.corners[:_IDENTIFYING_CORNERS])
         return f"{self.state or 'known'} at ({self.x:.2f}, {self.y:.2f}){outline and f', outline{outline}'}"
 
 
 class RasterLayer(NamedTuple):
-    """A raster layer on the map, coloured cell by cell.
+    """A layer of the map that consists of coloured cells.
 
     Attributes:
         name: The layer's name.
@@ -152,7 +152,7 @@ class RasterLayer(NamedTuple):
     def from_shares(
         cls, name: str, meaning: str, x: float, y: float, cell_m: float, rows: Sequence[Sequence[float]]
     ) -> "RasterLayer":
-        """Create a layer from cell values of 0 to 1, listed row by row from the bottom, each row from left to right."""
+        """Create a layer from cell values between 0 and 1. The first row is at the bottom, and rows run left to right."""
         runs = (
             f"{count if count > 1 else ''}{_TENTHS[tenths]}"
             for row in rows
@@ -181,13 +181,13 @@ class Figure(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The figure in words, such as `points visited 3 of 4`."""
+        """The figure as text, such as `points visited 3 of 4`."""
         unit = f" {self.unit}" if self.unit else ""
         return f"{self.name} {self.value:g}{'' if self.of is None else f' of {self.of:g}'}{unit}"
 
 
 class Gauge(NamedTuple):
-    """A quantity that runs out, such as the battery's charge or the time.
+    """A quantity that decreases during a mission, such as the battery's charge or the remaining time.
 
     Attributes:
         name: The name of the quantity, such as `battery`.
@@ -203,7 +203,7 @@ class Gauge(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The gauge in words, such as `battery 80 %`."""
+        """The gauge as text, such as `battery 80 %`."""
         return f"{self.name} {self.value:g}{f' {self.unit}' if self.unit else ''}"
 
 
@@ -222,7 +222,7 @@ class Alarm(NamedTuple):
 
 
 class MissionPhase(NamedTuple):
-    """The current phase according to the mission.
+    """The current phase of a run, as the mission reports it.
 
     Attributes:
         name: The phase, such as `held`, `aborted` or `working`; empty if the run determines the phase (driving, waiting, over).
@@ -248,7 +248,7 @@ class AwaitedItem(NamedTuple):
 
 
 class Display(NamedTuple):
-    """The complete display of a mission at one time.
+    """Everything that a mission displays at one time.
 
     Attributes:
         objects: The objects of commands, by the command's name: the location that would be skipped, or the state that would be resumed.
@@ -265,7 +265,7 @@ class Display(NamedTuple):
 
 
 def changes(before: Display, after: Display) -> dict[str, Any]:
-    """Return the differences between two displays as the JSON data of a `changed` entry; empty if there are none."""
+    """Return the differences between two displays as JSON data of a `changed` entry. Equal displays give {}."""
     known = {(each.kind, each.name): each for each in before.landmarks}
     now = {(each.kind, each.name) for each in after.landmarks}
     parts = {
@@ -295,7 +295,7 @@ def with_author(text: str, author: CommandAuthor) -> str:
 
 
 def changes_of_event(fact: JournalEntry, sentence: str, before: Display, after: Display) -> dict[str, Any]:
-    """Return the data of the `changed` entry after an event: changes of the display, and a sentence on the event.
+    """Return the data of the `changed` entry for an event: the changes of the display and a sentence on the event.
 
     No sentence is added for events about goals and for the end of a run, so the data may be empty.
     """
@@ -306,19 +306,19 @@ def changes_of_event(fact: JournalEntry, sentence: str, before: Display, after: 
 
 
 def _changed_alarms(before: Sequence[Alarm], after: Sequence[Alarm]) -> Iterator[Alarm]:
-    """Yield the alarms that have changed; mark alarms that have disappeared as over."""
+    """Yield the alarms that have changed. Alarms that have disappeared are marked as over."""
     yield from (each for each in after if each not in before)
     texts = {each.text for each in after}
     yield from (each._replace(is_over=True) for each in before if each.text not in texts and not each.is_over)
 
 
 def initial_display(kinds: Iterable[LandmarkKind], shown: Display) -> dict[str, Any]:
-    """Return the data of a run's first `changed` entry: the whole display as JSON values."""
+    """Return the whole display as JSON values, for the first `changed` entry of a run."""
     return {"kinds": [_to_json(each) for each in kinds], **changes(Display(), shown)}
 
 
 def _to_json(value: Any) -> dict[str, Any]:
-    """Convert a named tuple of this module to JSON values, without the fields that have their default value."""
+    """Convert a named tuple of this module to JSON values. Omit the fields that have default values."""
     defaults = value._field_defaults
     fields = {
         key: each for key, each in value._asdict().items() if key not in defaults or each != defaults[key]
@@ -333,7 +333,7 @@ def _to_json(value: Any) -> dict[str, Any]:
 
 
 class DisplayState:
-    """The display state of a mission, computed from the `changed` entries of its journal.
+    """What a mission displays, computed from the `changed` entries of the mission's journal.
 
     Args:
         starts: The start of each run by its number, in seconds of the mission's clock. The times in details become relative to the start of
@@ -379,7 +379,7 @@ class DisplayState:
         phase: Mapping[str, Any] | None = None,
         **more: Any,
     ) -> None:
-        """Apply the data of a `changed` entry.
+        """Update the display with the data of a `changed` entry.
 
         Raises:
             ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the entry is invalid.
@@ -412,7 +412,7 @@ class DisplayState:
             self.objects = {str(command): str(text) for command, text in objects.items()}
 
     def of_kind(self, name: str) -> list[Landmark]:
-        """Return the landmarks of a kind."""
+        """Return all landmarks of the given kind."""
         return [each for each in self.landmarks.values() if each.kind == name]
 
     def detections(self) -> list[Landmark]:
@@ -436,7 +436,7 @@ def _landmark(
     **more: Any,
 ) -> Landmark:
     if shade is not None and not 0.0 <= shade <= 1.0:
-        raise ValueError(f"{shade!r} is not a shade from 0 to 1")
+        raise ValueError(f"the shade {shade!r} is not a number between 0 and 1")
     return Landmark(
         kind,
         name,
@@ -452,10 +452,12 @@ def _landmark(
 def _raster_layer(x: float, y: float, cell_m: float, columns: int, cells: str, **more: Any) -> RasterLayer:
     _check_numbers(cell_m, columns)
     if not _RUNS.fullmatch(cells):
-        raise ValueError(f"{cells!r:.60} does not describe the cells of a raster")
+        raise ValueError(f"the text {cells!r:.60} does not describe the cells of a raster")
     count = sum(int(each or 1) for each in _RUN.findall(cells))
     if count > _MAX_CELLS or columns < 1 or count % columns or not 0.0 < cell_m < math.inf:
-        raise ValueError(f"{count} cells do not form a raster with {columns} columns and cells of {cell_m} m")
+        raise ValueError(
+            f"a raster with {columns} columns of cells with a side of {cell_m} m cannot have {count} cells"
+        )
     return RasterLayer(
         x=position(x, y)[0], y=position(x, y)[1], cell_m=cell_m, columns=columns, cells=cells, **more
     )
@@ -479,7 +481,7 @@ def default_sentence(kind: str, data: Mapping[str, Any]) -> str:
 
 
 def position(x: Any, y: Any) -> tuple[float, float]:
-    """Convert values from a journal to a position in the frame `map`, metres.
+    """Convert two values from a journal to a position in the frame `map`, in metres.
 
     Raises:
         ValueError: If a number is not finite.

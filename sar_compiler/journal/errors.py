@@ -4,7 +4,7 @@ from sar_compiler.errors import SarError
 
 
 class JournalError(SarError):
-    """A journal cannot be used, or must not be used as requested; the robot has not moved."""
+    """A journal cannot be used, or must not be used as requested. The robot has not moved because of the request."""
 
 
 class JournalPlaceError(JournalError):

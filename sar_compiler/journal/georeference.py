@@ -1,11 +1,11 @@
-"""The position of the frame `map` on the earth."""
+"""Defines the position of the frame `map` on the earth."""
 
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 GEOREFERENCE = "georeference"
-"""The name before the parameters `lat`, `lon` and `heading`, such as in `georeference.lat`."""
+"""The name that precedes the parameters `lat`, `lon` and `heading`, such as in `georeference.lat`."""
 # The maximum absolute values of `lat`, `lon` and `heading`, degrees.
 _MAX = (90, 180, 360)
 
@@ -25,7 +25,7 @@ class Georeference(NamedTuple):
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> "Georeference | None":
-        """Return the georeference in the flat parameters of a run; None if it is missing or out of range."""
+        """Return the georeference that a run's flat parameters contain, or None if it is missing or out of range."""
         try:
             found = cls(*(float(parameters[f"{GEOREFERENCE}.{name}"]) for name in cls._fields))
         except (ArithmeticError, LookupError, TypeError, ValueError):
@@ -33,13 +33,13 @@ class Georeference(NamedTuple):
         return None if any(found.mistakes()) else found
 
     def mistakes(self) -> Iterator[tuple[str, str]]:
-        """Yield the name of each number that is out of range, with a description of the problem."""
+        """Yield the name of each attribute that is out of range, and a description of the problem."""
         for name, value, limit in zip(self._fields, self, _MAX, strict=True):
             if not abs(value) <= limit:  # NaN is an error, too
                 yield name, f"must be degrees between -{limit} and {limit}, not {value:g}"
 
     def to_coordinates(self, x: float, y: float) -> tuple[float, float]:
-        """Return latitude and longitude of a position in the frame `map` (metres), computed on the ellipsoid.
+        """Convert a position in the frame `map`, in metres, to latitude and longitude on the WGS 84 ellipsoid.
 
         Raises:
             ImportError: If pyproj is not installed.

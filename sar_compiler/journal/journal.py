@@ -45,7 +45,7 @@ class FactState(Protocol):
     """A state that is computed from events, such as the state of a mission."""
 
     def apply(self, fact: JournalEntry) -> None:
-        """Apply an event to the state, in the run that writes it and in runs that resume.
+        """Apply an event to the state. This happens in the run that records the event and in all later runs.
 
         Raises:
             ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the event is impossible in this state.
@@ -57,12 +57,12 @@ class FactState(Protocol):
         ...
 
     def sentence(self, fact: JournalEntry) -> str:
-        """Return a sentence about an event; empty to use the default sentence."""
+        """Return a sentence about an event, or an empty string to use the default sentence."""
         ...
 
 
 class SentGoal(NamedTuple):
-    """A goal that a run has sent and whose end was not observed.
+    """A goal that a run has sent, and whose end no run has observed.
 
     Attributes:
         action: The action's full name.
@@ -79,7 +79,7 @@ def _sent_goal(fact: JournalEntry) -> SentGoal:
         re.fullmatch(r"(/[A-Za-z_]\w*)+", goal.action, re.ASCII)
         and re.fullmatch("[0-9a-f]{32}", goal.goal_id)
     ):
-        message = f"event {fact.number} of the journal, {fact.kind} {dict(fact.data)}, does not describe a goal of an action"
+        message = f"event {fact.number} of the journal, {fact.kind} {dict(fact.data)}, does not describe an action goal"
         raise JournalError(message)
     return goal
 
@@ -177,16 +177,16 @@ class Journal:
 
     @property
     def path(self) -> Path:
-        """The path of the file; an empty path without a file."""
+        """The path of the file, or an empty path if the journal has no file."""
         return self._file.path if self._file is not None else Path()
 
     @property
     def description(self) -> Mapping[str, object]:
-        """The mission's description, which the mission's first run writes; empty before the first run."""
+        """The mission's description. It is empty until the mission's first run writes it."""
         return self._about
 
     def earlier(self) -> list[JournalEntry]:
-        """Return the entries of earlier runs in order, because listeners do not receive these entries."""
+        """Return the entries of earlier runs in order. Listeners do not receive these entries."""
         return [*self._file.stream()] if self._file is not None and self.is_resumed else []
 
     def earlier_events(self) -> list[JournalEntry]:
@@ -208,7 +208,7 @@ class Journal:
         return [goal for goal in dict.fromkeys(sent) if times[goal.goal_id] > ends[goal.goal_id]]
 
     def attach(self, state: FactState, kinds: Iterable[LandmarkKind] = ()) -> None:
-        """Apply the events of earlier runs to a state; from now on, also apply each new event when it is recorded.
+        """Apply the events of earlier runs to a state. Also apply each new event when it is recorded.
 
         Args:
             state: The initial state of a mission.
@@ -233,7 +233,7 @@ class Journal:
         self._state, self._apply, self._kinds = state, state.apply, tuple(kinds)
 
     def begin(self, about: Mapping[str, object], run_about: Mapping[str, object]) -> None:
-        """Start the run; the mission can be resumed from then on.
+        """Start the run. After this call, the mission can be resumed.
 
         Args:
             about: The mission's description, by key; ignored if an earlier run has written one.
@@ -271,7 +271,7 @@ class Journal:
         self._reserve.replace_content(SpilledEntries(self._began), {})
 
     def record_event(self, kind: str, /, **data: object) -> None:
-        """Record an event; it is on disk when the function returns, and only then may the caller act on it.
+        """Record an event. The event is on disk when this function returns. The caller must not act on it before.
 
         Args:
             kind: The kind of the event, such as `photo_taken`.
@@ -283,7 +283,7 @@ class Journal:
         self._apply_event(self._entry(kind, data))
 
     def raise_alarm(self, text: str, kind: str, /, **data: object) -> None:
-        """Record an event that does not come from the mission, and show an alarm from then on.
+        """Record an event that does not come from the mission, and show an alarm from now on.
 
         Args:
             text: The text of the alarm, which is also the sentence of the event.
@@ -312,7 +312,7 @@ class Journal:
         return JournalEntry(self._number + 1, self._run, time.time(), self.clock.now(), kind, data)
 
     def _display_changes(self, fact: JournalEntry, sentence: str = "") -> dict[str, object]:
-        """Return the changes of the display since the last event, and a sentence about the new event."""
+        """Return how the display has changed since the last event, and a sentence about the new event."""
         if self._state is None and not self._alarms:
             return {}
         before, self._shown = self._shown, self._display()
@@ -321,7 +321,7 @@ class Journal:
         return changes_of_event(fact, sentence, before, self._shown)
 
     def describe_change(self, command: str, seen: SeenObjects) -> str:
-        """Describe the first object of a command that has changed since the sender saw it; empty if none has."""
+        """Describe the first object that has changed since a command's sender saw it, or return an empty string."""
         now = {RUN: run_identity(self._run, self._run_about), OBJECT: self._shown.objects.get(command, "")}
         landmarks = {f"{each.kind}/{each.name}": each for each in self._shown.landmarks}
         return describe_change(seen, now, landmarks)
@@ -332,7 +332,7 @@ class Journal:
 
     @contextmanager
     def ordered_by(self, author: CommandAuthor) -> Iterator[list[str]]:
-        """Record a command's author and reason with all events of the block; yield a list that receives their kinds."""
+        """Record a command's author and reason with each event of the block. Yield a list for the kinds of the events."""
         self._author, self._caused_kinds = author, []
         try:
             yield self._caused_kinds
@@ -341,7 +341,7 @@ class Journal:
 
     @property
     def author(self) -> CommandAuthor:
-        """The author of the current command; the name is empty without a command, or if the author is unknown."""
+        """The author of the current command. The name is empty if there is no command or the author is unknown."""
         return self._author
 
     def _author_data(self, kind: str) -> Mapping[str, str]:
@@ -352,7 +352,7 @@ class Journal:
         return {"by": by, "reason": reason} if reason else {"by": by}
 
     def store_highest_number(self, kind: str, number: int) -> None:
-        """Store the highest number in use, so that the next run assigns higher numbers even if events are lost.
+        """Store the highest number in use. The next run then assigns higher numbers, even if events are lost.
 
         Args:
             kind: The kind of the numbered objects.
@@ -361,7 +361,7 @@ class Journal:
         self._numbers[kind] = max(number, self._numbers.get(kind, 0))
 
     def record_observation(self, kind: str, /, **data: object) -> None:
-        """Queue an observation for the next write; the observation may be lost if the process is killed.
+        """Queue an observation, which the next write stores. It may be lost if the process is killed.
 
         Args:
             kind: The kind of the observation, such as `pose`.
@@ -383,7 +383,7 @@ class Journal:
         self._notify(entry)
 
     def write_when_due(self) -> None:
-        """Write the queue if the oldest observation, or the last failed attempt to write, is at least a second old."""
+        """Write the queued entries if the oldest observation or the last failed write is at least a second old."""
         if (self._watched or self._is_failing) and time.monotonic() - self._pending_since >= _BATCH_SEC:
             self._write()
 
@@ -405,7 +405,7 @@ class Journal:
         self._notify(entry._replace(data=end_data(ending, status, reason, self.head)))
 
     def close(self) -> None:
-        """Write the queue and close the file, or remove the file if no run has started in it."""
+        """Write the queued entries and close the file. If no run has started in the file, remove the file instead."""
         self._write()
         if self._is_failing:
             self.on_failure(
@@ -420,7 +420,7 @@ class Journal:
         self._file, self._reserve, self._is_written = None, None, False
 
     def _notify(self, entry: JournalEntry) -> None:
-        """Pass an entry to the listeners; entries are numbered in the order in which they are passed."""
+        """Pass an entry to the listeners. Entries are numbered in the order in which they are passed."""
         if self._listeners:
             # Without a file, too, a value that is not JSON raises an error.
             if not self._is_written:
@@ -480,7 +480,7 @@ class Journal:
         )
 
     def _spill(self, spilled: SpilledEntries) -> None:
-        """Write events to the reserve file; close the file if writing to it fails, too."""
+        """Write events to the reserve file. If this fails as well, close the reserve file."""
         if self._reserve is not None:
             try:
                 self._reserve.replace_content(spilled, self._numbers)

@@ -1,4 +1,4 @@
-"""The entries of a journal and their kinds."""
+"""Defines the entries of a journal and the kinds of entries."""
 
 import time
 from collections.abc import Mapping
@@ -6,10 +6,10 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 GOAL_SENT, GOAL_ENDED = "goal_sent", "goal_ended"
-"""The kinds of entries about the goals that leaves send. A mission defines further kinds of entries."""
+"""The kinds of entries about the action goals that leaves send. Missions define further kinds of entries."""
 
 FACTS_LOST = "facts_lost"
-"""The kind of an event that replaces events that could not be written. Its data are the `count` of lost events, and
+"""The kind of an event that stands for events that could not be written. Its data are the `count` of lost events, and
 the highest `numbers` in use (`Journal.store_highest_number`)."""
 
 RUN_BEGAN = "run_began"
@@ -41,19 +41,19 @@ LEAF_RAISED = "leaf_raised"
 number or null, and the `text`."""
 
 CHANGED = "changed"
-"""The kind of the entry that follows an event. The entry contains a sentence about the event, and the changes of the mission's display."""
+"""The kind of the entry that follows an event. It contains a sentence about the event, and what the event changed on the display."""
 
 STATUS, LACKS, BREAKPOINT = "status", "lacks", "breakpoint"
-"""The kinds of observations of a node's status, of the reason why the robot cannot drive, and of the breakpoint that pauses the tree."""
+"""The kinds of observations about a node's status, the reason why the robot cannot drive, and the breakpoint that pauses the tree."""
 
 PROGRESS = "progress"
-"""The kind of an observation of the progress of a drive."""
+"""The kind of observations about the progress of a drive."""
 
 POSE, PLAN, MAP, LOG = "pose", "plan", "map", "log"
-"""The kinds of observations of the robot's pose, planned path, map and log."""
+"""The kinds of observations about the robot's pose, planned path, map and log."""
 
 BATTERY = "battery"
-"""The kind of an observation of the robot's battery."""
+"""The kind of observations about the robot's battery."""
 OF_ROBOT = (POSE, PLAN, MAP, BATTERY, LOG)
 """All kinds of observations from the robot's topics."""
 
@@ -70,12 +70,12 @@ _VALUE_TYPES: dict[str, dict[str, type]] = {
     ASSUMPTION_FAILED: _NUMBERS,
     RUN_BEGAN: dict.fromkeys(("tree_id", "tree_file"), str),
 }
-"""The required types of values, by kind of entry and name of the value. A value may be missing. It may also be null,
-except in a `status` entry."""
+"""The required types of values, by kind of entry and name of the value. Values may be missing. Except in `status` entries,
+they may also be null."""
 
 
 def check_value_types(kind: str, data: Mapping[str, Any]) -> None:
-    """Check the values of an entry from a file, which may have been altered.
+    """Check the types of the values in an entry. The file of the entry may have been altered.
 
     Raises:
         TypeError: If a value has a type that the project never writes.
@@ -90,7 +90,7 @@ def check_value_types(kind: str, data: Mapping[str, Any]) -> None:
 
 
 def day_and_time(wall: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
-    """Format seconds since 1970 as local date and time, or as a number if the time is out of range."""
+    """Format seconds since 1970 as local date and time. If the time is out of range, return it as a number."""
     try:
         return time.strftime(form, time.localtime(wall))
     except (OSError, OverflowError, ValueError):
@@ -118,7 +118,7 @@ class CommandAuthor(NamedTuple):
 
 
 class JournalEntry(NamedTuple):
-    """An event or an observation.
+    """An entry of a journal: an event or an observation.
 
     Attributes:
         number: The entry's number in the journal, in chronological order. In a stream, entries are numbered
@@ -139,7 +139,7 @@ class JournalEntry(NamedTuple):
 
 
 class Row(NamedTuple):
-    """An entry to write; events and observations share one sequence of numbers."""
+    """An entry that is to be written. Events and observations share one sequence of numbers."""
 
     number: int
     run: int
@@ -153,11 +153,11 @@ class Ending(str, Enum):
     """The kind of a run's end."""
 
     OVER = "over"
-    """The end condition was met: the mission is over, complete or not."""
+    """The end condition was met. The mission is over, even if it is not complete."""
     STOPPED = "stopped"
-    """A signal stopped the run; the mission can be resumed."""
+    """A signal has stopped the run. The mission can be resumed."""
     FAILED = "failed"
-    """An exception of a leaf or the engine ended the run."""
+    """An exception in a leaf or in the engine has ended the run."""
 
 
 class JournalRun(NamedTuple):

@@ -183,7 +183,7 @@ def test_a_goal_that_could_not_be_sent_is_refused_with_its_number(place, data):
     journal.close()
     again = open_journal(place, resume=True)
     with pytest.raises(
-        JournalError, match=r"event 1 of the journal, goal_sent .* does not describe a goal of an action"
+        JournalError, match=r"event 1 of the journal, goal_sent .* does not describe an action goal"
     ):
         again.active_goals()
     again.close()

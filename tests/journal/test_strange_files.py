@@ -100,7 +100,7 @@ def test_a_file_that_takes_far_more_work_than_its_size_has_is_given_up(place, mo
     monkeypatch.setattr(database, "_STEPS", 0)
     monkeypatch.setattr(database, "_STEPS_PER_BYTE", 0)
     monkeypatch.setattr("sar_compiler.journal.database._QueryBudget.STRIDE", 1)
-    with pytest.raises(JournalError, match="far more steps than the size of the file explains"):
+    with pytest.raises(JournalError, match="far more steps than expected for a file of this size"):
         JournalFile.read(place)
 
 
