@@ -1,4 +1,4 @@
-"""Read the journal of a mission that runs in another process, while the journal grows."""
+"""Follows the growing journal of a mission that runs in another process."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ _TRIES = 4
 
 
 class JournalFollower:
-    """Reads the new entries of a journal. The journal's file need not exist yet.
+    """Reads the new entries of a journal. The file of the journal need not exist yet.
 
     Args:
         path: The path of the journal.
@@ -25,7 +25,7 @@ class JournalFollower:
         self._failed = 0
 
     def read_new(self) -> list[JournalEntry]:
-        """Return the entries since the last call, or all entries if a different mission has started in the file.
+        """Return the entries written since the last call, or all entries if another mission has started in the file.
 
         Raises:
             JournalError: If the file is unreadable or not a journal in several consecutive calls.

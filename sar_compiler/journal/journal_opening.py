@@ -1,4 +1,4 @@
-"""Open the journal of a run: choose the file, and start a new mission or resume the mission in the file."""
+"""Opens the journal of a run: chooses the file, and starts a new mission or resumes the one in the file."""
 
 import glob
 import os
@@ -19,7 +19,7 @@ _KEPT_SIMULATED = 10
 
 
 def default_place(node: str, environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the default path of a node's journal.
+    """Return the default path of the journal that a ROS node writes.
 
     Args:
         node: The node's full name.
@@ -31,7 +31,7 @@ def default_place(node: str, environment: Mapping[str, str] = os.environ) -> Pat
 
 
 def simulated_place(node: str, *, resume: bool, environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the path of the journal for a simulated run of a node.
+    """Return the journal path for a simulated run of the given ROS node.
 
     Args:
         node: The node's full name.
@@ -49,7 +49,7 @@ def simulated_place(node: str, *, resume: bool, environment: Mapping[str, str] =
 
 
 def delete_old_simulated(place: Path) -> None:
-    """Delete journals of simulated runs; keep the last ten, one of which is *place*, and journals in use."""
+    """Delete old journals of simulated runs. Keep *place*, the nine journals before it, and journals in use."""
     others = [path for path in _journals_by_age(place.parent) if path != place]
     for path in others[: 1 - _KEPT_SIMULATED]:
         if not is_locked(path):
@@ -60,7 +60,7 @@ def delete_old_simulated(place: Path) -> None:
 
 
 def _journals_by_age(folder: Path) -> list[Path]:
-    """Return the journals in a folder, the most recently written journal last."""
+    """Return the journals in a folder, in the order in which they were last written."""
     found = []
     for path in folder.glob(f"*{_SUFFIX}"):
         with suppress(OSError):  # another process has just deleted it
@@ -71,7 +71,7 @@ def _journals_by_age(folder: Path) -> list[Path]:
 def open_journal(
     place: Path, *, resume: bool = False, start_over: bool = False, is_named: bool = True
 ) -> Journal:
-    """Open the journal of a run; a file with another mission is not renamed before the run starts.
+    """Open the journal of a run. A file that contains another mission is renamed only when the run starts.
 
     Args:
         place: The path of the file.
@@ -109,7 +109,7 @@ def _journal_to_use(file: JournalFile, *, resume: bool, start_over: bool, is_nam
         return Journal(file)
     if not (start_over or last.is_over or (last.ending is Ending.STOPPED and not is_named)):
         raise JournalError(
-            f"the mission in the journal {file.path} is not over: it {_run_description(last)}. Resume it with --resume, or "
+            f"the mission in the journal {file.path} is not over: it {_run_description(last)}. Resume the mission with --resume, or "
             "start over with --new, which keeps that journal under another name"
         )
     return Journal(file, _backup_path(file.path, runs[0].began))
@@ -123,7 +123,7 @@ def _run_description(run: JournalRun) -> str:
 
 
 def _backup_path(place: Path, began: float) -> Path:
-    """Return an unused backup path for a journal; the path contains the start time of the journal's mission."""
+    """Return an unused backup path for a journal. The path contains the time at which the mission started."""
     stamp = day_and_time(began, "%Y%m%d-%H%M%S")
     names = (
         f"{place.stem}.{stamp}{count}{place.suffix}" for count in ("", *(f"-{n}" for n in range(2, 1000)))

@@ -1,4 +1,4 @@
-"""The events and ticks of a journal's last run. To save memory, each use reads them from the file again."""
+"""Provides the events and ticks of a journal's last run. To save memory, each use reads the file again."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,7 +12,7 @@ from sar_compiler.runtime.events import Event
 
 
 class LastRunEvents(TickSource):
-    """The events of a journal's last run.
+    """The events and ticks of the last run in a journal.
 
     Each read opens the file, because SQLite only allows reads in the thread that has opened the file.
 
@@ -28,7 +28,7 @@ class LastRunEvents(TickSource):
 
     @property
     def omits_ticks(self) -> bool:
-        """Whether ticks without a change may be missing, as in imported runs; only valid after the ticks were read."""
+        """Whether unchanged ticks may be missing, as in imported runs. This is only known after the ticks were read."""
         return self._omits_ticks
 
     def __iter__(self) -> Iterator[Event]:

@@ -1,4 +1,4 @@
-"""The state of a mission, computed from the entries of its journal, for the page, reports and the terminal.
+"""Computes the state of a mission from its journal, for the page, the reports and the terminal.
 
 The state is the same whether the entries arrive one by one during the mission (`Journal.add_listener`) or from a file
 (`JournalFile.stream`). An entry of an unknown kind, or without the data of its kind, is treated as an event of the mission.
@@ -40,7 +40,7 @@ _PHASE_KINDS = (
 
 
 class RunProcess(NamedTuple):
-    """The state of the process that runs a mission. The journal's entries do not contain this state.
+    """The state of the process that runs a mission. The entries of the journal do not contain this state.
 
     Attributes:
         is_gone: Whether the process no longer exists.
@@ -52,7 +52,7 @@ class RunProcess(NamedTuple):
 
 
 class RobotPose(NamedTuple):
-    """A pose of the robot in the frame `map`, with x and y in metres and yaw in radians, and its time."""
+    """A pose of the robot at one time, in the frame `map`: x and y in metres, and yaw in radians."""
 
     at: EventTime
     x: float
@@ -61,7 +61,7 @@ class RobotPose(NamedTuple):
 
 
 class RemainingDrive(NamedTuple):
-    """The remaining part of a drive.
+    """The part of the current drive that remains.
 
     Attributes:
         target: The destination.
@@ -75,7 +75,7 @@ class RemainingDrive(NamedTuple):
 
 
 class LogLine(NamedTuple):
-    """A line of the log with its time, text, logger and severity."""
+    """A line of the log: the time, the text, the logger and the severity."""
 
     at: EventTime
     text: str
@@ -120,7 +120,7 @@ class WatchedProperty(NamedTuple):
 
 
 def outcome_words(status: str, label: str | None) -> str:
-    """Return a status with the label of the outcome, such as `FAILURE (aborted)`.
+    """Return a status and the label of the outcome as text, such as `FAILURE (aborted)`.
 
     Args:
         status: The status.
@@ -134,7 +134,7 @@ def outcome_words(status: str, label: str | None) -> str:
 
 @dataclass
 class NodeState:
-    """A node of the tree.
+    """A node of the tree, with its last recorded status.
 
     Attributes:
         number: The number of the node in pre-order, from 0.
@@ -175,26 +175,26 @@ class NodeState:
 
     @property
     def status_text(self) -> str:
-        """The status with label and message, in words."""
+        """The status, the label and the message of the node as text."""
         return f"{outcome_words(self.status, self.label)}{f', {self.message}' if self.message else ''}"
 
     @property
     def location(self) -> str:
-        """The source location of the node, as `file:line`; empty if unknown."""
+        """The source location of the node as `file:line`, or an empty string if it is unknown."""
         return f"{self.file}:{self.line}" if self.file else ""
 
     @property
     def status_time(self) -> EventTime | None:
-        """The time of the last status change; None if the node was never ticked."""
+        """The time of the last status change, or None if the node was never ticked."""
         return None if self.changed is None else self.time_of(self.changed)
 
     def time_of(self, entry: JournalEntry) -> EventTime:
-        """Return the time of an entry of the run."""
+        """Return the time of an entry in the run, relative to the start of the run."""
         return EventTime(entry.run, entry.time - self.start, entry.wall)
 
     @property
     def has_part(self) -> bool:
-        """Whether the status belongs to the current activation of the node's parent."""
+        """Whether the node is part of the current activation of its parent, because it was ticked and not reset."""
         return self.status not in _INACTIVE
 
 
@@ -224,7 +224,7 @@ class RunState:
 
 
 class MissionState:
-    """The state of a mission after the entries applied so far.
+    """The state of a mission after the entries that were applied so far.
 
     Attributes:
         about: The description of the mission, written by its first run.
@@ -295,7 +295,7 @@ class MissionState:
 
     @classmethod
     def from_stream(cls, stream: Iterable[JournalEntry]) -> "MissionState":
-        """Return the state of a mission after all entries of a stream."""
+        """Apply all entries of a stream, and return the resulting state of the mission."""
         state = cls()
         for entry in stream:
             state.apply(entry)
@@ -321,7 +321,7 @@ class MissionState:
         self._add_event(kind, entry.data)
 
     def take_status(self, entry: JournalEntry) -> NodeState:
-        """Apply a `status` entry with valid data, and return the state of its node."""
+        """Apply a `status` entry that has valid data, and return the state of the node in this entry."""
         self._entry, self._now = entry, None
         data = entry.data
         state: NodeState = self.nodes[data["node"]]
@@ -334,7 +334,7 @@ class MissionState:
         return state
 
     def adopt_statuses(self, other: "MissionState") -> None:
-        """Replace the states of the nodes by the node states of another `MissionState` of the same run."""
+        """Replace the states of all nodes by those in *other*, which must be a `MissionState` of the same run."""
         self.nodes, self.tick = other.nodes, other.tick
         last = other._entry  # noqa: SLF001 - an attribute of this class
         if (self._entry.run, self._entry.number) < (last.run, last.number):
@@ -357,23 +357,23 @@ class MissionState:
             self._phase, self.since_phase = name, self.now
 
     def update_process(self, *, is_gone: bool) -> None:
-        """Update the state of the process: whether the process is gone, and the time since the last entry."""
+        """Update the state of the process: set whether it is gone, and compute the time since its last entry."""
         self.process = RunProcess(is_gone, max(0.0, time.time() - self.now.wall))
 
     @property
     def title(self) -> str:
-        """The name of the mission, or of the tree's root for a run without a mission."""
+        """The name of the mission. For a run without a mission, the name of the tree's root."""
         return str(self.about.get("mission") or (self.nodes[0].name if self.nodes else "mission"))
 
     @property
     def robot(self) -> str:
-        """The robot's name in a team: the namespace of the mission's node, such as `robot1`; empty if there is none."""
+        """The robot's name in a team, which is the namespace of the mission's ROS node, such as `robot1`. May be empty."""
         node = str(self.runs[-1].about.get("node") or "") if self.runs else ""
         return node.rpartition("/")[0].strip("/")
 
     @property
     def phase(self) -> MissionPhase:
-        """The phase of an active run, from a breakpoint, the mission, a missing requirement, or the robot's activity."""
+        """The phase of an active run. It depends on breakpoints, the mission, missing requirements and the robot."""
         reported = self.situation.phase
         reported = reported._replace(reason=self.order or reported.reason)
         if self.breakpoint:
@@ -388,19 +388,19 @@ class MissionState:
 
     @property
     def order(self) -> str:
-        """The reason for the phase, and the author of the command that caused it; empty if either is unknown."""
+        """The reason for the phase and the author of the command that caused it, or "" if either is unknown."""
         reason, author = self._phase_cause
         return with_author(reason, author) if author.name and reason else ""
 
     @property
     def gauges(self) -> list[Gauge]:
-        """The gauges of the mission, preceded by the robot's battery unless the mission has a gauge of the same name."""
+        """The gauges of the mission. The robot's battery comes first if the mission has no gauge with this name."""
         reported = self.situation.gauges
         own = [self.battery] if self.battery is not None and self.battery.name not in reported else []
         return [*own, *reported.values()]
 
     def word_of(self, watched: WatchedProperty) -> str:
-        """Return the state of a property in a word: `broken`, `owed` or `watched`; after the run, `kept`."""
+        """Return the state of a property: `broken`, `owed` or `watched`, or `kept` if the run ended without violation."""
         if watched.broken is not None:
             return "broken"
         if watched.is_owed:
@@ -409,7 +409,7 @@ class MissionState:
 
     @property
     def likely_end(self) -> float | None:
-        """The estimated end of the mission, in seconds of the mission's clock since the run's start; None if unknown.
+        """The estimated end of the mission, in seconds since the start of the run, or None if it is unknown.
 
         The estimate uses the current drive and the mean duration of the visits so far.
         """
@@ -426,13 +426,13 @@ class MissionState:
 
     @property
     def time_limit_sec(self) -> float | None:
-        """The time limit of the run, in seconds; None if there is no limit."""
+        """The time limit of the run in seconds, or None if there is no limit."""
         limit = self.parameters.get("time_limit_sec")
         return float(limit) if isinstance(limit, int | float) and limit > 0 else None
 
     @property
     def head(self) -> str:
-        """The head of the journal's chain, as hexadecimal digits; empty if the last run has none."""
+        """The head of the journal's hash chain in hexadecimal, or an empty string if the last run has none."""
         return self.runs[-1].head if self.runs else ""
 
     @property
@@ -487,7 +487,7 @@ class MissionState:
         self.breakpoint = str(text)
 
     def _on_battery(self, share: float, at_least: float | None = None) -> None:
-        """Update the gauge of the robot's battery."""
+        """Update the gauge that shows the robot's battery."""
         if not math.isfinite(share):
             raise ValueError(share)
         known = None if self.battery is None else self.battery.least
@@ -594,7 +594,7 @@ class MissionState:
 
 
 def tree_nodes(tree: Any) -> Iterator[NodeState]:
-    """Yield the nodes of the tree in a journal's description in pre-order; ignore invalid nodes."""
+    """Yield the nodes of the tree that a journal describes, in pre-order. Ignore invalid nodes."""
     waiting: list[tuple[Any, NodeState | None]] = [(tree, None)] if isinstance(tree, Mapping) else []
     number = 0
     while waiting:

@@ -1,4 +1,4 @@
-"""Explain why the nodes of a tree ended, tick by tick, from the statuses in a journal.
+"""Explains, tick by tick, why the nodes of a tree ended. The statuses in a journal are the source.
 
 The end of a node is explained by the children that have the node's status. An only child also explains the end if it has the
 opposite status, because a decorator may invert the status. If no child explains the end, the node itself has
@@ -11,13 +11,13 @@ from typing import Any
 from sar_compiler.journal.mission_state import FAILURE, RUNNING, SUCCESS, NodeState
 
 OTHER_END = {FAILURE: SUCCESS, SUCCESS: FAILURE}
-"""The two final statuses of a node, each mapped to the opposite status."""
+"""Maps each of the two final statuses of a node to the opposite status."""
 
 _INACTIVE = ("IDLE", "HALTED")
 
 
 class NodeEnds:
-    """The last end of each node, and an explanation of this end.
+    """Stores the last end of each node, and explains why the node ended.
 
     An explanation is determined in the tick in which the node ended, because the node's descendants may be reset afterwards.
 
@@ -47,7 +47,7 @@ class NodeEnds:
         self._halting: list[int] = []
 
     def receive(self, data: Mapping[str, Any], time_sec: float) -> None:
-        """Process the status of a node.
+        """Process a recorded status of a node.
 
         Args:
             data: The data of the `status` entry.
@@ -71,7 +71,7 @@ class NodeEnds:
         self._above[number if parent is None else parent] = None
 
     def end_tick(self) -> list[int]:
-        """End the current tick; return the numbers of the nodes that ended in this tick, in the order of their entries."""
+        """End the current tick. Return the numbers of the nodes that ended in it, in the order of the entries."""
         self._gone.update(self._going)
         self.halted, self._halting = self._halting, []
         ended = []
@@ -88,7 +88,7 @@ class NodeEnds:
 
     @property
     def has_failed(self) -> bool:
-        """Whether the root failed in the last finished tick, or failed in an earlier tick and was not reset since."""
+        """Whether the root has failed in the last finished tick or before, and was not reset since."""
         return self.status.get(0) == FAILURE and 0 not in self._gone
 
     def is_running(self, number: int) -> bool:
@@ -96,7 +96,7 @@ class NodeEnds:
         return self.status.get(number) == RUNNING and number not in self._gone
 
     def start_sec(self, number: int) -> float:
-        """Return the start of a node's last activation, seconds."""
+        """Return the time at which the last activation of a node started, in seconds."""
         return self._began_sec.get(number, 0.0)
 
     def is_in_activation(self, number: int) -> bool:
@@ -106,7 +106,7 @@ class NodeEnds:
         return self._gone.get(number, began) >= began
 
     def failed_before(self, number: int) -> Iterator[int]:
-        """Yield the earlier siblings whose failures led to the tick of a node."""
+        """Yield the siblings before a node that failed in this activation, so that the node was ticked."""
         parent = self._nodes[number].parent
         if parent is None:
             return

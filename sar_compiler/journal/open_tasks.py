@@ -1,4 +1,4 @@
-"""The open tasks that a mission leaves to people, most urgent first.
+"""Determines the open tasks that a mission leaves to people, most urgent first.
 
 The page, the terminal and reports all use this module, so they always show the same tasks. A green status
 means that there are no open tasks.
@@ -58,7 +58,7 @@ class OpenTask(NamedTuple):
 
 
 def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
-    """Return the open tasks of a mission: errors first, then by urgency."""
+    """Return the open tasks of a mission. Errors come before warnings, and urgent tasks before others."""
     if state.awaited:
         names = missing_names(state)
         them = "it" if sum(bool(each.problem) for each in state.awaited) == 1 else "them"
@@ -80,7 +80,7 @@ def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
 
 
 def severity(state: MissionState) -> str:
-    """Return the severity of a mission: the highest severity of its status line and its open tasks."""
+    """Return the severity of a mission, which is the highest severity among the status line and the open tasks."""
     return max(
         (condition(state).level, *(task.level for task in find_open_tasks(state))), key=_SEVERITY.index
     )
@@ -119,12 +119,12 @@ def _robot_tasks(state: MissionState) -> Iterator[OpenTask]:
 
 
 def _is_over(state: MissionState) -> bool:
-    """Return whether the last run has ended, or its process has crashed."""
+    """Return whether the last run has ended or the process of this run has crashed."""
     return bool(state.runs[-1].ending) or state.process.is_gone
 
 
 def _missed_end(state: MissionState) -> Landmark | None:
-    """Return the location at which the robot must end; None if it has reached such a location or there is none."""
+    """Return the location at which the robot should have ended its mission, or None if it has not missed one."""
     ends = [each for each in state.situation.landmarks.values() if state.situation.kind_of(each).is_end]
     return ends[0] if ends and all(each.level != Level.DONE for each in ends) else None
 
@@ -166,7 +166,7 @@ def _detection_tasks(state: MissionState) -> Iterator[OpenTask]:
 
 
 def _location_tasks(state: MissionState) -> Iterator[OpenTask]:
-    """Yield the tasks about abandoned locations, and after the run about all unfinished locations."""
+    """Yield the tasks about abandoned locations. After a run, also yield tasks about unfinished locations."""
     is_over, groups = _is_over(state), dict[tuple[str, str], list[Landmark]]()
     for each in state.situation.landmarks.values():
         kind = state.situation.kind_of(each)
@@ -185,14 +185,14 @@ def _location_tasks(state: MissionState) -> Iterator[OpenTask]:
 
 
 def _cause(reason: str) -> str:
-    """Return the end of a task's sentence, which states the reason; a mere number of attempts is not stated."""
+    """Return the end of a task's sentence, which states the reason. Omit a reason that only counts attempts."""
     if not reason or reason.startswith("after attempt "):
         return ""
     return f" because {reason}" if _VERB.search(reason) else f", {reason}"
 
 
 def _figure_tasks(state: MissionState) -> Iterator[OpenTask]:
-    """Yield the tasks about figures of an ended mission that are below their required values."""
+    """After a mission, yield the tasks about figures that are below the required value."""
     if not _is_over(state):
         return
     for figure in state.situation.figures.values():

@@ -1,4 +1,4 @@
-"""Convert the journal of a recorded run to events: the results of leaves, and the decisions of other nodes.
+"""Converts the journal of a recorded run to events: results of leaves, and decisions of other nodes.
 
 A journal contains an entry when a node's result differs from its result in the previous tick. A leaf that returns the same
 result in consecutive ticks therefore has one event for all of these ticks. Ticks without entries have no
@@ -20,11 +20,11 @@ from sar_compiler.journal.node_ends import NodeEnds
 from sar_compiler.runtime.events import DECIDED, HALTED, RESET, RETURNED, STARTED, TICKED, Event, FactChanges
 
 GONE = {"HALTED": HALTED, "IDLE": RESET}
-"""The event for each status of a leaf that is no longer active."""
+"""Maps each status of a leaf that is no longer active to the kind of event that this status means."""
 
 
 def is_status(entry: JournalEntry, count: int) -> bool:
-    """Return whether an entry is a valid status of a node in a tree with *count* nodes."""
+    """Return whether an entry is a valid `status` entry for a tree with *count* nodes."""
     if entry.kind != STATUS:
         return False
     data = entry.data
@@ -41,7 +41,7 @@ def is_status(entry: JournalEntry, count: int) -> bool:
 
 
 def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
-    """Yield the events of leaves in recorded runs, tick by tick; the last events of a tick are decisions and the tick's end.
+    """Yield the events of leaves in recorded runs. Each tick finishes with decisions and an event for its end.
 
     A decision is an event of an inner node that has determined its result itself. The path of a leaf also contains the nodes that
     evaluate conditions in attributes. Journal events that a leaf recorded are attached to the leaf's next event in the same tick, or
@@ -61,7 +61,7 @@ def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
 
 
 class _RecordedRun:
-    """A recorded run, to which entries are added one by one.
+    """Converts a recorded run to events. The entries of the run are added one by one.
 
     Args:
         tree: The tree in the journal.
@@ -87,7 +87,7 @@ class _RecordedRun:
         self._events: list[Event] = []
 
     def add_entry(self, entry: JournalEntry) -> Sequence[Event]:
-        """Process an entry; if the entry starts a new tick, return the events of the previous tick."""
+        """Process an entry. If this entry starts a new tick, return the events of the previous tick."""
         ended: Sequence[Event] = ()
         data = entry.data
         if is_status(entry, self._count):
@@ -123,7 +123,7 @@ class _RecordedRun:
         return ended
 
     def end_tick(self) -> Sequence[Event]:
-        """Return the events of the current tick, ending with the tick's end; empty if no tick has started."""
+        """End the current tick, and return the events of this tick, or an empty list if no tick has started."""
         events, self._events = self._events, []
         if not self._tick:
             return events
@@ -137,7 +137,7 @@ class _RecordedRun:
         return events
 
     def _add_decisions(self, events: list[Event]) -> None:
-        """Add the decisions of inner nodes in the current tick."""
+        """Add the decisions that inner nodes have made in the current tick."""
         for node in self._ends.end_tick():
             if self._nodes[node].children and not self._ends.causes[node]:
                 ran_sec = max(0.0, self._time + self._start - self._ends.start_sec(node))
@@ -145,7 +145,7 @@ class _RecordedRun:
                 events.append(event._replace(ran_sec=ran_sec))
 
     def _add_events(self, leaf: int, status: str, label: str, *, is_unsure: bool) -> None:
-        """Add the events that follow from a status of a leaf."""
+        """Add the events that a recorded status of a leaf implies."""
         what = GONE.get(status, RETURNED)
         if what != RETURNED:
             status = label = ""

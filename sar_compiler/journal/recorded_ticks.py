@@ -1,4 +1,4 @@
-"""A compact store of a recorded run's ticks, most of which have equal statuses.
+"""Stores the ticks of a recorded run compactly. Most of these ticks have equal statuses.
 
 The events of the ticks are those of `recorded_events`, except starts, decisions and facts, because statuses
 alone do not determine these.
@@ -16,16 +16,16 @@ from sar_compiler.journal.recorded_events import GONE, is_status
 from sar_compiler.runtime.events import RETURNED, TICKED, Event
 
 StatusAndLabel = tuple[str, str]
-"""A status, and the label of a leaf's outcome. The label is empty if the leaf has none."""
+"""The status of a node, and the label of a leaf's outcome, which is empty if there is no label."""
 RESET_IN_TICK = "\0reset"
-"""The value that replaces the label if the node was reset in the tick."""
+"""The value stored instead of a label if the node was reset in the tick."""
 UNSURE = "\0unsure"
-"""The value that replaces the label if a condition of the node may have decided the status."""
+"""The value stored instead of a label if a condition of the node may have determined the status."""
 _TickContent = tuple[tuple[tuple[int, StatusAndLabel], ...], str]
 
 
 def outcome_of(data: Mapping[str, Any]) -> StatusAndLabel:
-    """Return the status and the label in the data of a `status` entry."""
+    """Return the status and the label that the data of a `status` entry contain."""
     if data.get("is_unsure"):
         return str(data["status"]), UNSURE
     label = RESET_IN_TICK if data.get("is_reset") else str(data.get("label") or "")
@@ -54,16 +54,16 @@ class TickSource(ABC):
 
     @property
     def omits_ticks(self) -> bool:
-        """Whether ticks without a change may be missing, as in imported runs."""
+        """Whether ticks in which nothing changes may be missing, as in imported runs."""
         return False
 
     @abstractmethod
     def read_ticks(self) -> Iterator[LoggedTick]:
-        """Yield the ticks, including those without recorded events."""
+        """Yield all ticks of the run, including ticks without recorded events."""
 
 
 class TickLog(TickSource):
-    """The ticks of one run, to which statuses are added one by one.
+    """Stores the ticks of one run. The statuses are added one by one.
 
     Args:
         nodes: The nodes of the tree.
@@ -93,11 +93,11 @@ class TickLog(TickSource):
 
     @property
     def omits_ticks(self) -> bool:
-        """Whether ticks without a change may be missing, as in imported runs."""
+        """Whether ticks in which nothing changes may be missing, as in imported runs."""
         return self._omits_ticks
 
     def add_status(self, node: int, tick: int, time_sec: float, outcome: StatusAndLabel) -> None:
-        """Add a status of a node; the node's number must be valid."""
+        """Add a status of the node with the number *node*, which must be valid."""
         if tick != self._tick:
             self.end_tick()
             self._tick = tick
@@ -128,7 +128,7 @@ class TickLog(TickSource):
         self._tick, self._time = entry.data["tick"], entry.time
 
     def end_tick(self) -> None:
-        """Store the current tick, if there is one."""
+        """Store the current tick, if a tick has started."""
         if self._tick:
             for node, (status, _) in self._statuses:
                 if node == 0 and status not in GONE:
@@ -147,14 +147,14 @@ class TickLog(TickSource):
         self._tick = 0
 
     def _content_number(self, content: _TickContent) -> int:
-        """Return the number of a tick's content; store the content if it is new."""
+        """Return the number of a tick's content. Store the content if it is new."""
         number = self._known.setdefault(content, len(self._known))
         if number == len(self._by_number):
             self._by_number.append(content)
         return number
 
     def read_ticks(self) -> Iterator[LoggedTick]:
-        """Yield the ticks, including those without recorded events."""
+        """Yield all ticks of the run, including ticks without recorded events."""
         self.end_tick()
         before, time_before, root = 0, 0.0, ""
         for number, time_sec, content in zip(self._numbers, self._times, self._contents, strict=True):

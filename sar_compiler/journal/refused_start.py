@@ -1,4 +1,4 @@
-"""Store the last refused start of a run in a file beside the journal that the run would have written.
+"""Stores the last refused start of a run, in a file beside the journal that the run would have written.
 
 A run that never started does not write a journal, because an empty journal would look like a mission that can
 be resumed. `sar-journal why` therefore reads this file.
@@ -19,7 +19,7 @@ SUFFIX = "-refused"
 
 
 class RefusedStart(NamedTuple):
-    """A refused start of a run.
+    """The record of a run whose start was refused.
 
     Attributes:
         wall: The time of the refusal, in seconds since 1970.
@@ -34,11 +34,13 @@ class RefusedStart(NamedTuple):
     @property
     def sentence(self) -> str:
         """The refusal as a sentence."""
-        return f"The run of {day_and_time(self.wall)} did not start (status {self.status}): {self.reason}"
+        return (
+            f"The run on {day_and_time(self.wall)} did not start (exit status {self.status}): {self.reason}"
+        )
 
 
 def record_refusal(journal: Path, status: int, reason: str) -> None:
-    """Try to record that the start of a run was refused."""
+    """Record that the start of a run was refused. If this fails, record nothing."""
     with suppress(OSError, ValueError):
         place = _marker_path(journal)
         written = place.with_name(f"{place.name}.{os.getpid()}")
@@ -54,7 +56,7 @@ def forget_refusal(journal: Path) -> None:
 
 
 def read_refusal(journal: Path) -> RefusedStart | None:
-    """Return the start that was refused after a journal's last run; None if there is no readable record of one."""
+    """Return the start that was refused after the last run of a journal, or None if no start was recorded."""
     with suppress(SarError, ValueError, TypeError, RecursionError):
         place = _marker_path(journal)
         wall, status, reason = json.loads(

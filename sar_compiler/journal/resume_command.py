@@ -1,4 +1,4 @@
-"""The command that resumes a mission from its journal."""
+"""Determines the command that resumes a mission from its journal."""
 
 import shlex
 from collections.abc import Iterable, Iterator
@@ -11,7 +11,7 @@ _OMITTED, _WITH_VALUE = ("--new", "--resume", "--check", "--journal"), "--journa
 
 
 def resume_command(state: MissionState, journal: str) -> str:
-    """Return the command that resumes a mission; empty if the last run is active or over, or its command is unknown.
+    """Return the command that resumes a mission, or an empty string if the mission cannot be resumed.
 
     Args:
         state: The state of the mission.

@@ -1,4 +1,4 @@
-"""Read the rows of a journal as entries, with a fast path for repeated statuses.
+"""Converts the rows of a journal to entries. Repeated statuses take a fast path.
 
 A row that repeats a running node's status with another message is called a repetition. Most rows of a long journal are repetitions,
 because a leaf that drives reports its distance in every tick. Condensed reading omits a repetition if two
@@ -28,7 +28,7 @@ _UNKNOWN = -1
 
 
 class _StatusText:
-    """The text of a `status` entry's data, from the value of `status` to the end.
+    """The part of a `status` entry's data, as text, that begins with the value of `status`.
 
     Attributes:
         rest: The part of the text after the message if the node is running, otherwise None.
@@ -44,7 +44,7 @@ class _StatusText:
         self._outcome: StatusAndLabel | None = None
 
     def outcome(self, text: str) -> StatusAndLabel | None:
-        """Return the status and the label; None if the text includes a further `node` or `tick`.
+        """Return the status and the label, or None if the text contains a further `node` or `tick`.
 
         Raises:
             ValueError, TypeError: As for `read`.
@@ -57,7 +57,7 @@ class _StatusText:
         return self._outcome
 
     def read(self, text: str) -> Mapping[str, Any]:
-        """Parse and return the values.
+        """Parse the text, and return the values.
 
         Raises:
             ValueError, TypeError: If the text contains values that the project never writes for a status.
@@ -148,7 +148,7 @@ def _is_parent_running(node: int, parents: Sequence[int | None], running: Mappin
 
 
 def _parse_integer(text: str) -> int:
-    """Parse an integer in the form that the project writes; return `_UNKNOWN` for any other text."""
+    """Parse an integer that has the form in which the project writes it. Return `_UNKNOWN` for any other text."""
     return int(text) if text.isdecimal() and str(int(text)) == text else _UNKNOWN
 
 
@@ -160,7 +160,7 @@ def _entry(row: RawRow) -> JournalEntry:
 
 
 def finite(number: Any) -> float:
-    """Convert a value from a file to a time; the value must be finite.
+    """Convert a value from a file to a time, which must be a finite number.
 
     Raises:
         ValueError, TypeError: If the value is not a finite number.

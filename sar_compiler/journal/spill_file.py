@@ -1,4 +1,4 @@
-"""The reserve file of a journal: a file of fixed size that stores events while the journal cannot be written.
+"""Defines the reserve file of a journal. It has a fixed size, and stores events while the journal cannot be written.
 
 The blocks of the file are allocated when a run starts, and only overwritten afterwards, so that a full disk, a quota or a lock on
 the database does not affect them. The file has two slots with checksums, which are written in turn. A process that dies while
@@ -26,7 +26,7 @@ _HEAD_BYTES = 40
 
 
 class RunEnd(NamedTuple):
-    """The end of a run: time in seconds since 1970, kind, exit status, and reason."""
+    """The end of a run: the time in seconds since 1970, the kind of end, the exit status and the reason."""
 
     run: int
     wall: float
@@ -50,13 +50,13 @@ class SpilledEntries(NamedTuple):
 
 
 def lost_events_row(rows: Sequence[Row], numbers: Mapping[str, int]) -> Row:
-    """Return the event that replaces lost events; it contains their count, and the highest numbers in use."""
+    """Return an event that stands for lost events. It contains how many were lost, and the highest numbers in use."""
     count = sum(json.loads(row.data)["count"] if row.kind == FACTS_LOST else 1 for row in rows)
     return rows[-1]._replace(kind=FACTS_LOST, data=json.dumps({"count": count, "numbers": dict(numbers)}))
 
 
 class SpillFile:
-    """An open reserve file; a missing file is created, and all of its blocks are allocated.
+    """An open reserve file. If the file is missing, it is created and all of its blocks are allocated.
 
     Args:
         journal: The path of the journal.
@@ -83,7 +83,7 @@ class SpillFile:
         _write(self._descriptor, b"\0" * max(0, 2 * _SLOT_BYTES - size), size)
 
     def replace_content(self, spilled: SpilledEntries, numbers: Mapping[str, int]) -> None:
-        """Replace the content of the reserve file; the new content is on disk when the function returns.
+        """Replace the content of the reserve file. The new content is on disk when this function returns.
 
         Args:
             spilled: The new content; events that do not fit are replaced by one event that states how many
@@ -103,7 +103,7 @@ class SpillFile:
         )
 
     def close(self, *, is_needed: bool) -> None:
-        """Close the reserve file, and delete it if it is not needed."""
+        """Close the reserve file. Delete the file if it is no longer needed."""
         os.close(self._descriptor)
         if not is_needed:
             with suppress(OSError):
@@ -111,7 +111,7 @@ class SpillFile:
 
 
 def read_reserve(journal: Path) -> SpilledEntries:
-    """Return the content of a journal's reserve file; empty if there is no such file.
+    """Return the content of a journal's reserve file, which is empty if there is no such file.
 
     Raises:
         OSError: If the reserve file cannot be read.
@@ -129,7 +129,7 @@ def read_reserve(journal: Path) -> SpilledEntries:
             raise ValueError("no slot is intact")  # noqa: TRY301 - the message about all kinds of damage is below
         return _parse_content(max(slots)[1])
     except (ValueError, TypeError, KeyError, RecursionError) as error:
-        message = f"{path} is damaged ({error}). This file contains the last events of the journal beside it. Move the file away to continue without these events"
+        message = f"{path} is damaged ({error}). This file contains the last events of the journal in the same folder. Move the file away to continue without these events"
         raise JournalError(message) from error
 
 
@@ -168,7 +168,7 @@ def _slots(content: bytes) -> list[tuple[int, bytes]]:
 
 
 def _fit_into_slot(spilled: SpilledEntries, numbers: Mapping[str, int]) -> str:
-    """Convert the content to a text that fits into a slot; if the text is too long, replace the last events."""
+    """Convert the content to text that fits into a slot. If it is too long, one event replaces the last events."""
     count = len(spilled.facts)
     while True:
         facts = [
@@ -179,7 +179,7 @@ def _fit_into_slot(spilled: SpilledEntries, numbers: Mapping[str, int]) -> str:
         if len(text) <= _SLOT_BYTES - _HEAD_BYTES:
             return text
         if not count:
-            raise OSError(f"the end of the run does not fit into the reserve file: {spilled.end}")
+            raise OSError(f"the record of the run's end is too long for the reserve file: {spilled.end}")
         count = count * 3 // 4
 
 

@@ -1,4 +1,4 @@
-"""The status line of a mission: word, severity, start and reason.
+"""Determines the status line of a mission: the word, the severity, the start and the reason.
 
 The page, the terminal, reports and `sar-journal show` display the status line.
 """
@@ -9,7 +9,7 @@ from sar_compiler.journal.mission_state import MissionState, RunState
 from sar_compiler.runtime.clock import clock_text
 
 GOOD, QUIET, WARNING, ERROR = "good", "quiet", "warning", "error"
-"""The severities: normal operation, no activity to report, attention required, error."""
+"""The severities of a status: normal operation, no activity, attention required, and error."""
 
 NOT_BEGUN, DRIVING, WORKING, WAITING = "not begun", "driving", "working", "waiting"
 PAUSED, LOST, CRASHED, POSITION_LOST = "paused", "lost", "crashed", "position lost"
@@ -59,7 +59,7 @@ class StatusLine(NamedTuple):
 
 
 def status_line_text(state: MissionState) -> str:
-    """Return the status of a mission, at the time of its last journal entry, as one line of text."""
+    """Return the status line of a mission as text. The status is that at the time of the last journal entry."""
     return condition(state).to_line(state.now.time)
 
 
@@ -85,14 +85,14 @@ def condition(state: MissionState) -> StatusLine:
 
 
 def missing_names(state: MissionState) -> str:
-    """Return the names of the items that the next run still waits for; empty if there are none."""
+    """Return the names of the items for which the next run still waits, or an empty string if there are none."""
     names = [each.name for each in state.awaited if each.problem]
     more = f" and {len(names) - _MAX_AWAITED} more" if len(names) > _MAX_AWAITED else ""
     return f"{', '.join(names[:_MAX_AWAITED])}{more}"
 
 
 def silence_text(seconds: float) -> str:
-    """Describe the loss of contact with a mission that has been silent for a number of seconds."""
+    """Return a sentence that reports for how long there was no contact with a mission."""
     return f"No contact for {clock_text(seconds)}. The robot may still be driving."
 
 
@@ -118,7 +118,7 @@ def _status_after_end(state: MissionState, run: RunState) -> StatusLine:
 
 
 def _crash_reason(state: MissionState) -> str:
-    """Describe the time and place of a crash, and whether the robot may still be driving."""
+    """Describe when and where a run has crashed, and whether the robot may still be driving."""
     place = f"on the way {_drive(state)}" if state.drive is not None else state.situation.phase.place
     where = ", ".join(filter(None, (f"at {clock_text(state.now.time)}", place)))
     return f"{where}: the robot {'may still be' if state.goals else 'was not'} driving"

@@ -1,4 +1,4 @@
-"""Record the statuses of a tree's nodes, tick by tick, in the journal."""
+"""Records the statuses of a tree's nodes in the journal, tick by tick."""
 
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -19,7 +19,7 @@ _ACTIVE = {Status.RUNNING.value, Status.SUCCESS.value, Status.FAILURE.value}
 
 
 class StatusWatch(VisitorBase):
-    """Records the statuses of nodes in `status` entries, with `node` (the node's number), `tick`, `status` and `message`.
+    """Records the statuses of nodes as `status` entries with `node` (the number), `tick`, `status` and `message`.
 
     An entry is written for a ticked node if its status, message or outcome differs from the node's last
     entry, or if the node was not ticked in the previous tick. Nodes are numbered from 0 in pre-order, as in
@@ -67,7 +67,7 @@ class StatusWatch(VisitorBase):
         journal.leaf_in_hand = self._leaf_in_hand
 
     def _leaf_in_hand(self) -> Mapping[str, int]:
-        """Return the leaf whose method is running, and the tick; return an empty mapping if there is no such leaf.
+        """Return the leaf whose method is currently running, and the tick, or an empty mapping if there is none.
 
         The function searches Python's stack at each event. Ticks then need no extra work, which matters
         because ticks are frequent and events are rare. The search finds leaves of any class, in any engine.
@@ -89,7 +89,7 @@ class StatusWatch(VisitorBase):
         self._to_check = [0]
 
     def run(self, behaviour: Behaviour) -> None:
-        """Record the status of a ticked node if the status must be recorded."""
+        """Record the status of a ticked node, except a repeated status that need not be recorded."""
         number = self._numbers.get(id(behaviour))
         if number is not None:
             status = "SKIPPED" if was_skipped(behaviour) else behaviour.status.value
@@ -113,7 +113,7 @@ class StatusWatch(VisitorBase):
         self._journal.write_when_due()
 
     def _label(self, behaviour: Behaviour, status: str) -> str | None:
-        """Return the label of a leaf's outcome; empty if several labels are possible, None if no outcomes are declared."""
+        """Return the label of a leaf's outcome. It is "" if several are possible, and None without declared outcomes."""
         declared = self._declared.get(behaviour.id)
         if declared is None:
             return None

@@ -1,4 +1,4 @@
-"""Loading of tree files: reading, binding, checking and compiling them with the settings of their project.
+"""Loads tree files: reads, binds, checks and compiles them with the settings of the project.
 
 A `Workspace` has the user's settings, creates a `Project` for each configuration that it finds, and loads tree files. All
 commands and all tests of trees use a `Workspace`.

@@ -1,4 +1,4 @@
-"""The settings on the command line, which supplement the configurations of projects."""
+"""Defines the settings from the command line. They supplement the configuration of a project."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -8,7 +8,7 @@ if TYPE_CHECKING:
 
 
 class CommandLineSettings(NamedTuple):
-    """The settings that supplement the configuration of every project; they may refer to any file.
+    """The settings from the command line. They supplement every project's configuration, and may name any file.
 
     Attributes:
         nodes: The leaves: classes, modules, or import paths of modules, which may be in the current folder.
@@ -36,7 +36,7 @@ class CommandLineSettings(NamedTuple):
 
     @property
     def palettes(self) -> tuple[str, ...]:
-        """The names of the installed palettes among `models`."""
+        """The entries of `models` that are names of installed palettes."""
         from sar_compiler.nodes.palettes import is_palette_name
 
         return tuple(str(each) for each in self.models if is_palette_name(str(each)))

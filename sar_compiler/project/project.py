@@ -1,4 +1,4 @@
-"""The settings of a project's tree files: the configuration, combined with the settings on the command line."""
+"""Combines a project's configuration with the settings from the command line."""
 
 import contextlib
 import functools
@@ -28,7 +28,7 @@ from sar_compiler.tree.model import TreeFile
 
 
 class Project:
-    """The common settings of all tree files with the same configuration.
+    """The settings that all tree files with the same configuration share.
 
     Attributes:
         configuration: The configuration of the tree files.
@@ -56,7 +56,7 @@ class Project:
         self.reload_set()
 
     def reload_set(self) -> None:
-        """Reload the files of the set at the next request for a tree."""
+        """Make the next request for a tree reload the files in which trees are searched."""
         if self.configuration.trees or self.additions.trees or self.files_around.folder is not None:
             is_declared = bool(self.configuration.trees)
             self.tree_set = TreeSet(self._set_files, self._read, self.include_path, is_declared=is_declared)
@@ -88,7 +88,7 @@ class Project:
             raise
 
     def _require_trust(self, modules: list[str]) -> None:
-        """Allow the import of modules in the configuration's folder, if the user trusts these modules."""
+        """Make modules in the configuration's folder importable, or raise an error if the user does not trust them."""
         from sar_compiler.project.trust import ConfigurationCode
 
         path = self.configuration.path
@@ -102,8 +102,8 @@ class Project:
 
     def _trust_finding(self, module: str, modules: Sequence[str]) -> Diagnostic:
         message = (
-            f"'{module}' is not in an installed package that registers leaves ('{ENTRY_POINTS}'), and code beside a "
-            "configuration is not trusted"
+            f"the module '{module}' is not trusted, because no installed package registers it (entry point '{ENTRY_POINTS}'). "
+            "Code beside a configuration file is not trusted automatically"
         )
         options = " ".join(f"--nodes {each}" for each in modules)
         hint = (
@@ -132,7 +132,7 @@ class Project:
 
     @contextlib.contextmanager
     def _locate_palette_errors(self, palette: str) -> Iterator[None]:
-        """Convert errors about a configured palette into findings at its location in the configuration."""
+        """Convert errors about a palette to findings at the place where the configuration names this palette."""
         try:
             yield
         except (UnreadableFileError, PaletteError) as error:
@@ -141,7 +141,7 @@ class Project:
 
     @functools.cached_property
     def _palettes_around(self) -> tuple[TreeFile, ...]:
-        """The well-formed palettes in the surrounding folders."""
+        """The palettes in the surrounding folders, except malformed ones."""
         found = []
         for path in self.files_around.palettes:
             with contextlib.suppress(TreeError, UnreadableFileError):
@@ -149,7 +149,7 @@ class Project:
         return tuple(found)
 
     def palettes_for(self, forest: Forest) -> tuple[TreeFile, ...]:
-        """Return the palettes for a file: the named palettes, and the nearest surrounding palettes with missing nodes.
+        """Return the palettes for a file: the named ones, and nearby ones that describe nodes which are missing there.
 
         Raises:
             TreeError, UnreadableFileError: As `palettes`.
@@ -170,12 +170,12 @@ class Project:
 
     @functools.cached_property
     def findings(self) -> list[Diagnostic]:
-        """The findings about the named palettes, which are the same for every tree."""
+        """The findings about the named palettes. They are the same for every tree of the project."""
         return self.configuration.decide(check_palettes(self.palettes, self.registry))
 
     @functools.cached_property
     def vocabulary(self) -> Registry:
-        """All nodes that can be used in a tree: registered nodes, and nodes that a palette describes.
+        """All nodes that a tree can use: the registered nodes and the nodes that palettes describe.
 
         Raises:
             TreeError: If a palette has errors, or the configuration names modules that are not trusted.
@@ -204,7 +204,7 @@ class Project:
                     yield self._names.get(place) or NamedPath.confined_to(path, (self.checkout,))
 
     def report_use(self, forest: Forest) -> None:
-        """Record the surrounding files that provided missing trees."""
+        """Record which surrounding files have provided trees that the file itself lacks."""
         if self.configuration.trees:
             return
         given = {*map(real_path, self.additions.trees), *self._names}
@@ -213,7 +213,7 @@ class Project:
 
     @property
     def include_path(self) -> tuple[Path, ...]:
-        """The further folders from which files may be included."""
+        """The additional folders from which tree files may include files."""
         root = self.files_around.root
         return (*self.additions.include_path, *self.configuration.include_path, *([root] if root else []))
 

@@ -1,4 +1,4 @@
-"""One tree file with its includes: read, bound, checked and compiled."""
+"""Reads, binds, checks and compiles one tree file with its includes."""
 
 import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sar_compiler.compiler.sketch import Drawable
 
 FurtherCheck = Callable[["ProjectTree"], list[Diagnostic]]
-"""A function that returns findings about a tree, for checks that need packages outside the core."""
+"""A function that checks a tree and returns findings. It may need packages that the core does not need."""
 
 
 class ProjectTree:
@@ -70,7 +70,7 @@ class ProjectTree:
 
     @property
     def forest(self) -> Forest:
-        """The file and its includes.
+        """The tree file and the files that it includes.
 
         Raises:
             TreeError: If the file is malformed.
@@ -81,7 +81,7 @@ class ProjectTree:
 
     @property
     def tree_file(self) -> TreeFile | None:
-        """The content of the file itself; for a malformed file, the content before the error, or None."""
+        """The content of the tree file. For a malformed file, this is the content before the error, or None."""
         if self._forest is not None:
             return self._forest.main
         return self._beginning.tree_file if self._beginning is not None else None
@@ -93,7 +93,7 @@ class ProjectTree:
 
     @functools.cached_property
     def findings(self) -> list[Diagnostic]:
-        """The findings about the file and its includes, with the project's severities."""
+        """The findings about the file and its includes. The project's configuration sets their severities."""
         if self._forest is None:
             return self._findings_before_error()
         decide = self.project.configuration.decide
@@ -102,7 +102,7 @@ class ProjectTree:
 
     @functools.cached_property
     def context(self) -> CheckContext:
-        """The file and its includes with the analysis results that the rules share.
+        """The file and its includes, together with the analysis results that all rules share.
 
         Raises:
             SarError: As `Project.registry` and `palettes` do.
@@ -112,7 +112,7 @@ class ProjectTree:
 
     @functools.cached_property
     def palettes(self) -> tuple[TreeFile, ...]:
-        """The palette files that are not among the checked files themselves.
+        """The palette files, except those that are themselves checked.
 
         Raises:
             UnreadableFileError: If a palette does not exist or cannot be read.
@@ -121,7 +121,7 @@ class ProjectTree:
         return self.project.palettes_for(self.forest)
 
     def _findings_before_error(self) -> list[Diagnostic]:
-        """Return the findings about a malformed file up to the syntax error."""
+        """Return the findings about a malformed file that concern the part before the syntax error."""
         found, project = list(self._malformed), self.project
         if self._beginning is not None:
             beginning, own = self._beginning, real_path(self.path)
@@ -137,7 +137,7 @@ class ProjectTree:
         return project.configuration.decide(sorted(found, key=lambda each: each.span))
 
     def check(self) -> list[Diagnostic]:
-        """Return all findings about the palettes, the file and its includes, including findings of further checks.
+        """Return all findings about the palettes, the file and its includes. Include those of further checks.
 
         Raises:
             TreeError: If a palette is malformed, or the configuration names modules that are not trusted.
@@ -167,7 +167,7 @@ class ProjectTree:
         return bind_main(self.forest, self.project.registry, tree_id, self.palettes)
 
     def require_no_errors(self) -> None:
-        """Raise the errors about the palettes, the file and its includes.
+        """Raise an error if there are any errors in the palettes, in the file or in its includes.
 
         Raises:
             TreeError: If there is at least one error.
@@ -177,7 +177,7 @@ class ProjectTree:
             raise TreeError(errors)
 
     def report_warnings(self, findings: Iterable[Diagnostic]) -> None:
-        """Pass the warnings about a file that is used with the tree, such as a scenario, to `note`."""
+        """Pass warnings to `note`. They are about a file that is used with the tree, such as a scenario."""
         for finding in findings:
             self.note(finding.render())
 
@@ -198,7 +198,7 @@ class ProjectTree:
         context: Mapping[type, object] | None = None,
         tree_id: str | None = None,
     ) -> "CompiledTree":
-        """Compile a tree for ticking.
+        """Compile a tree that can be ticked.
 
         Args:
             parameters: The values of the mission parameters, by key of the root blackboard.
@@ -214,7 +214,7 @@ class ProjectTree:
         return compile_tree(self.binding(tree_id), context or {}, parameters or {})
 
     def sketch(self, tree_id: str | None = None) -> "Drawable":
-        """Return a tree of the file for a drawing, even if the file has errors.
+        """Return a tree of the file that can be drawn, even if the file has errors.
 
         A tree without errors is compiled as by `preview`. In a tree with errors, unknown nodes are drawn as placeholders,
         and missing subtrees are collapsed.

@@ -1,4 +1,4 @@
-"""The surroundings of a tree file: its configuration, and the palettes and trees in the folders around it.
+"""Finds the surroundings of a tree file: the configuration, and palettes and trees in surrounding folders.
 
 All commands, the language server and the tools of agents use this module, so that a file has the same surroundings
 everywhere. Surrounding files are read only if a tree file uses a node that is not described, a name that may be an
@@ -29,7 +29,7 @@ _MOST_FILES = 20_000
 
 
 class FilesAround:
-    """The tree files and palettes below a folder, examined lazily.
+    """The tree files and palettes below a folder. They are examined only when they are needed.
 
     Links out of the folder are ignored. So are files that belong neither to the folder's owner nor to this user or root.
 
@@ -62,7 +62,7 @@ class FilesAround:
 
     @functools.cached_property
     def palettes(self) -> tuple[Path, ...]:
-        """The files and Groot2 projects that only describe nodes, sorted by path."""
+        """The palettes, sorted by path: files and Groot2 projects that only describe nodes."""
         return tuple(path for path in self._files if is_palette(path))
 
 
@@ -70,7 +70,7 @@ NOTHING_AROUND = FilesAround(None)
 
 
 class FileSurroundings(NamedTuple):
-    """The surroundings of a tree file.
+    """The configuration and the surrounding files of a tree file.
 
     Attributes:
         configuration: The configuration that applies to the tree file.
@@ -90,7 +90,7 @@ def find_surroundings(
     *,
     is_isolated: bool = False,
 ) -> FileSurroundings:
-    """Return the surroundings of a tree file.
+    """Find the configuration and the surrounding files of a tree file.
 
     The surrounding files are the files of the tree file's repository. Without a repository, they are the files of the
     outermost of these folders: the configuration's folder, the folder of the ROS package, and the current folder if
@@ -130,7 +130,7 @@ def find_surroundings(
 
 
 def _roots_of(place: Path, configuration: Configuration) -> Iterable[Path]:
-    """Yield the folders that may be the root of a project without a repository."""
+    """Yield the folders that may be the root of a project that is not in a repository."""
     if configuration.path is not None:
         yield configuration.path.parent
     yield from (each for each in place.parents if is_there(each / _PACKAGE))

@@ -1,4 +1,4 @@
-"""Import of modules that a configuration names, from the configuration's folder, in the version that the user trusts.
+"""Imports modules from a configuration's folder, but only in the version that the user trusts.
 
 Trust applies to the paths and contents of the configuration file and of every file of the packages (or modules) that it
 names. One digest identifies all of them, and a file named after the digest in the user's state folder records the trust.
@@ -32,12 +32,12 @@ _COMPILED = "__pycache__"
 
 
 class TrustError(SarError):
-    """An error if trust cannot be recorded."""
+    """It cannot be recorded that the user trusts a configuration."""
 
 
 @dataclass(frozen=True)
 class ConfigurationCode:
-    """The code of the modules that a configuration names.
+    """The code of the modules that a configuration file names.
 
     Attributes:
         configuration: The configuration file.
@@ -69,11 +69,11 @@ class ConfigurationCode:
 
     @property
     def is_trusted(self) -> bool:
-        """Whether the user trusts exactly this content."""
+        """Whether the user trusts exactly this version of the code."""
         return self._record.is_file()
 
     def trust(self) -> None:
-        """Record that the user trusts this content.
+        """Record that the user trusts this version of the code.
 
         Raises:
             TrustError: If the record cannot be written.
@@ -93,13 +93,13 @@ class ConfigurationCode:
         return trust_folder() / digest.hexdigest()
 
     def make_importable(self) -> None:
-        """Allow the import of these modules, with precedence over other modules of the same names."""
+        """Make these modules importable. They take precedence over other modules with the same names."""
         if not any(isinstance(each, _Finder) and each.content == self for each in sys.meta_path):
             sys.meta_path.insert(0, _Finder(self))
 
 
 def trust_folder() -> Path:
-    """Return the folder of the user's trust records."""
+    """Return the folder that contains a record for each trusted version of code."""
     return state_folder() / "trusted"
 
 
@@ -117,7 +117,7 @@ class _Finder(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return the spec of a module; None if the module is in none of the trusted packages.
+        """Return the import spec of a module, or None if no trusted package contains the module.
 
         Raises:
             ModuleNotFoundError: If the module was not part of its package when the package was trusted.
@@ -135,7 +135,7 @@ class _Finder(MetaPathFinder):
             # A folder without an `__init__` module has no origin.
             if spec is not None and (spec.origin is None or Path(spec.origin) in self.content.digests):
                 return spec
-        raise ModuleNotFoundError(f"{fullname} is not part of the trusted code", name=fullname)
+        raise ModuleNotFoundError(f"the module {fullname} is not part of the trusted code", name=fullname)
 
     def _loader(self, fullname: str, path: str) -> "_SourceLoader":
         return _SourceLoader(fullname, path, self.content.digests)
@@ -147,7 +147,7 @@ class _SourceLoader(SourceFileLoader):
         self._digests = digests
 
     def get_code(self, fullname: str) -> CodeType:
-        """Compile the source of a module; bytecode files are ignored.
+        """Compile the source code of a module. Ignore bytecode files.
 
         Raises:
             ImportError: If the source has changed since it was trusted.

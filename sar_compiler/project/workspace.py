@@ -1,4 +1,4 @@
-"""Loading of tree files, each with the settings of its project."""
+"""Loads tree files, each with the settings of the project to which it belongs."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -14,12 +14,12 @@ from sar_compiler.tree.discovery import find_tree, read_tree_file
 from sar_compiler.tree.forest import Read
 
 _MOST_NAMED = 5
-"""The maximum number of files that a note names."""
+"""The maximum number of files that are named in a note."""
 
 
 @dataclass(eq=False, repr=False)
 class Workspace:
-    """Loader of tree files, each with the settings of its project.
+    """Loads tree files, each with the settings of the project to which it belongs.
 
     Attributes:
         additions: The settings on the command line.
@@ -60,7 +60,7 @@ class Workspace:
         return ProjectTree(path, self.project_of(path), self.read, self.report_once, self.further_checks)
 
     def current_project(self) -> Project:
-        """Return the project to which a tree file in the current folder belongs; see `project_of`."""
+        """Return the project to which a tree file in the current folder would belong."""
         return self.project_of(Path("a tree file"))
 
     def project_of(self, path: Path) -> Project:
@@ -72,7 +72,9 @@ class Workspace:
         """
 
         def pass_over(foreign: Path) -> None:
-            self.report_once(f"{foreign} is ignored: it belongs neither to you nor to the owner of {path}")
+            self.report_once(
+                f"{foreign} is ignored, because this file belongs neither to you nor to the owner of {path}"
+            )
 
         folders, is_isolated = self.additions.folders, self.additions.is_isolated
         found = find_surroundings(path, folders, pass_over, is_isolated=is_isolated)
@@ -96,26 +98,26 @@ class Workspace:
         return self._projects.values()
 
     def reload_sets(self) -> None:
-        """Reload the files of all sets at the next request for a tree, because files have changed."""
+        """Make the next request for a tree reload the files in which trees are searched, because they have changed."""
         for project in self._projects.values():
             project.reload_set()
 
     def report_use(self) -> None:
-        """Report the surrounding palettes and tree files that were used without being named."""
+        """Report which surrounding palettes and tree files were used although the user has not named them."""
         palettes = {path for each in self.projects for path in each.used_palettes}
         trees = {path for each in self.projects for path in each.used_trees}
         for text in use_notes(palettes, trees):
             self.report_once(text)
 
     def report_once(self, text: str) -> None:
-        """Report a note, unless the same note was reported before."""
+        """Report a note if the same note was not reported before."""
         if text not in self._noted:
             self._noted.add(text)
             self.note(text)
 
 
 def use_notes(palettes: Collection[Path], trees: Collection[Path]) -> Iterator[str]:
-    """Yield notes about the palettes and tree files that were used without being named."""
+    """Yield notes about palettes and tree files that were used although the user has not named them."""
     for what, paths in (("nodes are described by", palettes), ("trees are taken from", trees)):
         if paths:
             more = f" and {len(paths) - _MOST_NAMED} more" if len(paths) > _MOST_NAMED else ""

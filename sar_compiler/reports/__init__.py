@@ -1,4 +1,4 @@
-"""Explanations, statistics and reports of recorded missions."""
+"""Explains recorded missions, and creates statistics and reports about them."""
 
 PUBLIC_MODULES = (
     "checked_journal",

@@ -1,4 +1,4 @@
-"""Check a journal's hash chain, to find out whether the journal was altered."""
+"""Checks the hash chain of a journal to find out whether the journal was altered."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from sar_compiler.journal.chain import ChainEntry, JournalChain
     from sar_compiler.journal.database import JournalFile
 
-_NOT_KNOWN = "A recomputed or truncated chain can only be detected with --head HEX; the hash is in the run's summary and in reports"
+_NOT_KNOWN = "Without --head HEX, a recomputed or truncated chain cannot be detected. This hash is in the run's summary and in reports"
 _OMITTED = ("what", "data", "link")
 
 
@@ -34,7 +34,7 @@ class CheckedJournal(NamedTuple):
 
     @classmethod
     def check(cls, place: Path, expected: str | None) -> "CheckedJournal":
-        """Check a journal, and return the result.
+        """Check whether a journal was altered, and return the result.
 
         Args:
             place: The path of the journal.
@@ -54,17 +54,17 @@ class CheckedJournal(NamedTuple):
 
     @property
     def is_good(self) -> bool:
-        """Whether no problem was found."""
+        """Whether the check has found no problem."""
         return self.state in ("whole", "open")
 
     def text(self) -> str:
-        """Return the result as lines of text."""
+        """Return the result of the check as lines of text."""
         shown = [f"head {self.chain.head}"] if self.chain is not None and self.chain.head else []
         lines = [f"{self.file} {self.words}", *(f"  {line}" for line in (*shown, *self.notes))]
         return "\n".join(map(escape_to_one_line, lines))
 
     def data(self) -> dict[str, Any]:
-        """Return the result as a JSON object."""
+        """Return the result of the check as a JSON object."""
         chain = self.chain
         return {
             "file": str(self.file),
@@ -79,7 +79,7 @@ class CheckedJournal(NamedTuple):
 
 
 def _uncovered_parts(file: "JournalFile") -> "list[str]":
-    """Return notes on the parts of a journal that the chain does not cover."""
+    """Return notes about the parts of a journal that the hash chain does not cover."""
     notes = []
     if count := file.spilled_count():
         events = count_with_noun(count, "event")
@@ -88,10 +88,10 @@ def _uncovered_parts(file: "JournalFile") -> "list[str]":
 
 
 def _chain_verdict(chain: "JournalChain", expected: str | None, *, is_written: bool) -> tuple[str, str]:
-    """Return the state of a chain, with its description."""
+    """Return the state of a hash chain, and a description of this state."""
     has = f"{chain.entries:,} entries in {count_with_noun(chain.runs, 'run')}"
     if chain.wrong is not None:
-        why = "It was changed, or entries before it were removed, moved or inserted"
+        why = "This entry was changed, or entries before it were removed, moved or inserted"
         return (
             "altered",
             f"was altered: {_wrong_text(chain.wrong)} does not match the entries before it. {why}",
@@ -110,7 +110,7 @@ def _chain_verdict(chain: "JournalChain", expected: str | None, *, is_written: b
 def _other_head(chain: "JournalChain", expected: str) -> str:
     run = next((number for number, each in chain.heads.items() if each == expected), None)
     if run is None:
-        return "the chain is consistent, so it was truncated or recomputed, or the head is of another journal"
+        return "the chain itself is consistent, so it was truncated or recomputed, or the head belongs to another journal"
     return f"the given head is the head of run {run}, and does not cover later entries"
 
 

@@ -1,4 +1,4 @@
-"""Report as text and as JSON whether recorded runs are possible runs of their tree."""
+"""Reports, as text or JSON, whether recorded runs are possible runs of their trees."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -24,7 +24,7 @@ _END_WORDS = {"running": "running, compared so far"}
 
 
 class ComparedRun(NamedTuple):
-    """The last run of a journal, and the result of its comparison with the tree's possible runs.
+    """The last run of a journal, and the result of comparing this run with the possible runs of its tree.
 
     Attributes:
         journal: The path of the journal.
@@ -44,7 +44,7 @@ class ComparedRun(NamedTuple):
 
     @property
     def is_fine(self) -> bool:
-        """Whether the recorded run is a possible run of its tree and violated no property."""
+        """Whether the recorded run is possible in its tree, and no property was or may have been violated."""
         return self.found is not None and self.found.is_fine
 
     @property
@@ -54,7 +54,7 @@ class ComparedRun(NamedTuple):
 
 
 def runs_as_text(runs: Sequence[ComparedRun]) -> str:
-    """Return the details of one compared run, or for several runs a table and the details of failed runs."""
+    """Return the details of a single run. For several runs, return a table and the details of the failed ones."""
     if len(runs) == 1:
         return "\n".join(map(escape_to_one_line, _run_lines(runs[0])))
     lines = [table_text([*map(_row, runs)], 4)]
@@ -131,7 +131,7 @@ def _violation_lines(broken: RecordedProperty) -> Iterator[str]:
     place = f"  ({broken.place})" if broken.place else ""
     yield f"{broken.name}: {broken.fate.value} {said} tick {broken.tick}, {clock_text(broken.time_sec)}{place}"
     if broken.fate is PropertyResult.IN_DOUBT:
-        yield "  the record matches runs that violate the property, and also runs that do not violate it"
+        yield "  the record matches runs that violate the property, but also runs that do not violate it"
     yield from _event_lines(broken.run)
 
 
@@ -170,7 +170,7 @@ def _run_data(compared: ComparedRun) -> dict[str, object]:
 
 
 def _with_run(data: dict[str, object]) -> dict[str, object]:
-    """Replace each event in `run` by a list as in journals: time, tick, node, action."""
+    """Replace each event in `run` by a list of time, tick, node and action, as in journals."""
     run = data["run"]
     assert isinstance(run, tuple)  # noqa: S101 - of events
     return {**data, "run": [[each.time_sec, each.tick, each.number, each.action] for each in run]}

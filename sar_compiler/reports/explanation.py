@@ -1,4 +1,4 @@
-"""The cause of a failed run, and the changes that would have made it succeed."""
+"""Explains a failed run: finds the cause, and the changes with which the run would have succeeded."""
 
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -28,7 +28,7 @@ R = TypeVar("R")
 
 
 class GoneTreeError(SarError):
-    """The tree file of a run is unknown or missing."""
+    """The tree file that a run has used is unknown or missing."""
 
 
 class CounterfactualRun(NamedTuple):
@@ -44,7 +44,7 @@ class CounterfactualRun(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """The explanation of the last run of a mission.
+    """The explanation of why the last run of a mission failed.
 
     Attributes:
         reasons: The causes of the run's failure.
@@ -66,7 +66,7 @@ class Explanation(NamedTuple):
         is_gone: bool = True,
         budget: Budget | None = None,
     ) -> "Explanation":
-        """Return the explanation of a journal's last run.
+        """Explain why the last run in a journal failed.
 
         Args:
             file: The journal, open as a snapshot.
@@ -99,7 +99,7 @@ class Explanation(NamedTuple):
         return cls(reasons, analysis.state.nodes, change)
 
     def text(self) -> str:
-        """Return the explanation in words."""
+        """Return the explanation as text."""
         from sar_compiler.reports.why import cause_text, counterfactual_text
 
         change, reason = self.otherwise
@@ -125,7 +125,7 @@ class Explanation(NamedTuple):
 
 
 def tree_entries(file: "JournalFile") -> Iterator[JournalEntry]:
-    """Yield the entries of the last run, except observations of the robot."""
+    """Yield the entries of the last run, except observations from the robot's topics."""
     return file.last_run(without=OF_ROBOT)
 
 
@@ -135,7 +135,7 @@ def find_counterfactual(
     projects: "Workspace",
     tree_file: Path | None = None,
 ) -> CounterfactualRun:
-    """Return the changes that would have made a mission's failed last run succeed.
+    """Find changes with which the failed last run of a mission would have succeeded.
 
     Args:
         state: The state of the mission after the run.
@@ -172,14 +172,14 @@ def find_counterfactual(
 
 
 def _options_of(about: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the recorded options of a run that select nodes, such as --nodes; malformed entries are ignored."""
+    """Return the recorded options with which a run selected nodes, such as --nodes. Ignore malformed entries."""
     recorded = about.get("options")
     pairs = recorded if isinstance(recorded, list) else []
     return [(str(pair[0]), str(pair[1])) for pair in pairs if isinstance(pair, list) and len(pair) > 1]
 
 
 def _missing_options(state: "MissionState", projects: "Workspace") -> list[str]:
-    """Return the last run's node options that the user must repeat; they are not taken from the journal."""
+    """Return the last run's node options that the user must repeat, because they are not read from the journal."""
     added = projects.additions
     given = {*map(str, added.nodes), *(str(each.resolve()) for each in (*added.models, *added.include_path))}
     return [
@@ -191,14 +191,14 @@ def _missing_options(state: "MissionState", projects: "Workspace") -> list[str]:
 
 
 def palettes_of(about: Mapping[str, Any]) -> list[Path]:
-    """Return the installed palettes that a run used, as stated in the run's description."""
+    """Return the installed palettes that a run has used according to the description of the run."""
     return [
         Path(value) for option, value in _options_of(about) if option == "--model" and is_palette_name(value)
     ]
 
 
 def _add_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspace":
-    """Return a workspace to which the last run's installed palettes are added."""
+    """Return a copy of the workspace that also has the installed palettes of the last run."""
     added = projects.additions
     models = tuple(dict.fromkeys((*added.models, *palettes_of(state.runs[-1].about))))
     return replace(projects, additions=added._replace(models=models))
@@ -207,7 +207,7 @@ def _add_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspace
 def candidate_trees(
     state: "MissionState", projects: "Workspace", tree_file: Path | None = None
 ) -> "Iterator[SimulatedTree]":
-    """Yield the last run's tree with stub leaves, first with assumed limits of facts, then without them.
+    """Yield the last run's tree with stub leaves: first with the assumed limits of facts, then without limits.
 
     Raises:
         GoneTreeError: If the tree file is unknown or missing.
@@ -233,7 +233,7 @@ def candidate_trees(
 
 
 def answer_for_matching_tree(trees: Iterable[T], ask: Callable[[T], R]) -> R:
-    """Return the result for the first tree that reproduces the recorded run.
+    """Return the result of *ask* for the first tree that can reproduce the recorded run.
 
     Raises:
         NotReplayedError: If no tree reproduces the run.

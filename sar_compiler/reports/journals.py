@@ -1,4 +1,4 @@
-"""A mission's journal as text and as JSON."""
+"""Displays the journal of a mission as text or as JSON."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -17,7 +17,7 @@ _END = "\n}"
 
 
 def journal_json(file: JournalFile, state: MissionState, *, with_watched: bool = False) -> Iterator[str]:
-    """Yield the lines of a JSON object that contains a journal; each event and each observation has a line.
+    """Yield the lines of a JSON object that contains a journal, with one line for each event and observation.
 
     Args:
         file: The journal.
@@ -55,7 +55,7 @@ def _json_items(entries: Iterable[JournalEntry]) -> Iterator[str]:
 def journal_lines(
     file: JournalFile, state: MissionState, why: str = "", *, with_watched: bool = False
 ) -> Iterator[str]:
-    """Yield a journal as lines of text: the mission's status, then each run with the times of its events.
+    """Yield a journal as lines of text: the status of the mission, then the events of each run with times.
 
     Args:
         file: The journal.
@@ -80,7 +80,7 @@ def journal_lines(
 
 
 def journal_state(state: MissionState) -> str:
-    """Return the state of the journal for scripts: `running`, `crashed`, `empty`, or the end of the last run."""
+    """Return the state of the journal in a word for scripts: `running`, `crashed`, `empty`, or how the run ended."""
     if ending := state.runs[-1].ending if state.runs else "":
         return ending
     if not state.process.is_gone:
@@ -110,7 +110,7 @@ def _entry_lines(
 
 
 def entry_text(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[str]:
-    """Yield the fields of an entry as text; if *nodes* contains the names of all nodes, nodes appear by name."""
+    """Yield the fields of an entry as text. If *nodes* contains the names of all nodes, show names, not numbers."""
     for key, value in data.items():
         if key in ("node", "leaf") and isinstance(value, int) and 0 <= value < len(nodes):
             yield f"{key} '{nodes[value]}'"
@@ -119,7 +119,7 @@ def entry_text(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[s
 
 
 _MOST_LISTED = 12
-"""The maximum number of values in a list that are printed; longer lists are only counted."""
+"""The maximum length of a list whose values are printed. For longer lists, only the length is printed."""
 
 
 def _value(value: object) -> str:

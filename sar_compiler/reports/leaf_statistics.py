@@ -1,4 +1,4 @@
-"""Count the results of leaves in recorded runs, and the results that other nodes decide; measure running times.
+"""Counts the results of leaves and the decisions of other nodes in recorded runs, and measures running times.
 
 The statistics can also be written as assumptions for the analysis of other runs.
 """
@@ -19,7 +19,7 @@ from sar_compiler.tree.display_text import escape_to_one_line
 from sar_compiler.tree.plain import as_json, count_with_noun
 
 FEWEST = 10
-"""The minimum number of results of a leaf that is required to write assumptions about the leaf."""
+"""The minimum number of results that a leaf must have so that assumptions about it are written."""
 
 # The assumed results of a leaf that does not declare its outcomes.
 _USUAL = "SUCCESS", "FAILURE"
@@ -27,7 +27,7 @@ _USUAL = "SUCCESS", "FAILURE"
 
 @dataclass
 class OutcomeTimes:
-    """The activations of a node that ended with the same result.
+    """The activations of a node that have ended with the same result.
 
     Attributes:
         status: The status of the result.
@@ -47,7 +47,7 @@ class OutcomeTimes:
 
 @dataclass
 class LeafStatistics:
-    """The results of a leaf in recorded runs. Leaves that have the same path are combined.
+    """The results of a leaf in recorded runs. The results of leaves with the same path are combined.
 
     Attributes:
         path: The names of the nodes from the root down to the leaf.
@@ -68,16 +68,16 @@ class LeafStatistics:
 
     @property
     def key(self) -> str:
-        """The leaf's name in a properties or scenario file."""
+        """The name under which a properties or scenario file refers to the leaf."""
         return self.path[-1] if any("/" in part for part in self.path) else "/".join(self.path)
 
     @property
     def result_count(self) -> int:
-        """The number of results that ended an activation."""
+        """The number of results that have ended an activation of the leaf."""
         return sum(len(each.times) for each in self.outcomes.values())
 
     def interval(self, outcome: OutcomeTimes, confidence: float) -> Interval:
-        """Return the Wilson score interval of an outcome's share of the leaf's results."""
+        """Return the Wilson score interval for the share of an outcome in the results of the leaf."""
         return wilson(len(outcome.times), self.result_count, confidence)
 
 
@@ -97,7 +97,7 @@ class RunStatistics:
     decisions: dict[tuple[tuple[str, ...], str, str], OutcomeTimes] = field(default_factory=dict)
 
     def add(self, stream: Iterable[JournalEntry]) -> None:
-        """Add the runs of a journal.
+        """Add the results in all runs of a journal.
 
         Args:
             stream: The entries of the journal, as `JournalFile.stream` yields them.
@@ -125,7 +125,7 @@ class RunStatistics:
 
 
 def _record_labels(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[JournalEntry]:
-    """Yield the entries, and add to *declared* the numbers of leaves whose outcomes have labels."""
+    """Yield the entries unchanged. Add the numbers of leaves with labelled outcomes to *declared*."""
     for entry in entries:
         if entry.kind == STATUS and "label" in entry.data:
             declared.add(entry.data["node"])
@@ -133,7 +133,7 @@ def _record_labels(entries: Iterable[JournalEntry], declared: set[int]) -> Itera
 
 
 class _ActiveLeaves:
-    """The current activations of a run's leaves."""
+    """The leaves of a run that are currently active, with the starts of these activations."""
 
     def __init__(self) -> None:
         self._begun: dict[int, float] = {}
@@ -159,14 +159,14 @@ class _ActiveLeaves:
 
 
 def statistics_as_text(found: RunStatistics, confidence: float) -> str:
-    """Return a table with a line for each outcome of each leaf, which states the outcome's share in percent."""
+    """Return a table with a line for each outcome of each leaf. The line states the outcome's share in percent."""
     interval = f"{100 * confidence:g} % interval"
     lines = [
         _line(leaf, outcome, interval, confidence, is_first=not place)
         for leaf in found.leaves.values()
         for place, outcome in enumerate(leaf.outcomes.values() or [None])
     ]
-    remarks = f"{count_with_noun(found.runs, 'run')}. A share is a part of the results that ended an activation of the leaf. Intervals are Wilson score intervals. A result that is repeated on consecutive ticks is counted once."
+    remarks = f"{count_with_noun(found.runs, 'run')}. A share is the part of a leaf's activations that ended with this outcome. Intervals are Wilson score intervals. A result that is repeated on consecutive ticks is counted once."
     if not lines:
         return f"{count_with_noun(found.runs, 'run')}. No leaf has returned a result."
     decided = [
@@ -200,7 +200,7 @@ def _line(
 
 
 def statistics_as_json(found: RunStatistics, confidence: float) -> str:
-    """Return the statistics as a JSON object, with times in seconds and shares from 0 to 1."""
+    """Return the statistics as a JSON object, with times in seconds and shares between 0 and 1."""
     leaves = [
         {
             "path": list(leaf.path),
@@ -242,13 +242,13 @@ def _times_data(outcome: OutcomeTimes) -> Mapping[str, float]:
 
 
 def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
-    """Return the section `outcomes:` of a properties or scenario file, with `p` and `sec`.
+    """Return the statistics as a section `outcomes:` of a properties or scenario file, with `p` and `sec`.
 
     A leaf with fewer than `FEWEST` results is named only in a comment.
     """
     known = [leaf for leaf in found.leaves.values() if leaf.result_count >= FEWEST]
     lines = [
-        f"# Results of leaves in {count_with_noun(found.runs, 'run')}, by sar-journal stats.",
+        f"# Results of leaves in {count_with_noun(found.runs, 'run')}, counted by sar-journal stats.",
         f"# p: {100 * confidence:g} % Wilson interval of a share. sec: 5th to 95th percentile of the running times.",
         *(
             f"# Fewer than {FEWEST} results, so no assumption is written: {leaf.key} ({leaf.result_count})"
@@ -264,7 +264,7 @@ def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
 
 
 def _outcome_assumptions(leaf: LeafStatistics, confidence: float) -> Sequence[object]:
-    """Return the outcomes of a leaf with their probabilities and times."""
+    """Return assumptions about a leaf: each outcome with the bounds of its probability and duration."""
     items: list[object] = []
     outcomes = [*leaf.outcomes.values()]
     if not leaf.is_declared:

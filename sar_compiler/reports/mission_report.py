@@ -1,4 +1,4 @@
-"""The report of a mission as JSON values, and as text in the format of a file name's extension."""
+"""Creates the report of a mission as JSON, or in the format that a file name extension selects."""
 
 import os
 import re
@@ -22,21 +22,21 @@ from sar_compiler.tree.plain import as_json
 
 
 class ReportError(SarError):
-    """A report cannot be written to a file, or cannot be written in the file's format."""
+    """A report cannot be written to a file, or not in the format that the file name selects."""
 
 
 def georeference(state: MissionState) -> Georeference | None:
-    """Return the georeference of a mission's map; None if it is unknown."""
+    """Return the georeference of a mission's map, or None if it is unknown."""
     return state.place or Georeference.from_parameters(state.parameters)
 
 
 def detections_to_visit(state: MissionState) -> list[Landmark]:
-    """Return the detections that a person must visit, which are all detections that were not abandoned."""
+    """Return the detections that a person must visit: all detections except abandoned ones."""
     return [each for each in state.situation.detections() if each.level != Level.GIVEN_UP]
 
 
 def unfinished_locations(state: MissionState) -> dict[str, list[str]]:
-    """Return the names of unfinished locations by state, each with the reason for the state."""
+    """Return the names of unfinished locations, grouped by state. Each name has the reason for the state."""
     places: dict[str, list[str]] = {}
     for each in state.situation.landmarks.values():
         if each.state and each.level != Level.DONE and not state.situation.kind_of(each).is_found:
@@ -46,7 +46,7 @@ def unfinished_locations(state: MissionState) -> dict[str, list[str]]:
 
 
 def report_data(state: MissionState, why: CauseOfFailure | None = None) -> dict[str, Any]:
-    """Return the report of a mission, with the cause of a failure, as a JSON object.
+    """Return the report of a mission as a JSON object. For a failed mission, the report contains the cause.
 
     Positions are `x` and `y` in the frame `map`, in metres, and also `lat` and `lon` in degrees if the map has a
     georeference. Each time is given as `utc` and as `time`, which is the number of seconds on the mission's
@@ -118,7 +118,7 @@ def report_data(state: MissionState, why: CauseOfFailure | None = None) -> dict[
 
 
 def _position_fields(reference: Georeference | None, x: float, y: float) -> dict[str, float]:
-    """Return a position in the frame `map`, also with latitude and longitude if the map has a georeference."""
+    """Return the fields for a position in the frame `map`. With a georeference, add latitude and longitude."""
     if reference is None:
         return {"x": x, "y": y}
     lat, lon = reference.to_coordinates(x, y)
@@ -170,7 +170,7 @@ def json_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
 
 
 def require_form(file: Path, place: Georeference | None) -> None:
-    """Check before the run that a report can be written after the run.
+    """Check, before a run starts, that the report can be written when the run has ended.
 
     Args:
         file: The path of the report.
@@ -182,7 +182,9 @@ def require_form(file: Path, place: Georeference | None) -> None:
     """
     form = FORMS.get(file.suffix.lower())
     if form is None:
-        raise ReportError(f"unknown report format of {file} (known endings: {', '.join(FORMS)})")
+        raise ReportError(
+            f"the report format of {file} is unknown (known file name endings: {', '.join(FORMS)})"
+        )
     if form.is_of_the_world and place is None:
         raise ReportError(
             f"{file} contains world coordinates. Add {GEOREFERENCE}: {{lat: …, lon: …, heading: …}} to the parameter file, with the origin of the frame map, and the heading of the x axis clockwise from north, in degrees. Or create the report after the run: sar-journal report --georeference LAT,LON,HEADING"
@@ -195,18 +197,18 @@ def require_form(file: Path, place: Georeference | None) -> None:
 
 
 def _write_obstacle(file: Path) -> str:
-    """Return the reason why a file cannot be written; an empty string if no reason is known."""
+    """Return the reason why a file cannot be written, or an empty string if there is none."""
     if not file.parent.is_dir():
         return f"the folder {file.parent} does not exist"
     if file.is_dir():
         return "it is a folder"
     # A device is opened for writing. A file is replaced, which requires write access to the folder.
     written = file if file.exists() and not file.is_file() else real_path(file).parent
-    return "" if os.access(written, os.W_OK) else f"no permission to write to {written}"
+    return "" if os.access(written, os.W_OK) else f"you do not have permission to write to {written}"
 
 
 def report_text(state: MissionState, file: Path | str, why: CauseOfFailure | None = None) -> str:
-    """Return the text of a mission's report in the format of a file name's extension."""
+    """Return the report of a mission as text, in the format that the file name extension selects."""
     form = FORMS[Path(file).suffix.lower()]
     write = load(form.function)
     text: str = write(state) if form.is_of_the_world else write(state, why)
@@ -233,11 +235,11 @@ class PathShortener:
         self._path_pattern = self._pattern()
 
     def shorten_stream(self, stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
-        """Yield entries with shortened paths."""
+        """Yield the entries of a stream with shortened paths."""
         return map(self.shorten, stream)
 
     def shorten(self, entry: JournalEntry) -> JournalEntry:
-        """Return an entry with shortened paths."""
+        """Return a copy of an entry in which paths are shortened."""
         if entry.kind == RUN_BEGAN:
             self._folders.add(_common_folder(entry.data.get("tree")))
             self._path_pattern = self._pattern()
@@ -264,7 +266,7 @@ class PathShortener:
 
 
 def _is_short(data: Mapping[str, Any]) -> bool:
-    """Return whether the data of a status entry contains no path."""
+    """Return whether the data of a status entry contains no path that could be shortened."""
     for each in data.values():  # noqa: SIM110 - `any` takes twice as long
         if type(each) is str and "/" in each:
             return False
@@ -272,6 +274,6 @@ def _is_short(data: Mapping[str, Any]) -> bool:
 
 
 def _common_folder(tree: object) -> str:
-    """Return the common folder of a tree's files; empty if no node has an absolute path."""
+    """Return the common folder of a tree's files, or an empty string if no file has an absolute path."""
     folders = {os.path.dirname(node.file) for node in tree_nodes(tree) if os.path.isabs(node.file)}  # noqa: PTH117, PTH120 - of another machine
     return os.path.commonpath(folders) if folders else ""

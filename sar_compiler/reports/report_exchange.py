@@ -1,4 +1,4 @@
-"""Reports in world coordinates for map programs and emergency services.
+"""Creates reports in world coordinates for map programs and emergency services.
 
 The formats are GeoJSON (RFC 7946), KML 2.2 (OGC), Cursor on Target 2.0 (TAK) and Common Alerting Protocol 1.2 (CAP).
 """
@@ -34,7 +34,7 @@ _STAMP = "%Y%m%dT%H%M%SZ"
 
 
 def geojson_report(state: MissionState) -> str:
-    """Return a mission as a GeoJSON FeatureCollection, with its landmarks and the robot's path in each run.
+    """Return the report as a GeoJSON FeatureCollection: the landmarks, and the robot's path in each run.
 
     Raises:
         ReportError: If the map has no georeference.
@@ -85,7 +85,7 @@ _CERTAIN_SCALE = "1.4"
 
 
 def kml_report(state: MissionState) -> str:
-    """Return a mission as a KML document: landmarks in the page's colours, and the driven path of each run.
+    """Return the report as a KML document: the landmarks, and the robot's path in each run.
 
     Raises:
         ReportError: If the map has no georeference.
@@ -136,7 +136,7 @@ def _path_placemarks(state: MissionState, reference: Georeference) -> Iterator[A
 
 
 def _style(name: str, *, is_certain: bool = False) -> Any:
-    """Return the style of a placemark; the colours suit a dark background, because aerial pictures are dark."""
+    """Return the style of a placemark. Its colours suit aerial pictures, which are dark."""
     colour = "".join(f"{round(part * 255):02x}" for part in reversed(rgb(name, dark=True)))
     return _E.Style(
         _E.IconStyle(_E.color(f"ff{colour}"), *([_E.scale(_CERTAIN_SCALE)] if is_certain else [])),
@@ -146,19 +146,19 @@ def _style(name: str, *, is_certain: bool = False) -> Any:
 
 
 def _description(state: MissionState, text: str) -> Any:
-    """Return the description of a KML element. Markup is escaped, because programs show descriptions as HTML."""
+    """Return the description of a KML element with markup escaped, because programs show it as HTML."""
     simulated = "SIMULATED. " if state.about.get("simulated") else ""
     return _E.description(html.escape(_text(f"{simulated}{text}"), quote=False))
 
 
 def _coordinates(places: Iterable[tuple[float, float]], reference: Georeference) -> Any:
-    """Convert positions in the frame `map`, in metres, to a KML element with longitudes and latitudes."""
+    """Convert positions in the frame `map`, in metres, to a KML element with world coordinates."""
     located = (reference.to_coordinates(*place) for place in places)
     return _E.coordinates(" ".join(f"{lon:.8f},{lat:.8f}" for lat, lon in located))
 
 
 def cot_report(state: MissionState, now: datetime | None = None) -> str:
-    """Return a line with a Cursor on Target event for each detection that needs a visit.
+    """Return the report as Cursor on Target events: one line for each detection that a person must visit.
 
     Args:
         state: The state of the mission.
@@ -180,7 +180,7 @@ def cot_report(state: MissionState, now: datetime | None = None) -> str:
 
 
 def cap_report(state: MissionState) -> str:
-    """Return a CAP alert with an info block for each detection that needs a visit.
+    """Return the report as a CAP alert, with an info block for each detection that a person must visit.
 
     Raises:
         ReportError: If the map has no georeference.
@@ -268,12 +268,12 @@ def _cot_event(
 
 
 def _name(state: MissionState, name: str) -> str:
-    """Return a landmark's name that is unique even among several robots, such as `robot1/find_1`."""
+    """Return a name for a landmark that is unique among several robots, such as `robot1/find_1`."""
     return f"{state.robot}/{name}" if state.robot else name
 
 
 def _state_of(landmark: Landmark) -> str:
-    """Return the state of a landmark, the reason for the state and, for an area, the details."""
+    """Return the state of a landmark and the reason for this state as text. For an area, add the details."""
     state = ", ".join(filter(None, (landmark.state, landmark.reason)))
     return "; ".join(filter(None, (state, *(_details(landmark) if landmark.corners else ()))))
 
@@ -301,7 +301,7 @@ def _reference(state: MissionState) -> Georeference:
 
 
 def _mission_id(state: MissionState) -> str:
-    """Return the identifier of a mission, which consists of the node's name and the start of the first run."""
+    """Return an identifier of a mission: the name of the ROS node, and the time at which the first run started."""
     node = str((state.runs[0].about.get("node") if state.runs else None) or "mission").strip("/")
     began = _moment(state.runs[0].began if state.runs else None)
     return f"{re.sub(r'[^a-zA-Z0-9_-]', '.', node)}.{began:{_STAMP}}"
@@ -314,12 +314,12 @@ def _moment(instant: EventTime | None) -> datetime:
 
 
 def _text(text: str) -> str:
-    """Convert a text to one line without characters that XML does not allow."""
+    """Convert text to a single line, and remove characters that XML does not allow."""
     return speakable(escape_to_one_line(text))
 
 
 def _to_plain_properties(data: dict[str, Any]) -> dict[str, Any]:
-    """Return a landmark's data, except positions, as GeoJSON properties; times are in UTC."""
+    """Return the data of a landmark, except positions, as GeoJSON properties with times in UTC."""
     return {
         key: value["utc"] if isinstance(value, dict) else value
         for key, value in data.items()

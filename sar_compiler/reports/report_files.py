@@ -1,4 +1,4 @@
-"""Write the reports of a mission from the mission's journal."""
+"""Writes reports of a mission from the journal of the mission."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ from sar_compiler.writing import write_text
 
 
 def write_report(state: MissionState, file: Path, why: CauseOfFailure | None) -> str:
-    """Write a report; return the reason if the report cannot be written, otherwise an empty string."""
+    """Write a report. Return the reason if it cannot be written, otherwise an empty string."""
     try:
         write_text(file, report_text(state, file, why))
     except SarError as error:
@@ -30,7 +30,7 @@ def write_report(state: MissionState, file: Path, why: CauseOfFailure | None) ->
 
 
 def report_journal(journal: Path, files: Sequence[Path], place: Georeference | None = None) -> int:
-    """Write the reports of a journal's mission, and print the reasons for failures.
+    """Write reports of the mission in a journal. Print the reason for each report that cannot be written.
 
     Args:
         journal: The journal.
@@ -55,7 +55,7 @@ def report_journal(journal: Path, files: Sequence[Path], place: Georeference | N
 
 
 def report_page(journal: Path) -> str:
-    """Return the report of a journal's mission as an HTML page.
+    """Return the report of the mission in a journal as an HTML page.
 
     Raises:
         SarError: If the journal cannot be read, or a library is not installed.
@@ -82,7 +82,7 @@ def _georeference_text(place: Georeference) -> str:
 
 
 def _report_obstacle(state: MissionState, file: Path) -> str:
-    """Return the reason why a report cannot be written in the file's format; empty if it can be written."""
+    """Return the reason why a report cannot be written in the file's format, or an empty string."""
     try:
         require_form(file, georeference(state))
     except SarError as error:

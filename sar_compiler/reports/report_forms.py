@@ -1,11 +1,11 @@
-"""The formats of reports, by file name extension. Showing the help of a command does not import the formats' modules."""
+"""Defines the formats of reports without importing their modules, so that the help of commands is fast."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 
 class ReportForm(NamedTuple):
-    """A format of a report.
+    """A format in which a report can be written.
 
     Attributes:
         function: The import path of the function that returns the report; imported when a report is written.
@@ -35,7 +35,7 @@ FORMS: Mapping[str, ReportForm] = {
 
 
 def describe_forms() -> str:
-    """Return the description of the report formats for the help of a command."""
+    """Return a description of all report formats, for the help of a command."""
     here, world = (
         ", ".join(
             f"{ending} {form.use}".rstrip()

@@ -1,4 +1,4 @@
-"""The report of a mission as a single, self-contained HTML page, which can be printed and forwarded.
+"""Creates the report of a mission as one self-contained HTML page, which can be printed and forwarded.
 
 The page contains a map in SVG with the mission's landmarks and the path of the robot.
 """
@@ -36,7 +36,7 @@ _POSITION = ("x, y in map (m)", "latitude, longitude")
 
 @functools.cache
 def _macros() -> Any:
-    """Return the macros of the page's template, which escape all text.
+    """Return the macros of the page template. These macros escape all text.
 
     Raises:
         ImportError: If Jinja2 is not installed.
@@ -54,7 +54,7 @@ def _macros() -> Any:
 
 
 def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
-    """Return the report of a mission, with the cause of a failure, as an HTML page; all text is escaped.
+    """Return the report of a mission as an HTML page in which all text is escaped.
 
     Raises:
         ImportError: If Jinja2 is not installed, or if the map has a georeference and pyproj is not installed.
@@ -97,13 +97,13 @@ def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
 
 
 def _first_and_last(facts: Sequence[KnownEvent], count: int) -> list[KnownEvent]:
-    """Return at most *count* events: a third of them from the beginning, the rest from the end."""
+    """Return at most *count* events: a third of the count from the beginning, and the rest from the end."""
     first = count // 3
     return [*facts] if len(facts) <= count else [*facts[:first], *facts[first - count :]]
 
 
 def _summary_lines(state: MissionState) -> Iterator[tuple[str, str]]:
-    """Yield the lines of the summary, each as a pair of a term and a description."""
+    """Yield the lines of the summary. Each line is a pair of a term and a description."""
     for run in state.runs:
         yield (f"run {run.number}" if len(state.runs) > 1 else "time", _duration(run.began, run.ended))
     if state.runs and not state.runs[-1].ending:
@@ -129,7 +129,7 @@ def _robot(state: MissionState) -> str:
 
 
 def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[Mapping[str, object]]:
-    """Yield tables of landmarks: one for each kind of detection, or for each other kind whose landmarks have states."""
+    """Yield a table for each kind of detection or, if *is_found* is False, for each other kind with states."""
     situation = state.situation
     for kind in situation.kinds.values():
         listed = situation.of_kind(kind.name)
@@ -168,7 +168,7 @@ def _detail(state: MissionState, value: Any) -> str:
 
 
 def next_steps(state: MissionState) -> Iterator[str]:
-    """Yield the tasks for readers of the report: detections to visit, open tasks, and data to request."""
+    """Yield the tasks for readers of the report: visits to detections, open tasks, and requests for data."""
     finds = detections_to_visit(state)
     for find in finds:
         known = "confirmed" if find.is_certain else "not confirmed"

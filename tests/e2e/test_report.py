@@ -89,7 +89,7 @@ def test_a_mission_that_is_resumed_is_reported_from_its_beginning(start, tmp_pat
     [
         (
             ["--report", "r.pdf"],
-            "unknown report format of r.pdf (known endings: .html, .json, .geojson, .kml, .cot, .cap)",
+            "the report format of r.pdf is unknown (known file name endings: .html, .json, .geojson, .kml, .cot, .cap)",
         ),
         (["--report", "r.cot"], "r.cot contains world coordinates. Add georeference"),
         (["--report", "not/there/r.html"], "not/there does not exist"),

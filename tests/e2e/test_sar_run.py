@@ -156,7 +156,9 @@ def test_a_world_in_which_nothing_navigates_is_named_at_once(start, tmp_path, ca
     journal = tmp_path / "m.journal"
     run = start("sar-run", tree, "--nodes", "drives", "--sim", "empty", "--journal", journal, env=path)
     assert run.end() == 3
-    assert "did not start (status 3): the mission cannot start:\n  Nav2: the world" in why(journal, capsys)
+    assert "did not start (exit status 3): the mission cannot start:\n  Nav2: the world" in why(
+        journal, capsys
+    )
     assert (
         "sar-run: the mission cannot start:\n  Nav2: the world 'empty' has no map for navigation"
         in run.output
@@ -169,7 +171,7 @@ def test_what_does_not_appear_in_time_is_named_and_has_a_status_of_its_own(start
     run = start("sar-run", "--ros-args", "-p", "startup_timeout_sec:=1.0", env=state)
     assert run.end() == 3
     (refusal,) = tmp_path.rglob("*-refused")
-    assert "did not start (status 3): not ready after" in why(refusal.with_suffix(".journal"), capsys)
+    assert "did not start (exit status 3): not ready after" in why(refusal.with_suffix(".journal"), capsys)
     for missing in ("amcl_pose", "bt_navigator", "navigate_to_pose", "detect_survivor", "report_survivor"):
         assert missing in run.output
 

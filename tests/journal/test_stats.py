@@ -90,7 +90,7 @@ def test_journals_are_summed_up_and_told_as_a_table(place, tmp_path, capsys):
     assert lines[1].split()[-2:] == ["0", "0"]
     assert lines[2].split()[:4] == ["blocked", "1", "33.3", "%"]
     assert lines[3].split()[:5] == ["Main/Look", "SUCCESS", "1", "100.0", "%"]
-    assert lines[-1].startswith("2 runs. A share is a part of the results that ended")
+    assert lines[-1].startswith("2 runs. A share is the part of a leaf's activations that ended")
 
 
 def test_an_answer_after_a_failure_in_the_same_run_is_a_retry(place, capsys):

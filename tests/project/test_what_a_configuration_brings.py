@@ -42,7 +42,7 @@ class TestModulesThatAConfigurationNames:
     def test_are_not_imported_from_the_checkout(self, named):
         said = named.validate()
         assert (
-            "sar.toml:1:11: error[untrusted-nodes]: 'gripper' is not in an installed package that registers leaves"
+            "sar.toml:1:11: error[untrusted-nodes]: the module 'gripper' is not trusted, because no installed package registers it"
             in said
         )
         assert "--nodes gripper" in said
@@ -166,7 +166,10 @@ class TestModulesThatAConfigurationNames:
     ):
         checkout.configure(f'nodes = ["{module}"]\n')
         said = checkout.validate()
-        assert f"untrusted-nodes]: '{module}' is not in an installed package that registers leaves" in said
+        assert (
+            f"untrusted-nodes]: the module '{module}' is not trusted, because no installed package registers it"
+            in said
+        )
 
     def test_are_not_imported_from_another_distribution_s_part_of_a_namespace(self, named, tmp_path):
         site = tmp_path / "site"
@@ -457,7 +460,7 @@ class TestAForeignConfiguration:
         done = checkout.command("validate", "tree.xml")
         assert done.stdout == VALID
         assert done.stderr == (
-            f"note: {checkout.folder / 'sar.toml'} is ignored: it belongs neither to you nor to the owner of "
+            f"note: {checkout.folder / 'sar.toml'} is ignored, because this file belongs neither to you nor to the owner of "
             "tree.xml\n"
         )
 

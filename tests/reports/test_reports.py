@@ -816,7 +816,7 @@ class TestWhatIsRefusedBeforehand:
     def test_another_ending_is_no_form(self, tmp_path):
         with pytest.raises(
             ReportError,
-            match=r"unknown report format of .*report.pdf \(known endings: \.html, \.json, \.geojson, \.kml, \.cot, \.cap\)",
+            match=r"the report format of .*report.pdf is unknown \(known file name endings: \.html, \.json, \.geojson, \.kml, \.cot, \.cap\)",
         ):
             require_form(tmp_path / "report.pdf", None)
 
@@ -832,7 +832,7 @@ class TestWhatIsRefusedBeforehand:
     def test_the_folder_must_take_files(self, tmp_path, monkeypatch):
         # Root may write to each of them, and tests may be run by root.
         monkeypatch.setattr(os, "access", lambda path, mode: (path, mode) != (tmp_path, os.W_OK))
-        with pytest.raises(ReportError, match=f"no permission to write to {tmp_path}"):
+        with pytest.raises(ReportError, match=f"you do not have permission to write to {tmp_path}"):
             require_form(tmp_path / "r.html", None)
 
     def test_a_device_is_written_to_wherever_it_is(self, tmp_path, monkeypatch):

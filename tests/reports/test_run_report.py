@@ -97,7 +97,7 @@ def test_of_a_journal_each_form_that_can_be_written_is_and_the_others_are_told(j
         for line, at in zip(told, (0, 1, 3), strict=True)
     ] == [True, False, True]
     assert "--georeference LAT,LON,HEADING" in told[0]
-    assert "unknown report format of " in told[1]
+    assert "the report format of " in told[1]
 
 
 @pytest.mark.parametrize(("form", "library"), [("geojson", "geojson"), ("html", "jinja2")])
