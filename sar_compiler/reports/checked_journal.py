@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from sar_compiler.journal.chain import ChainEntry, JournalChain
     from sar_compiler.journal.database import JournalFile
 
-_NOT_KNOWN = "Without --head HEX, a recomputed or truncated chain cannot be detected. This hash is in the run's summary and in reports"
+_NOT_KNOWN = "Without --head HEX, a recomputed or truncated chain cannot be detected. The head is in the run's summary and in reports"
 _OMITTED = ("what", "data", "link")
 
 

@@ -184,7 +184,7 @@ def next_steps(state: MissionState) -> Iterator[str]:
 
 
 def limits(state: MissionState) -> Iterator[str]:
-    """Yield the limitations that readers of the report must know."""
+    """Yield the limitations of the report that readers must know."""
     found = [each for each in state.situation.detections() if each.level != Level.GIVEN_UP]
     if unsure := [each.name for each in found if not each.is_certain]:
         yield f"No person has confirmed {', '.join(unsure)}"
@@ -196,20 +196,20 @@ def limits(state: MissionState) -> Iterator[str]:
     if lost := sum(int(fact.data.get("count", 0)) for fact in state.facts if fact.kind == FACTS_LOST):
         yield f"{lost} events could not be recorded"
     if state.assumption_failed_at is not None:
-        yield "The run contradicted an assumption of the tree's verification"
+        yield "The run contradicted an assumption on which the verification of the tree depends"
     if state.runs and not state.runs[-1].ending:
         yield "The end of the run is not recorded"
     if state.situation.landmarks:
         frame = (
             ""
             if georeference(state) is not None
-            else " They are coordinates on the robot's map, not latitude and longitude."
+            else " Positions are coordinates on the robot's map, not latitude and longitude."
         )
         yield f"Positions are only as accurate as the robot's localisation.{frame}".rstrip(".")
 
 
 def _is_number(text: str) -> bool:
-    """Return whether a cell is a time, a coordinate or another number."""
+    """Return whether the text of a table cell is a time, a coordinate or another number."""
     return text[:1] in "-0123456789" and len(text) < 26  # noqa: PLR2004
 
 
@@ -222,7 +222,7 @@ def _position(state: MissionState, x: float, y: float) -> list[str]:
 
 
 def _local_time(state: MissionState, instant: EventTime | None) -> str:
-    """Return local time and mission time; add the run if there are several runs, and the day if it differs."""
+    """Return local time and mission time. Add the run if there are several, and the day if it is not the first."""
     if instant is None:
         return _NONE
     run = f"run {instant.run}, " if len(state.runs) > 1 else ""
@@ -232,7 +232,7 @@ def _local_time(state: MissionState, instant: EventTime | None) -> str:
 
 
 def _day(instant: EventTime, form: str = "%Y-%m-%d %H:%M:%S %z") -> str:
-    """Return the local time and its offset from UTC; if the local time is out of range, the mission's clock."""
+    """Return the local time with the UTC offset, or the mission's clock if the local time is out of range."""
     try:
         return datetime.fromtimestamp(instant.wall).astimezone().strftime(form)
     except (OSError, OverflowError, ValueError):
@@ -271,7 +271,7 @@ _TURNED_RAD = 1e-3
 
 
 class _Symbol(NamedTuple):
-    """The symbol of a landmark: a mark, or the outline of an area.
+    """The symbol of a landmark on the map: a mark, or the outline of an area.
 
     Attributes:
         is_area: Whether the landmark is an area.
@@ -287,7 +287,7 @@ class _Symbol(NamedTuple):
 
 
 def _legend(state: MissionState) -> Sequence[tuple[_Symbol | None, str]]:
-    """Return each different symbol on the map, and a description of it; the symbol None is the robot's path."""
+    """Return a description for each different symbol on the map. The symbol None stands for the robot's path."""
     drawn = {
         (_symbol(state, each), _landmark_text(state, each)): None
         for each in state.situation.landmarks.values()
@@ -320,7 +320,7 @@ class MapBox(NamedTuple):
 def _figure_plot(
     state: MissionState, name: str, course: Sequence[tuple[EventTime, float]]
 ) -> Mapping[str, object]:
-    """Return the plot of a percentage over time, with an axis from 0 to 100 %."""
+    """Return the data for a plot of a percentage over time, with an axis from 0 to 100 %."""
     began, (width, height, left, low) = course[0][0].wall, _PLOT
     whole = max(state.now.wall - began, 1e-9)
 
@@ -356,13 +356,13 @@ def _figure_plot(
 
 
 def report_map(state: MissionState) -> str:
-    """Return the map as an SVG element; empty if no position is known."""
+    """Return the map as an SVG element, or an empty string if no position is known."""
     drawing = _drawing(state)
     return str(_macros().map(drawing)) if drawing is not None else ""
 
 
 def _drawing(state: MissionState) -> Mapping[str, object] | None:
-    """Return the content of the map; None if no position is known."""
+    """Return the content of the map, or None if no position is known."""
     extent = _extent(state)
     if extent is None:
         return None
@@ -390,7 +390,7 @@ def _drawing(state: MissionState) -> Mapping[str, object] | None:
 
 
 def _north(state: MissionState, extent: MapBox, size: float) -> Mapping[str, object]:
-    """Return the sign in the map's upper right corner: an arrow to the north or, if north is unknown, the axes."""
+    """Return the sign in the upper right corner of the map: an arrow to the north, or axes if north is unknown."""
     place = georeference(state)
     return {
         "x": f"{extent.right - 4 * size:.3f}",
@@ -439,14 +439,14 @@ def _image(state: MissionState) -> Mapping[str, str] | None:
 
 
 def _grid_step(extent: MapBox) -> float:
-    """Return the distance between the lines of the grid, as a round number of metres."""
+    """Return the distance between the grid lines of the map, as a round number of metres."""
     longer = max(extent.right - extent.left, extent.high - extent.low)
     step: float = 10.0 ** math.floor(math.log10(longer))
     return step / 5.0 if longer / step < 3 else step  # noqa: PLR2004 - at least three lines
 
 
 def _grid(extent: MapBox, step: float) -> Iterator[tuple[str, str, str, str]]:
-    """Yield the two end points of each grid line."""
+    """Yield the end points of each grid line of the map, as SVG coordinates."""
     left, low, right, high = extent
     for x in _multiples(left, right, step):
         yield f"{x:g}", f"{-high:.3f}", f"{x:g}", f"{-low:.3f}"
@@ -459,7 +459,7 @@ def _multiples(first: float, last: float, step: float) -> Iterable[float]:
 
 
 def _split_trail(trail: list[RobotPose]) -> Iterator[list[RobotPose]]:
-    """Yield the parts of a trail, which is split at jumps and at the starts of runs."""
+    """Split a trail at jumps and at the starts of runs, and yield the parts."""
     path: list[RobotPose] = []
     for pose in trail:
         last = path[-1] if path else pose
@@ -473,7 +473,7 @@ def _split_trail(trail: list[RobotPose]) -> Iterator[list[RobotPose]]:
 def _labels(
     state: MissionState, places: Sequence[Landmark], extent: MapBox, size: float
 ) -> Iterator[tuple[str, str, str, str, str]]:
-    """Yield the text lines of the landmarks' labels, with the class, anchor and position of each line."""
+    """Yield each text line of the landmarks' labels, with its CSS class, text anchor and position."""
     taken = [_box_around(each.x, each.y, 1.5 * size, 1.5 * size) for each in places]
     for each in places:
         found = state.situation.kind_of(each).is_found
@@ -486,19 +486,19 @@ def _labels(
 
 
 class _Label(NamedTuple):
-    """The position of a label: the label's box, and the x position (in metres) and anchor of the label's lines."""
+    """The position of a label: the box of the label, and the x position (in metres) and anchor of the text lines."""
 
     box: MapBox
     x: float
     anchor: str
 
     def line(self, text: str, kind: str, down: float) -> tuple[str, str, str, str, str]:
-        """Return the data of an SVG text line whose baseline is *down* metres below the upper edge of the box."""
+        """Return the data of an SVG text line. Its baseline is *down* metres below the upper edge of the box."""
         return text, kind, self.anchor, f"{self.x:.3f}", f"{down - self.box.high:.3f}"
 
 
 def _label(landmark: Landmark, text: str, size: float, taken: Sequence[MapBox], extent: MapBox) -> _Label:
-    """Return the position at which a label hides least: right of the landmark, left of it, below or above.
+    """Return the position where a label covers least: right of, left of, below or above the landmark.
 
     Args:
         landmark: The landmark.
@@ -529,7 +529,7 @@ def _box_around(x: float, y: float, wide: float, high: float) -> MapBox:
 
 
 def _overlap(one: MapBox, other: MapBox) -> float:
-    """Return the common area of two boxes, in square metres."""
+    """Return the area that two boxes have in common, in square metres."""
     width = min(one.right, other.right) - max(one.left, other.left)
     height = min(one.high, other.high) - max(one.low, other.low)
     return max(0.0, width) * max(0.0, height)

@@ -1,4 +1,4 @@
-"""Run extensions that write reports at the end of a run, or find the cause of a failed run."""
+"""Defines run extensions that write reports at the end of a run or find the cause of a failure."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ from sar_compiler.ros.run_extension import RunExtension
 
 
 class RunReport(RunExtension):
-    """Writes the reports of a run at its end.
+    """Writes the reports of a run when the run ends.
 
     Args:
         files: The paths of the reports.
@@ -60,7 +60,7 @@ class RunReport(RunExtension):
 
 
 class FailureCause(RunExtension):
-    """Finds the likeliest cause of a run's failure during the run."""
+    """Analyses a run while it is active, to find the likeliest cause if the run fails."""
 
     def __init__(self) -> None:
         self._analysis = FailureAnalysis()
@@ -70,5 +70,5 @@ class FailureCause(RunExtension):
         self._analysis.add_entry(entry)
 
     def cause_of_failure(self) -> str:
-        """Return a line with the likeliest cause of the failure; empty if there is no cause to report."""
+        """Return a line that states the likeliest cause of the failure, or an empty string if there is none."""
         return likeliest_cause(self._analysis.find_cause())

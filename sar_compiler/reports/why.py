@@ -1,4 +1,4 @@
-"""Explain a mission's failure, by the chain of nodes from the root's FAILURE to leaf results, or by the run's end."""
+"""Explains why a mission failed: finds the leaf results that led to the root's FAILURE, or how the run ended."""
 
 import itertools
 import signal
@@ -44,7 +44,7 @@ _START = EventTime(1, 0.0, 0.0)
 
 
 class NodeStatus(NamedTuple):
-    """The status of a node, or the end of the run itself.
+    """The status of a node, or an entry that stands for the end of the run itself.
 
     Attributes:
         node: The node's number; None for the run.
@@ -68,7 +68,7 @@ class NodeStatus(NamedTuple):
 
 
 class FormerFailure(NamedTuple):
-    """The failures of one node that did not determine the mission's result.
+    """The earlier failures of a node. They did not determine the result of the mission.
 
     The node decides its own status, as a leaf does.
 
@@ -119,17 +119,17 @@ class CauseOfFailure(NamedTuple):
 
     @property
     def has_cause(self) -> bool:
-        """Whether there is a cause to report: the mission is not complete, and a node has failed."""
+        """Whether a cause can be reported, because the mission is not complete and a cause was found."""
         return self.likeliest is not None and self.outcome != COMPLETE
 
     @property
     def likeliest(self) -> NodeStatus | None:
-        """The likeliest cause; None if nothing has failed."""
+        """The likeliest cause of the failure, or None if no cause was found."""
         return self.causes[0] if self.causes else None
 
 
 class FailureAnalysis:
-    """Finds the cause of the failure of a mission's last run. Journal entries are processed one by one.
+    """Finds out why the last run of a mission failed. Processes the entries of the journal one by one.
 
     A node's status is explained by the children that returned the same status or, below an inverting node,
     the opposite status. A status that no child explains is the node's own result. Examples are the results of
@@ -156,7 +156,7 @@ class FailureAnalysis:
 
     @classmethod
     def from_stream(cls, stream: Iterable[JournalEntry]) -> "FailureAnalysis":
-        """Return an analysis that has processed all entries of a stream."""
+        """Process all entries of a stream, and return the analysis."""
         analysis = cls()
         for entry in stream:
             analysis.add_entry(entry)
@@ -164,7 +164,7 @@ class FailureAnalysis:
 
     @classmethod
     def with_state(cls, stream: Iterable[JournalEntry]) -> "tuple[FailureAnalysis, MissionState]":
-        """Return an analysis that has processed the entries of all runs, and the mission's state after these entries."""
+        """Process the entries of all runs. Return the analysis of the last run, and the state of the mission."""
         analysis, state = cls(), MissionState()
         for entry in stream:
             if _is_status(entry, len(analysis.state.nodes)):
@@ -176,7 +176,7 @@ class FailureAnalysis:
         return analysis, state
 
     def add_entry(self, entry: JournalEntry) -> None:
-        """Process a journal entry; the start of a run restarts the analysis."""
+        """Process a journal entry. When a run starts, the analysis starts over."""
         kind = entry.kind
         if kind == STATUS:
             if _is_status(entry, len(self.state.nodes)):
@@ -195,7 +195,7 @@ class FailureAnalysis:
                 self._history.add_change(self.state)
 
     def add_status(self, entry: JournalEntry) -> None:
-        """Process a status entry that is known to be valid."""
+        """Process a valid `status` entry."""
         if entry.data["tick"] != self._explained.tick:
             self._end_tick()
         node = self.state.take_status(entry)
@@ -216,7 +216,7 @@ class FailureAnalysis:
             self.failed_tick, self._history_then = self._explained.tick, self._history.copy()
 
     def find_cause(self) -> CauseOfFailure:
-        """Return the causes of the run's failure, after all entries of the run."""
+        """Return the causes of the run's failure. All entries of the run must have been processed."""
         self._end_tick()
         explained = self._explained
         chain = explained.chain
@@ -239,7 +239,7 @@ class FailureAnalysis:
         )
 
     def with_decisive_leaf(self, reasons: CauseOfFailure, change: "Counterfactual") -> CauseOfFailure:
-        """Rank a leaf first if its success alone, with the usual outcomes afterwards, makes the mission succeed.
+        """Rank a leaf first if the mission would have succeeded with just one success of this leaf.
 
         A condition only reports a state, so it does not rank above a leaf that has failed.
 
@@ -268,7 +268,7 @@ class FailureAnalysis:
         return reasons._replace(causes=causes, before=before)
 
     def _only_reports(self, cause: NodeStatus) -> bool:
-        """Return whether a result only reports a state: a condition's result, or an alternative's constant status."""
+        """Return whether a cause only reports a state, such as a condition or an alternative that always fails."""
         return cause.node in self._kinds.conditions or (
             cause.node in self._kinds.constant and cause.node in self._explained.alternatives
         )
@@ -284,7 +284,7 @@ class FailureAnalysis:
         return is_meant_so, is_turned, self._only_reports(cause), tolerated, not worked, -since, -number
 
     def _may_be_cause(self, failure: FormerFailure, *, only_missing: bool) -> bool:
-        """Return whether a handled failure may still be the cause of the mission's result.
+        """Return whether a failure after which the mission continued may still be the cause of the result.
 
         The failure of a condition may be the cause if another branch was ticked instead, and the location was
         abandoned.
@@ -306,14 +306,14 @@ class FailureAnalysis:
         )
 
     def _add_run_end(self, causes: Sequence[NodeStatus], *, has_failed: bool) -> list[NodeStatus]:
-        """Return the causes; add the end of the run as a cause if the root's result did not end the run."""
+        """Return the causes. Add the end of the run as a cause if the result of the root did not end the run."""
         run = self.state.runs[-1] if self.state.runs else None
         if self._raised is not None:
             return [self._raised, *causes]
         if run is None or has_failed or not (run.ending or self.state.process.is_gone):
             return list(causes)
         if not run.ending:
-            killed = "the process of the run ended without recording an end: it was killed or crashed"
+            killed = "the process of the run was killed or crashed without recording the end of the run"
             return [_run_status("KILLED", killed, self.state.now), *causes]
         if run.ending == Ending.STOPPED.value:
             is_by_signal = (run.status or 0) > _SIGNAL_STATUS
@@ -325,7 +325,7 @@ class FailureAnalysis:
         return [*self._stalled_leaf(), ended]
 
     def _stalled_leaf(self) -> list[NodeStatus]:
-        """Return the results that led to ticks of stalled leaves, and then these leaves, which ran for most of the run."""
+        """Return the leaves that were running for most of the run, preceded by the results that led to their ticks."""
         run, now, ends = self.state.runs[-1], self.state.now.wall, self._explained.ends
         # A journal does not record the end of a run on the mission's clock.
         enough = _STALLED_SHARE * (now - run.began.wall)
@@ -340,7 +340,7 @@ class FailureAnalysis:
 
 
 def _tree_entries(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
-    """Yield a run's entries without observations of the robot and without invalid statuses."""
+    """Yield the entries of a run, except observations from the robot's topics and invalid statuses."""
     count = 0
     for entry in stream:
         if entry.kind == RUN_BEGAN:
@@ -350,12 +350,12 @@ def _tree_entries(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
 
 
 def _is_status(entry: JournalEntry, count: int) -> bool:
-    """Return whether an entry is a complete status entry for a tree with *count* nodes."""
+    """Return whether an entry is a valid and complete `status` entry for a tree with *count* nodes."""
     return is_status(entry, count) and "message" in entry.data
 
 
 class _NodeKinds(NamedTuple):
-    """The kinds and time limits of a tree's nodes, as recorded in a journal at the start of a run.
+    """The kinds and time limits of a tree's nodes, which the journal records at the start of a run.
 
     Attributes:
         conditions: The numbers of the leaves that only report a state.
@@ -371,7 +371,7 @@ class _NodeKinds(NamedTuple):
 
     @classmethod
     def from_run_start(cls, began: JournalEntry) -> "_NodeKinds":
-        """Return the kinds and limits in the entry of a run's start; ignore invalid data."""
+        """Return the kinds and limits that the entry for the start of a run contains. Ignore invalid data."""
         about = began.data.get("run")
 
         def value(name: str, kind: type) -> Any:
@@ -395,7 +395,7 @@ class _NodeKinds(NamedTuple):
 
 
 class _ExplainedFailure:
-    """The last FAILURE of a root, and the explanation of this failure.
+    """Explains the last FAILURE of the root of a tree.
 
     Args:
         state: The state of the mission; each entry must be applied to the state before it is passed to this
@@ -433,14 +433,14 @@ class _ExplainedFailure:
         return bool(self.chain) and self.ends.status.get(0) != FAILURE
 
     def add_status(self, entry: JournalEntry, node: NodeState) -> None:
-        """Process the status of a node."""
+        """Process a recorded status of a node."""
         self.ends.receive(entry.data, entry.time)
         if node.status in OTHER_END:
             self._last[node.number] = node.status, node.label, node.message, node.changed or entry
             self._own.discard(node.number)
 
     def end_tick(self) -> bool:
-        """End a tick; return whether the root failed in this tick, or failed in an earlier tick and was not reset since."""
+        """End a tick. Return whether the root has failed in this tick or before, and was not reset since."""
         self.ended = self.ends.end_tick()
         for number in self.ended:
             if not self.ends.causes[number] and not self._has_expired(number):
@@ -450,7 +450,7 @@ class _ExplainedFailure:
         return self.ends.has_failed
 
     def last_end(self, number: int) -> NodeStatus:
-        """Return a node's last final status; if no child explains the status, the message includes the node's reason."""
+        """Return the last final status of a node. If no child explains it, add the node's own reason to the message."""
         node = self._state.nodes[number]
         status, label, message, changed = self._last[number]
         if number in self._own:
@@ -462,7 +462,7 @@ class _ExplainedFailure:
         return number in self._last
 
     def _has_expired(self, number: int) -> bool:
-        """Return whether a node has failed because a time limit expired; if so, state this in the node's message."""
+        """Return whether a node has failed because a time limit expired. If so, set the node's message accordingly."""
         limit = self._kinds.limits.get(number)
         if limit is None or not self._state.nodes[number].children:
             return False
@@ -476,7 +476,7 @@ class _ExplainedFailure:
         return True
 
     def _reason(self, node: NodeState, status: str, message: str) -> str:
-        """Return a node's message, with the value of an attribute it names, or a condition's code and the code's value."""
+        """Return a node's message. Add the value of an attribute that it names, or the result of a condition's code."""
         for name, value in node.attributes.items():
             if message.endswith(f" {name}"):
                 return f"{message}: {value}"
@@ -494,7 +494,7 @@ class _ExplainedFailure:
         return above == ancestor
 
     def explained_ancestors(self, number: int) -> Iterator[int]:
-        """Yield a node that has ended, then the ancestors whose FAILURE this node explains, starting with the parent."""
+        """Yield a node that has ended and, from the parent up, each ancestor whose FAILURE this node explains."""
         above: int | None = number
         while above is not None:
             yield above
@@ -503,7 +503,7 @@ class _ExplainedFailure:
             above = parent if is_cause and self.ends.status.get(parent or 0) == FAILURE else None
 
     def earlier_failed_nodes(self, number: int) -> list[int]:
-        """Return the nodes whose earlier failures led to the tick of a node that has ended."""
+        """Return the nodes that failed before a node that has ended, so that this node was ticked."""
         return [
             each
             for node in self.explained_ancestors(number)
@@ -512,7 +512,7 @@ class _ExplainedFailure:
         ]
 
     def results_leading_to(self, number: int) -> list[int]:
-        """Return the results that caused a running node, instead of an earlier sibling, to be ticked."""
+        """Return the results because of which a running node was ticked after its earlier siblings had failed."""
         found: list[int] = []
         above: int | None = number
         while above is not None:
@@ -524,7 +524,7 @@ class _ExplainedFailure:
         return found
 
     def causes_below(self, number: int) -> list[int]:
-        """Return the results that explain the end of a node."""
+        """Return the nodes below a node whose results explain why that node ended."""
         waiting, found = [number], []
         while waiting:
             node = waiting.pop()
@@ -561,12 +561,12 @@ def _status_of(node: NodeState) -> NodeStatus:
 
 
 def _run_status(status: str, message: str, since: EventTime | None) -> NodeStatus:
-    """Return the end of a run in the form of a node's status."""
+    """Represent the end of a run as the status of a node."""
     return NodeStatus(None, "run", "", 0, status, None, message, since)
 
 
 def _signal_name(status: int | None) -> str:
-    """Return the name of the signal in a run's exit status."""
+    """Return the name of the signal that the exit status of a run contains."""
     try:
         name = signal.Signals((status or 0) - _SIGNAL_STATUS).name
     except ValueError:
@@ -575,7 +575,7 @@ def _signal_name(status: int | None) -> str:
 
 
 class _History:
-    """The results of nodes during a run.
+    """Records the successes and failures of nodes during a run.
 
     Args:
         kinds: The properties of the nodes.
@@ -596,20 +596,20 @@ class _History:
         self._in_hand = self._in_hand_then = ""
 
     def copy(self) -> "_History":
-        """Return a copy that later entries do not change."""
+        """Return a copy that does not change when later entries are processed."""
         copied = _History(self._kinds)
         vars(copied).update({name: copy(each) for name, each in vars(self).items()})
         return copied
 
     def add_change(self, state: MissionState) -> None:
-        """Process a change of the mission; *state* is the mission's state after the change."""
+        """Process a change of the mission's state. *state* is the state after the change."""
         # A tick's statuses are written after its events, after which the mission may have left the location.
         landmarks, place = state.situation.landmarks.values(), state.situation.phase.place
         if any(each.name == place and each.level == Level.IN_HAND for each in landmarks):
             self._in_hand = place
 
     def add_status(self, node: NodeState) -> None:
-        """Process the new status of a node."""
+        """Process a new status of a node."""
         self._in_hand_then = self._in_hand
         number = node.number
         if node.status == FAILURE:
@@ -624,7 +624,7 @@ class _History:
                 self.worked.add(number)
 
     def end_tick(self, explained: _ExplainedFailure, state: MissionState) -> None:
-        """Record the causes of those failures in the tick that did not make the failed node's parent fail."""
+        """Record the causes of failures in this tick, except failures that made the parent of the node fail."""
         ends = explained.ends
         for top in explained.ended:
             if ends.status[top] != FAILURE:
@@ -664,7 +664,7 @@ class _History:
         )
 
     def earlier_failures(self) -> list[FormerFailure]:
-        """Return the failures that did not make a parent fail, sorted by the time of each node's first failure."""
+        """Return the failures that did not make the parent fail, sorted by the first failure of each node."""
         former = [
             each._replace(has_recovered=node in self._recovered) for node, each in self._failures.items()
         ]
@@ -672,13 +672,13 @@ class _History:
 
 
 def _is_abandoned(state: MissionState, failure: FormerFailure) -> bool:
-    """Return whether the location of a failure was abandoned."""
+    """Return whether the mission has abandoned the location at which a failure occurred."""
     landmarks = state.situation.landmarks.values()
     return any(each.name == failure.in_hand and each.level == Level.GIVEN_UP for each in landmarks)
 
 
 def _has_missing_item(state: MissionState, failure: FormerFailure) -> bool:
-    """Return whether an unfinished item of the mission may be a consequence of a failure."""
+    """Return whether a failure may be the reason why a part of the mission is unfinished."""
     landmarks = state.situation.landmarks.values()
     place = [each for each in landmarks if each.name == failure.in_hand]
     if not place:
@@ -709,7 +709,7 @@ class RunDifference(NamedTuple):
 
 
 def first_difference(stream: Iterable[JournalEntry], other: Iterable[JournalEntry]) -> RunDifference | None:
-    """Return the first difference between two runs; None if the runs are equal.
+    """Return the first difference between two runs, or None if the runs are equal.
 
     The status changes of nodes and their labels are compared one by one. Times and messages are ignored.
     """
@@ -735,7 +735,7 @@ def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
 
 
 def counterfactual_text(change: "Counterfactual", nodes: Sequence[NodeState]) -> str:
-    """Describe the change that would have made a mission succeed; *nodes* are the nodes of the mission's tree."""
+    """Describe a change with which the mission would have succeeded. *nodes* are the nodes of the tree."""
     leaf = nodes[change.instead.number]
     words = f"{change.instead.status}{_label_text(change.instead)} instead of {change.was.status}{_label_text(change.was)}"
     place = f"  ({leaf.location})" if leaf.location else ""
@@ -754,7 +754,7 @@ def _label_text(cause: Event) -> str:
 
 
 def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) -> dict[str, Any]:
-    """Return, as a JSON object, the change that would have made a mission succeed; see `counterfactual_text`."""
+    """Return a change with which the mission would have succeeded as a JSON object."""
 
     def data(cause: Event) -> dict[str, object]:
         outcome = {"node": cause.number, "status": cause.status, "label": cause.label}
@@ -772,7 +772,7 @@ def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) ->
 
 
 def cause_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
-    """Describe the causes of a mission's failure, then the changes that would have led to success (*otherwise*)."""
+    """Describe the causes of a mission's failure. *otherwise* is the text about changes that lead to success."""
     lines = [escape_to_one_line(reasons.said)]
     if reasons.likeliest is not None and reasons.has_cause:
         lines += ["", "Likeliest cause:", f"  {_status_line(reasons.likeliest)}"]
@@ -792,7 +792,7 @@ def cause_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
 
 
 def likeliest_cause(reasons: CauseOfFailure) -> str:
-    """Return a line with the likeliest cause of a failure; empty if no node is the cause."""
+    """Return a line with the likeliest cause of a failure, or an empty string if no node is the cause."""
     if reasons.likeliest is None or reasons.likeliest.node is None or not reasons.has_cause:
         return ""
     return f"likeliest cause: {_status_line(reasons.likeliest)}"
@@ -810,9 +810,9 @@ def _status_line(cause: NodeStatus) -> str:
 
 
 def difference_text(difference: RunDifference | None, names: tuple[str, str]) -> str:
-    """Describe the first difference between two runs; *names* are the names of the runs' journals."""
+    """Describe the first difference between two runs. *names* are the names of the two journals."""
     if difference is None:
-        return "In both runs all nodes had the same statuses, in the same order."
+        return "In both runs, all nodes had the same statuses in the same order."
     lines = [f"The runs differ after {difference.step} equal status changes:"]
     for name, cause in zip(names, (difference.here, difference.there), strict=True):
         lines.append(

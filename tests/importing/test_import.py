@@ -245,7 +245,7 @@ def test_a_log_of_the_sqlite_logger_tells_the_same(tmp_path, capsys):
     journal = import_log(log, tmp_path)
     _, said = answer(journal_command, ["why", journal, "--against", import_log(FAILED, tmp_path)], capsys)
     assert "grasp the box SUCCESS instead of FAILURE" in said
-    assert "In both runs all nodes had the same statuses, in the same order." in said
+    assert "In both runs, all nodes had the same statuses in the same order." in said
     status, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
     assert status == 0, said
 

@@ -229,7 +229,7 @@ def test_a_chain_that_was_computed_anew_is_found_with_the_head_and_only_with_it(
     anew(place)
     assert main(["check", str(place)]) == 0
     assert (
-        "Without --head HEX, a recomputed or truncated chain cannot be detected. This hash is in the run's summary and in reports"
+        "Without --head HEX, a recomputed or truncated chain cannot be detected. The head is in the run's summary and in reports"
         in capsys.readouterr().out
     )
     assert main(["check", str(place), "--head", flown[3]]) == 1

@@ -601,7 +601,7 @@ class TestThePage:
         limits = lambda *told, **more: html_report(mission(*told, **more)).partition("<h2>Limits")[2]  # noqa: E731
         assert "No person has confirmed survivor_1." in limits()
         assert "No person has confirmed" not in limits(CONFIRMED)
-        assert "They are coordinates on the robot&#39;s map, not latitude and longitude." in limits(
+        assert "Positions are coordinates on the robot&#39;s map, not latitude and longitude." in limits(
             parameters={}
         )
         assert "not on the earth" not in limits()

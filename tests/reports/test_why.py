@@ -403,7 +403,7 @@ class TestTheCommand:
             file.begin_run({}, {}, 0.0)
         file.close()
         assert main(["why", str(tmp_path / "m.journal")]) == 0
-        first = "Likeliest cause:\n  0:00  run KILLED, the process of the run ended without recording an end: it was killed or crashed\n\n"
+        first = "Likeliest cause:\n  0:00  run KILLED, the process of the run was killed or crashed without recording the end of the run\n\n"
         said = (
             f"CRASHED: at 0:00: the robot was not driving\n\n{first}"
             if has_begun
