@@ -1,4 +1,7 @@
-"""Limits on the files and the memory that a tool call may use. Each call's process applies these limits to itself."""
+"""Limits on the files and the memory that a tool call may use.
+
+Each call's process applies these limits to itself.
+"""
 
 import json
 import os

@@ -160,7 +160,9 @@ class ToolAccess:
 
 
 def find_roots(given: Sequence[Path]) -> list[Path]:
-    """Return the folders that tools may read, with symbolic links resolved. The default is the current folder.
+    """Return the folders that tools may read, with symbolic links resolved.
+
+    The default is the current folder.
 
     Raises:
         SarError: If a path is not a folder, or the current folder is the root or the user's home folder.
@@ -177,7 +179,9 @@ def find_roots(given: Sequence[Path]) -> list[Path]:
 
 
 class AgentTools:
-    """The tools that an agent can call. The agent sees the methods' arguments and docstrings as descriptions.
+    """The tools that an agent can call.
+
+    The agent sees the methods' arguments and docstrings as descriptions.
 
     Args:
         access: The permissions of the tools.

@@ -38,7 +38,9 @@ _TYPES: Mapping[type, str] = {bool: "true or false", int: "an integer", float: "
 
 @dataclass(frozen=True)
 class StartValues:
-    """The values with which runs start, set by a mission's parameters. Scenario and properties files override them.
+    """The values with which runs start, set by a mission's parameters.
+
+    Scenario and properties files override them.
 
     Attributes:
         parameters: The values of the root blackboard's keys.
@@ -232,7 +234,10 @@ def _parse_outcome(document: Document, value: Value, specs: Sequence[NodeSpec]) 
 
 
 def _can_return(spec: NodeSpec, status: str) -> bool:
-    """Return whether a leaf can return a status. A leaf without declared outcomes can return any except SKIPPED."""
+    """Return whether a leaf can return a status.
+
+    A leaf without declared outcomes can return any except SKIPPED.
+    """
     return status in (spec.statuses or ("SUCCESS", "FAILURE", "RUNNING"))
 
 

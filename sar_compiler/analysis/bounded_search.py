@@ -1,4 +1,7 @@
-"""Searches the runs of a tree for ticks that raise errors, within a budget. Shorter runs are searched first."""
+"""Searches the runs of a tree for ticks that raise errors, within a budget.
+
+Shorter runs are searched first.
+"""
 
 import time
 import traceback
@@ -96,7 +99,10 @@ def mark(binding: Binding) -> None:
 
 
 class _Raised(NamedTuple):
-    """An error, and the ticks that lead to it. Each tick has its start state and a function that recognises the tick."""
+    """An error, and the ticks that lead to it.
+
+    Each tick has its start state and a function that recognises the tick.
+    """
 
     error: Exception
     ticks: list[tuple[bytes, Callable[[TickSteps], bool]]]

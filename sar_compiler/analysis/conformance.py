@@ -297,7 +297,10 @@ class _ReplayedRun:
     def _wrong_outcome(
         self, outcomes: Sequence[Event], most: int, best: "Sequence[_Attempt]"
     ) -> tuple[int, str, list[str], str]:
-        """Describe an impossible outcome. Return the leaf's number, the event, the possible events and the reason."""
+        """Describe an impossible outcome.
+
+        Return the leaf's number, the event, the possible events and the reason.
+        """
         event = outcomes[most]
         is_again = any(each.number == event.number for each in outcomes[:most])
         own = [
@@ -395,7 +398,10 @@ def event_text(event: Event) -> str:
 
 
 def _violated_assumption(leaf: StubLeaf, event: Event) -> str:
-    """Describe the assumption that excludes an outcome now. Return an empty string if the outcome is possible."""
+    """Describe the assumption that excludes an outcome now.
+
+    Return an empty string if the outcome is possible.
+    """
     known = [
         each for each in leaf.outcomes if each.status == event.status and event.label in ("", each.label)
     ]

@@ -1,4 +1,7 @@
-"""Merges values that a search need not distinguish. `analysis.verify.slicing` determines which values these are."""
+"""Merges values that a search need not distinguish.
+
+`analysis.verify.slicing` determines which values these are.
+"""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -100,7 +100,10 @@ class NumberedBoard(Board):
         self._store(name, content._replace(frozen=self._freeze(name, value), stamp=self._next_stamp(name)))
 
     def declare(self, name: str, kind: type | None) -> None:
-        """Declare an entry, which stays empty until a value is written. A type declared earlier is not changed."""
+        """Declare an entry, which stays empty until a value is written.
+
+        A type declared earlier is not changed.
+        """
         content = self._content_of(name)
         if content.kind is None:
             self._store(name, content._replace(kind=(kind,)))
@@ -161,6 +164,9 @@ class NumberedBoard(Board):
             raise FrozenValueError(message) from error
 
     def freeze_lent(self, place: int, value: object) -> Hashable:
-        """Return the immutable form of an entry value that a leaf may have changed. The cells call this method."""
+        """Return the immutable form of an entry value that a leaf may have changed.
+
+        The cells call this method.
+        """
         name, content = self.cells.names[place], self.cells.content(place)
         return content._replace(frozen=self._freeze(name, value)) if content else None

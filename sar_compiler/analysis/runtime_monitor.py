@@ -113,7 +113,10 @@ class _EarlyCondition:
         self.value = False
 
     def evaluate(self) -> None:
-        """Evaluate the condition and store the result. If the evaluation fails, report the error and store False."""
+        """Evaluate the condition and store the result.
+
+        If the evaluation fails, report the error and store False.
+        """
         try:
             self.value = self._holds()
         except ConditionError as error:
@@ -305,7 +308,10 @@ class RuntimeMonitor:
     def _select_outcome(
         self, number: int, numbers: Sequence[tuple[int, Outcome | None]]
     ) -> tuple[tuple[int, Outcome | None], tuple[str, str] | None]:
-        """Return the first outcome that is possible now. If none is, return the first one and why it is impossible."""
+        """Return the first outcome that is possible now.
+
+        If none is, return the first one and why it is impossible.
+        """
         leaf = self._leaves[number]
         try:
             for event, outcome in numbers:

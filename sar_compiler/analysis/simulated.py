@@ -68,7 +68,9 @@ class Simulated:
         return trace(self.run)
 
     def run_to_end(self) -> "Simulated":
-        """Tick until the scenario's end condition is met. By default, the run ends when the root succeeds or fails.
+        """Tick until the scenario's end condition is met.
+
+        By default, the run ends when the root succeeds or fails.
 
         Raises:
             AssertionError: If there is no end within the scenario's `ticks`, or a tick cannot be finished.
@@ -114,7 +116,10 @@ def _document(parts: Mapping[str, object]) -> Document:
 
 
 def _raise_unmet(run: ScenarioRun, missed: list[Failure], golden: Path | None = None) -> None:
-    """Raise an error if expectations are violated. The error contains the violated expectations and the trace."""
+    """Raise an error if expectations are violated.
+
+    The error contains the violated expectations and the trace.
+    """
     different = compare_golden(golden, trace(run), "the trace now") if golden else None
     if different is not None:
         missed = [*missed, Failure("trace", different)]

@@ -184,7 +184,10 @@ _LANGUAGE = {(each.tag, each.class_path) for each in language.SPECS if each.clas
 
 
 def needs_stub(spec: NodeSpec) -> bool:
-    """Return whether a node becomes a stub leaf. Every leaf becomes one, unless the tree language defines the leaf."""
+    """Return whether a node becomes a stub leaf.
+
+    Every leaf becomes one, unless the tree language defines the leaf.
+    """
     return spec.kind.is_leaf and (spec.tag, spec.class_path) not in _LANGUAGE
 
 
@@ -318,7 +321,10 @@ def compile_simulated(
 
 
 class UnreadableClock(ManualClock):
-    """The clock for exploring all possible runs, in which time is unknown. Reading the time raises an error."""
+    """The clock for exploring all possible runs, in which time is unknown.
+
+    Reading the time raises an error.
+    """
 
     def now(self) -> float:
         """Raise an error, because the time is unknown.
@@ -430,7 +436,10 @@ class SimulationBuilder(Builder):
         }
 
     def report_only_described(self, bound: BoundNode) -> None:
-        """Report a subtree that has no tree file. Other nodes without an implementation are leaves, which become stubs."""
+        """Report a subtree that has no tree file.
+
+        Other nodes without an implementation are leaves, which become stubs.
+        """
         if bound.element.tag == SUBTREE_TAG:
             super().report_only_described(bound)
 
@@ -540,7 +549,10 @@ class _Outputs:
         return [after for outcome in outcomes for after in _after_writing(outcome, written)]
 
     def _effects(self, word: str, key: str, assumed: Mapping[tuple[str, str], tuple[str, ...]]) -> list[str]:
-        """Return a script for each possible effect on a key. A leaf need not write a key that has assumed values."""
+        """Return a script for each possible effect on a key.
+
+        A leaf need not write a key that has assumed values.
+        """
         values = assumed.get((self._leaf, key))
         return [f"{word} := {UNKNOWN}"] if values is None else ["", *(f"{word} := {each}" for each in values)]
 

@@ -108,7 +108,10 @@ class FactVariables:
         return self._leaf_variables(name).entry(name)
 
     def values_of(self, names: Iterable[str]) -> dict[str, object]:
-        """Return the values of the facts among *names*. The result's keys are the last parts of the facts' entry names."""
+        """Return the values of the facts among *names*.
+
+        The result's keys are the last parts of the facts' entry names.
+        """
         entries = [self.entry(name) for name in names if self.is_fact(name)]
         return {entry.name.rpartition("/")[2]: entry.read() for entry in entries}
 
@@ -275,7 +278,10 @@ class StubLeaf(SkippableLeaf):
         return result
 
     def _apply_outcome(self, outcome: Outcome) -> Event:
-        """Apply the effects of an outcome, and return the event. If an effect fails, record the event immediately."""
+        """Apply the effects of an outcome, and return the event.
+
+        If an effect fails, record the event immediately.
+        """
         before = self._facts_of(outcome)
         try:
             self.change(outcome)

@@ -12,7 +12,10 @@ from sar_compiler.tree.plain import as_json, speakable, to_json_value, value_as_
 
 
 def trace(run: ScenarioRun) -> str:
-    """Return the trace of a run. Ticks with new events are shown in full, and other ticks are summarised in a line."""
+    """Return the trace of a run.
+
+    Ticks with new events are shown in full, and other ticks are summarised in a line.
+    """
     writer = _TraceWriter(run)
     lines: list[str] = []
     repeated: list[TickRecord] = []
@@ -26,7 +29,10 @@ def trace(run: ScenarioRun) -> str:
 
 
 def leaf_labels(leaves: Sequence[StubLeaf]) -> Mapping[int, str]:
-    """Return the label of each leaf by leaf number. The label is the name, or the part of the path that is unique."""
+    """Return the label of each leaf by leaf number.
+
+    The label is the name, or the part of the path that is unique.
+    """
     return {
         leaf.number: _label(leaf, [other for other in leaves if other.name == leaf.name]) for leaf in leaves
     }
@@ -127,7 +133,10 @@ class _TraceWriter:
         return [f"{which}, until {last.time_sec:g} s: {events_text}"]
 
     def _is_done(self, event: Event) -> bool:
-        """Return whether to list an event in a summary. Listed are halts, and ends of leaves that are not conditions."""
+        """Return whether to list an event in a summary.
+
+        Listed are halts, and ends of leaves that are not conditions.
+        """
         return event.status != "RUNNING" and event.number not in self._conditions
 
 
@@ -171,7 +180,10 @@ class PlayedScenario:
 
 
 def junit(tree: str, scenarios: Sequence[PlayedScenario]) -> str:
-    """Return a JUnit test suite for a tree file, with a test case for each scenario. Times are simulated seconds."""
+    """Return a JUnit test suite for a tree file, with a test case for each scenario.
+
+    Times are simulated seconds.
+    """
     counts = {
         "tests": str(len(scenarios)),
         "failures": str(sum(bool(each.failures) for each in scenarios)),

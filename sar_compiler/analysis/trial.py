@@ -61,7 +61,9 @@ def try_runs_within(
 
 
 def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Diagnostic]:
-    """Search for ticks that raise errors, within a budget, and return findings. Skip files with other errors.
+    """Search for ticks that raise errors, within a budget, and return findings.
+
+    Skip files with other errors.
 
     A tree without keys and scripts cannot raise errors, and is not compiled.
 

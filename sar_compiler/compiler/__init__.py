@@ -75,7 +75,10 @@ class Construction(NamedTuple):
 
 
 class Origins(Mapping[UUID, Origin]):
-    """The origins of all behaviours of a tree, by behaviour ID. Each origin is computed when it is requested."""
+    """The origins of all behaviours of a tree, by behaviour ID.
+
+    Each origin is computed when it is requested.
+    """
 
     def __init__(self, constructions: Sequence[Construction]) -> None:
         self._constructions = constructions
@@ -227,7 +230,10 @@ class Arguments:
     def _port(
         self, instance: TreeInstance, bound: BoundNode, parameter: Parameter, arguments: dict[str, Any]
     ) -> None:
-        """Add the constructor argument for a port. Without a value in the file, keep the constructor's default."""
+        """Add the constructor argument for a port.
+
+        Without a value in the file, keep the constructor's default.
+        """
         name, value_type = parameter.name, parameter.value_type
         cls = InOut if parameter.direction is _INOUT else Input
         if name in bound.keys:
@@ -321,7 +327,10 @@ def _as_text(value: object) -> str:
 
 
 class PreviewArguments(Arguments):
-    """The constructor arguments of nodes for a preview. Placeholders replace the mission's objects and parameters."""
+    """The constructor arguments of nodes for a preview.
+
+    Placeholders replace the mission's objects and parameters.
+    """
 
     def _handed_over(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
         if parameter.target in (Scope, Enums):
@@ -491,7 +500,9 @@ class Builder:
         return {parameter.name: arguments[parameter.name] for parameter in bound.spec.constant_attributes}
 
     def _maker(self, bound: BoundNode) -> Any:
-        """Return the factory of a node. If the py_trees class would misinterpret a skip, return a replacement's factory.
+        """Return the factory of a node.
+
+        If the py_trees class would misinterpret a skip, return a replacement's factory.
 
         A node that has only a model becomes a stock behaviour of its kind, unless `prepare` has reported it.
         """

@@ -1,4 +1,7 @@
-"""Converts a tree to text or plain data. `show --format json` prints this data, and golden tests compare it."""
+"""Converts a tree to text or plain data.
+
+`show --format json` prints this data, and golden tests compare it.
+"""
 
 from collections.abc import Callable
 from typing import Any

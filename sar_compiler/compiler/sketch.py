@@ -62,7 +62,9 @@ class Sketch:
 
 
 class SketchedNode(Behaviour):
-    """A placeholder for a node that no py_trees composite can represent. It can have any number of children.
+    """A placeholder for a node that no py_trees composite can represent.
+
+    It can have any number of children.
 
     Attributes:
         class_name: The import path of the node's class; None if the node has no class.

@@ -105,7 +105,9 @@ def _hex_list(value: bytes) -> list[str]:
 
 
 class ChainEntry(NamedTuple):
-    """An entry of the chain, as it is stored in the file. In an altered file, the values may have any type.
+    """An entry of the chain, as it is stored in the file.
+
+    In an altered file, the values may have any type.
 
     Attributes:
         category: The entry's category.

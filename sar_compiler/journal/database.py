@@ -272,7 +272,9 @@ class JournalFile:
                 self._connection.execute(_END_OF_RUN, _end_of_run(spilled.end))
 
     def reserve(self) -> SpillFile:
-        """Open or create the reserve file. Transactions after this call do not wait for locks of other processes.
+        """Open or create the reserve file.
+
+        Transactions after this call do not wait for locks of other processes.
 
         Raises:
             JournalError: If the reserve file cannot be created.
@@ -411,7 +413,10 @@ class JournalFile:
             yield JournalEntry(number, *entry[1:])
 
     def every_run(self, *, without: Sequence[str] = (), is_condensed: bool = False) -> Iterator[JournalEntry]:
-        """Yield the entries of all runs in order, with their numbers in the file. The arguments are those of `last_run`."""
+        """Yield the entries of all runs in order, with their numbers in the file.
+
+        The arguments are those of `last_run`.
+        """
         with self.snapshot():
             for run in self.runs():
                 yield from self._run_entries(run, without, is_condensed=is_condensed)
@@ -648,7 +653,9 @@ class JournalFile:
         return int(number)
 
     def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
-        """Write observations, events and a run's end. When this function returns, events and end are safe on disk.
+        """Write observations, events and a run's end.
+
+        When this function returns, events and end are safe on disk.
 
         The function does not wait. It raises an error, and no row is written, if another process has locked the file or the file
         cannot be written.
@@ -786,7 +793,10 @@ def _lock_exclusively(descriptor: int) -> None:
 
 @functools.cache
 def _schema_definitions() -> frozenset[str]:
-    """Return the SQL definitions of all schema objects in a journal. Files with other schema objects are refused."""
+    """Return the SQL definitions of all schema objects in a journal.
+
+    Files with other schema objects are refused.
+    """
     with closing(sqlite3.connect(":memory:")) as empty:
         empty.executescript(_CREATE_SCHEMA)
         return frozenset(text for (text,) in empty.execute("SELECT sql FROM sqlite_master"))
@@ -828,7 +838,9 @@ def _sync_folder(folder: Path) -> None:
 
 
 class _QueryBudget:
-    """A limit on the number of steps that SQLite may take for one read. A malicious file could make a read endless.
+    """A limit on the number of steps that SQLite may take for one read.
+
+    A malicious file could make a read endless.
 
     Args:
         steps: The maximum number of SQLite's steps in one read.

@@ -1,4 +1,6 @@
-"""Computes what a mission displays: landmarks, figures, gauges, alarms and the phase. Does not need ROS.
+"""Computes what a mission displays: landmarks, figures, gauges, alarms and the phase.
+
+Does not need ROS.
 
 Events change the state of a mission. After each event the mission's `Display` is computed, and its changes are written to the
 journal as an entry of the kind `changed`. A reader of the journal can therefore show any mission without the mission's code.
@@ -121,7 +123,10 @@ class Landmark(NamedTuple):
 
     @property
     def identity(self) -> str:
-        """The state and position, such as `candidate at (1.00, 2.00)`. A change of either makes commands outdated."""
+        """The state and position, such as `candidate at (1.00, 2.00)`.
+
+        A change of either makes commands outdated.
+        """
         outline = "".join(f" ({x:.2f}, {y:.2f})" for x, y in self.corners[:_IDENTIFYING_CORNERS])
         return f"{self.state or 'known'} at ({self.x:.2f}, {self.y:.2f}){outline and f', outline{outline}'}"
 
@@ -152,7 +157,10 @@ class RasterLayer(NamedTuple):
     def from_shares(
         cls, name: str, meaning: str, x: float, y: float, cell_m: float, rows: Sequence[Sequence[float]]
     ) -> "RasterLayer":
-        """Create a layer from cell values between 0 and 1. The first row is at the bottom, and rows run left to right."""
+        """Create a layer from cell values between 0 and 1.
+
+        The first row is at the bottom, and rows run left to right.
+        """
         runs = (
             f"{count if count > 1 else ''}{_TENTHS[tenths]}"
             for row in rows
@@ -265,7 +273,10 @@ class Display(NamedTuple):
 
 
 def changes(before: Display, after: Display) -> dict[str, Any]:
-    """Return the differences between two displays as JSON data of a `changed` entry. Equal displays give {}."""
+    """Return the differences between two displays as JSON data of a `changed` entry.
+
+    Equal displays give {}.
+    """
     known = {(each.kind, each.name): each for each in before.landmarks}
     now = {(each.kind, each.name) for each in after.landmarks}
     parts = {

@@ -4,7 +4,10 @@ from sar_compiler.errors import SarError
 
 
 class JournalError(SarError):
-    """A journal cannot be used, or must not be used as requested. The robot has not moved because of the request."""
+    """A journal cannot be used, or must not be used as requested.
+
+    The robot has not moved because of the request.
+    """
 
 
 class JournalPlaceError(JournalError):

@@ -271,7 +271,9 @@ class Journal:
         self._reserve.replace_content(SpilledEntries(self._began), {})
 
     def record_event(self, kind: str, /, **data: object) -> None:
-        """Record an event. The event is on disk when this function returns. The caller must not act on it before.
+        """Record an event.
+
+        The event is on disk when this function returns. The caller must not act on it before.
 
         Args:
             kind: The kind of the event, such as `photo_taken`.
@@ -332,7 +334,10 @@ class Journal:
 
     @contextmanager
     def ordered_by(self, author: CommandAuthor) -> Iterator[list[str]]:
-        """Record a command's author and reason with each event of the block. Yield a list for the kinds of the events."""
+        """Record a command's author and reason with each event of the block.
+
+        Yield a list for the kinds of the events.
+        """
         self._author, self._caused_kinds = author, []
         try:
             yield self._caused_kinds
@@ -341,7 +346,10 @@ class Journal:
 
     @property
     def author(self) -> CommandAuthor:
-        """The author of the current command. The name is empty if there is no command or the author is unknown."""
+        """The author of the current command.
+
+        The name is empty if there is no command or the author is unknown.
+        """
         return self._author
 
     def _author_data(self, kind: str) -> Mapping[str, str]:
@@ -405,7 +413,10 @@ class Journal:
         self._notify(entry._replace(data=end_data(ending, status, reason, self.head)))
 
     def close(self) -> None:
-        """Write the queued entries and close the file. If no run has started in the file, remove the file instead."""
+        """Write the queued entries and close the file.
+
+        If no run has started in the file, remove the file instead.
+        """
         self._write()
         if self._is_failing:
             self.on_failure(

@@ -90,7 +90,10 @@ def check_value_types(kind: str, data: Mapping[str, Any]) -> None:
 
 
 def day_and_time(wall: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
-    """Format seconds since 1970 as local date and time. If the time is out of range, return it as a number."""
+    """Format seconds since 1970 as local date and time.
+
+    If the time is out of range, return it as a number.
+    """
     try:
         return time.strftime(form, time.localtime(wall))
     except (OSError, OverflowError, ValueError):

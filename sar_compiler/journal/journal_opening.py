@@ -49,7 +49,10 @@ def simulated_place(node: str, *, resume: bool, environment: Mapping[str, str] =
 
 
 def delete_old_simulated(place: Path) -> None:
-    """Delete old journals of simulated runs. Keep *place*, the nine journals before it, and journals in use."""
+    """Delete old journals of simulated runs.
+
+    Keep *place*, the nine journals before it, and journals in use.
+    """
     others = [path for path in _journals_by_age(place.parent) if path != place]
     for path in others[: 1 - _KEPT_SIMULATED]:
         if not is_locked(path):

@@ -1,4 +1,7 @@
-"""Provides the events and ticks of a journal's last run. To save memory, each use reads the file again."""
+"""Provides the events and ticks of a journal's last run.
+
+To save memory, each use reads the file again.
+"""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -28,7 +31,10 @@ class LastRunEvents(TickSource):
 
     @property
     def omits_ticks(self) -> bool:
-        """Whether unchanged ticks may be missing, as in imported runs. This is only known after the ticks were read."""
+        """Whether unchanged ticks may be missing, as in imported runs.
+
+        This is only known after the ticks were read.
+        """
         return self._omits_ticks
 
     def __iter__(self) -> Iterator[Event]:

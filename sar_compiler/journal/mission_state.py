@@ -367,13 +367,19 @@ class MissionState:
 
     @property
     def robot(self) -> str:
-        """The robot's name in a team, which is the namespace of the mission's ROS node, such as `robot1`. May be empty."""
+        """The robot's name in a team, which is the namespace of the mission's ROS node, such as `robot1`.
+
+        May be empty.
+        """
         node = str(self.runs[-1].about.get("node") or "") if self.runs else ""
         return node.rpartition("/")[0].strip("/")
 
     @property
     def phase(self) -> MissionPhase:
-        """The phase of an active run. It depends on breakpoints, the mission, missing requirements and the robot."""
+        """The phase of an active run.
+
+        It depends on breakpoints, the mission, missing requirements and the robot.
+        """
         reported = self.situation.phase
         reported = reported._replace(reason=self.order or reported.reason)
         if self.breakpoint:
@@ -394,7 +400,10 @@ class MissionState:
 
     @property
     def gauges(self) -> list[Gauge]:
-        """The gauges of the mission. The robot's battery comes first if the mission has no gauge with this name."""
+        """The gauges of the mission.
+
+        The robot's battery comes first if the mission has no gauge with this name.
+        """
         reported = self.situation.gauges
         own = [self.battery] if self.battery is not None and self.battery.name not in reported else []
         return [*own, *reported.values()]

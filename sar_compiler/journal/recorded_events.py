@@ -41,7 +41,9 @@ def is_status(entry: JournalEntry, count: int) -> bool:
 
 
 def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
-    """Yield the events of leaves in recorded runs. Each tick finishes with decisions and an event for its end.
+    """Yield the events of leaves in recorded runs.
+
+    Each tick finishes with decisions and an event for its end.
 
     A decision is an event of an inner node that has determined its result itself. The path of a leaf also contains the nodes that
     evaluate conditions in attributes. Journal events that a leaf recorded are attached to the leaf's next event in the same tick, or

@@ -148,7 +148,10 @@ def _is_parent_running(node: int, parents: Sequence[int | None], running: Mappin
 
 
 def _parse_integer(text: str) -> int:
-    """Parse an integer that has the form in which the project writes it. Return `_UNKNOWN` for any other text."""
+    """Parse an integer that has the form in which the project writes it.
+
+    Return `_UNKNOWN` for any other text.
+    """
     return int(text) if text.isdecimal() and str(int(text)) == text else _UNKNOWN
 
 

@@ -1,4 +1,6 @@
-"""Defines the reserve file of a journal. It has a fixed size, and stores events while the journal cannot be written.
+"""Defines the reserve file of a journal.
+
+It has a fixed size, and stores events while the journal cannot be written.
 
 The blocks of the file are allocated when a run starts, and only overwritten afterwards, so that a full disk, a quota or a lock on
 the database does not affect them. The file has two slots with checksums, which are written in turn. A process that dies while
@@ -50,7 +52,10 @@ class SpilledEntries(NamedTuple):
 
 
 def lost_events_row(rows: Sequence[Row], numbers: Mapping[str, int]) -> Row:
-    """Return an event that stands for lost events. It contains how many were lost, and the highest numbers in use."""
+    """Return an event that stands for lost events.
+
+    It contains how many were lost, and the highest numbers in use.
+    """
     count = sum(json.loads(row.data)["count"] if row.kind == FACTS_LOST else 1 for row in rows)
     return rows[-1]._replace(kind=FACTS_LOST, data=json.dumps({"count": count, "numbers": dict(numbers)}))
 
@@ -168,7 +173,10 @@ def _slots(content: bytes) -> list[tuple[int, bytes]]:
 
 
 def _fit_into_slot(spilled: SpilledEntries, numbers: Mapping[str, int]) -> str:
-    """Convert the content to text that fits into a slot. If it is too long, one event replaces the last events."""
+    """Convert the content to text that fits into a slot.
+
+    If it is too long, one event replaces the last events.
+    """
     count = len(spilled.facts)
     while True:
         facts = [

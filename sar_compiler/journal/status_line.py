@@ -59,7 +59,10 @@ class StatusLine(NamedTuple):
 
 
 def status_line_text(state: MissionState) -> str:
-    """Return the status line of a mission as text. The status is that at the time of the last journal entry."""
+    """Return the status line of a mission as text.
+
+    The status is that at the time of the last journal entry.
+    """
     return condition(state).to_line(state.now.time)
 
 

@@ -113,7 +113,10 @@ class StatusWatch(VisitorBase):
         self._journal.write_when_due()
 
     def _label(self, behaviour: Behaviour, status: str) -> str | None:
-        """Return the label of a leaf's outcome. It is "" if several are possible, and None without declared outcomes."""
+        """Return the label of a leaf's outcome.
+
+        It is "" if several are possible, and None without declared outcomes.
+        """
         declared = self._declared.get(behaviour.id)
         if declared is None:
             return None

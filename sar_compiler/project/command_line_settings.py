@@ -8,7 +8,9 @@ if TYPE_CHECKING:
 
 
 class CommandLineSettings(NamedTuple):
-    """The settings from the command line. They supplement every project's configuration, and may name any file.
+    """The settings from the command line.
+
+    They supplement every project's configuration, and may name any file.
 
     Attributes:
         nodes: The leaves: classes, modules, or import paths of modules, which may be in the current folder.

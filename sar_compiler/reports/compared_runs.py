@@ -54,7 +54,10 @@ class ComparedRun(NamedTuple):
 
 
 def runs_as_text(runs: Sequence[ComparedRun]) -> str:
-    """Return the details of a single run. For several runs, return a table and the details of the failed ones."""
+    """Return the details of a single run.
+
+    For several runs, return a table and the details of the failed ones.
+    """
     if len(runs) == 1:
         return "\n".join(map(escape_to_one_line, _run_lines(runs[0])))
     lines = [table_text([*map(_row, runs)], 4)]

@@ -172,7 +172,10 @@ def find_counterfactual(
 
 
 def _options_of(about: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the recorded options with which a run selected nodes, such as --nodes. Ignore malformed entries."""
+    """Return the recorded options with which a run selected nodes, such as --nodes.
+
+    Ignore malformed entries.
+    """
     recorded = about.get("options")
     pairs = recorded if isinstance(recorded, list) else []
     return [(str(pair[0]), str(pair[1])) for pair in pairs if isinstance(pair, list) and len(pair) > 1]

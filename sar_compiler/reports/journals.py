@@ -110,7 +110,10 @@ def _entry_lines(
 
 
 def entry_text(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[str]:
-    """Yield the fields of an entry as text. If *nodes* contains the names of all nodes, show names, not numbers."""
+    """Yield the fields of an entry as text.
+
+    If *nodes* contains the names of all nodes, show names, not numbers.
+    """
     for key, value in data.items():
         if key in ("node", "leaf") and isinstance(value, int) and 0 <= value < len(nodes):
             yield f"{key} '{nodes[value]}'"

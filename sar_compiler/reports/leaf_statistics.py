@@ -159,7 +159,10 @@ class _ActiveLeaves:
 
 
 def statistics_as_text(found: RunStatistics, confidence: float) -> str:
-    """Return a table with a line for each outcome of each leaf. The line states the outcome's share in percent."""
+    """Return a table with a line for each outcome of each leaf.
+
+    The line states the outcome's share in percent.
+    """
     interval = f"{100 * confidence:g} % interval"
     lines = [
         _line(leaf, outcome, interval, confidence, is_first=not place)

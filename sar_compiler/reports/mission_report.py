@@ -46,7 +46,9 @@ def unfinished_locations(state: MissionState) -> dict[str, list[str]]:
 
 
 def report_data(state: MissionState, why: CauseOfFailure | None = None) -> dict[str, Any]:
-    """Return the report of a mission as a JSON object. For a failed mission, the report contains the cause.
+    """Return the report of a mission as a JSON object.
+
+    For a failed mission, the report contains the cause.
 
     Positions are `x` and `y` in the frame `map`, in metres, and also `lat` and `lon` in degrees if the map has a
     georeference. Each time is given as `utc` and as `time`, which is the number of seconds on the mission's
@@ -118,7 +120,10 @@ def report_data(state: MissionState, why: CauseOfFailure | None = None) -> dict[
 
 
 def _position_fields(reference: Georeference | None, x: float, y: float) -> dict[str, float]:
-    """Return the fields for a position in the frame `map`. With a georeference, add latitude and longitude."""
+    """Return the fields for a position in the frame `map`.
+
+    With a georeference, add latitude and longitude.
+    """
     if reference is None:
         return {"x": x, "y": y}
     lat, lon = reference.to_coordinates(x, y)

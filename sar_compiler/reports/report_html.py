@@ -222,7 +222,10 @@ def _position(state: MissionState, x: float, y: float) -> list[str]:
 
 
 def _local_time(state: MissionState, instant: EventTime | None) -> str:
-    """Return local time and mission time. Add the run if there are several, and the day if it is not the first."""
+    """Return local time and mission time.
+
+    Add the run if there are several, and the day if it is not the first.
+    """
     if instant is None:
         return _NONE
     run = f"run {instant.run}, " if len(state.runs) > 1 else ""
@@ -287,7 +290,10 @@ class _Symbol(NamedTuple):
 
 
 def _legend(state: MissionState) -> Sequence[tuple[_Symbol | None, str]]:
-    """Return a description for each different symbol on the map. The symbol None stands for the robot's path."""
+    """Return a description for each different symbol on the map.
+
+    The symbol None stands for the robot's path.
+    """
     drawn = {
         (_symbol(state, each), _landmark_text(state, each)): None
         for each in state.situation.landmarks.values()

@@ -450,7 +450,10 @@ class _ExplainedFailure:
         return self.ends.has_failed
 
     def last_end(self, number: int) -> NodeStatus:
-        """Return the last final status of a node. If no child explains it, add the node's own reason to the message."""
+        """Return the last final status of a node.
+
+        If no child explains it, add the node's own reason to the message.
+        """
         node = self._state.nodes[number]
         status, label, message, changed = self._last[number]
         if number in self._own:
@@ -462,7 +465,10 @@ class _ExplainedFailure:
         return number in self._last
 
     def _has_expired(self, number: int) -> bool:
-        """Return whether a node has failed because a time limit expired. If so, set the node's message accordingly."""
+        """Return whether a node has failed because a time limit expired.
+
+        If so, set the node's message accordingly.
+        """
         limit = self._kinds.limits.get(number)
         if limit is None or not self._state.nodes[number].children:
             return False
@@ -476,7 +482,10 @@ class _ExplainedFailure:
         return True
 
     def _reason(self, node: NodeState, status: str, message: str) -> str:
-        """Return a node's message. Add the value of an attribute that it names, or the result of a condition's code."""
+        """Return a node's message.
+
+        Add the value of an attribute that it names, or the result of a condition's code.
+        """
         for name, value in node.attributes.items():
             if message.endswith(f" {name}"):
                 return f"{message}: {value}"
@@ -772,7 +781,10 @@ def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) ->
 
 
 def cause_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
-    """Describe the causes of a mission's failure. *otherwise* is the text about changes that lead to success."""
+    """Describe the causes of a mission's failure.
+
+    *otherwise* is the text about changes that lead to success.
+    """
     lines = [escape_to_one_line(reasons.said)]
     if reasons.likeliest is not None and reasons.has_cause:
         lines += ["", "Likeliest cause:", f"  {_status_line(reasons.likeliest)}"]

@@ -359,7 +359,10 @@ class _PredictionSolver:
         return tuple((self._seconds(each.tick), each.succeeded, each.ended) for each in moments or ())
 
     def _property_bounds(self, rule: int) -> ProbabilityBounds:
-        """Return the bounds of the probability that a property holds. An obligation must be met before a run ends."""
+        """Return the bounds of the probability that a property holds.
+
+        An obligation must be met before a run ends.
+        """
         broken, unknown = self._broken[:, rule], self._open
         if rule in self._properties.owing:
             return self._weighed.bounds(self._ends & ~broken, unknown)

@@ -53,7 +53,10 @@ class ReusedTree:
         return self._choices >= _MAX_CHOICES
 
     def play(self, scenario: Scenario) -> Player:
-        """Play a complete run, and return the player of this run. The previous run's player is no longer usable."""
+        """Play a complete run, and return the player of this run.
+
+        The previous run's player is no longer usable.
+        """
         clock = self.simulated.clock
         clock.advance(-clock.now())
         self._entries.restore(self._start)

@@ -1,4 +1,7 @@
-"""Defines scenarios and parses scenario files. Each error in a file is reported as a finding with a location."""
+"""Defines scenarios and parses scenario files.
+
+Each error in a file is reported as a finding with a location.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

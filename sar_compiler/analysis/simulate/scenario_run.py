@@ -79,7 +79,9 @@ class DrawnChoice(NamedTuple):
 
 
 class ScenarioPolicy:
-    """Chooses outcomes as a scenario describes. For other leaves, uses probabilities or the default outcome.
+    """Chooses outcomes as a scenario describes.
+
+    For other leaves, uses probabilities or the default outcome.
 
     Args:
         scenario: The scenario, with the steps of scripted leaves and the seed of random choices.
@@ -316,7 +318,9 @@ class Player:
         simulated.policy = self.scripted
 
     def tick(self) -> TickRecord:
-        """Advance the clock by one period, except before the first tick. Tick the tree, and return the tick's record.
+        """Advance the clock by one period, except before the first tick.
+
+        Tick the tree, and return the tick's record.
 
         Raises:
             Exception: Any exception that a node raises.
@@ -367,7 +371,9 @@ class Player:
 
 
 class ScenarioPlayer(Player):
-    """Plays one run of a tree that was compiled only for this run. Also records the changes of facts and keys.
+    """Plays one run of a tree that was compiled only for this run.
+
+    Also records the changes of facts and keys.
 
     Args:
         simulated: The tree.
@@ -393,7 +399,10 @@ class ScenarioPlayer(Player):
 
 
 def _keys(simulated: SimulatedTree) -> Mapping[str, object]:
-    """Return the values on the tree's blackboard by key. The keys of a subtree begin with the subtree's path."""
+    """Return the values on the tree's blackboard by key.
+
+    The keys of a subtree begin with the subtree's path.
+    """
     return simulated.compiled.board.values()
 
 

@@ -1,4 +1,6 @@
-"""Automata that replace branches below parallel nodes. They describe only the results of a branch's ticks.
+"""Automata that replace branches below parallel nodes.
+
+They describe only the results of a branch's ticks.
 
 A branch below a parallel node that shares nothing with the rest of the tree is first ticked on its own (`AloneNode`).
 The results of its ticks, which are all that its parent observes, form an `Automaton`. A `BranchNode` then plays the
@@ -139,7 +141,10 @@ class AloneNode(DecoratorNode):
 
 
 class AllNode(ParallelNode):
-    """A Parallel node whose children must all succeed. It has fewer children than in the tree, because some are joined."""
+    """A Parallel node whose children must all succeed.
+
+    It has fewer children than in the tree, because some are joined.
+    """
 
     def threshold(self, port: str, wanted: int) -> int:  # noqa: ARG002 - it refers to the children before the join
         """Return the number of children as the threshold for `success_count`, and 1 as that for `failure_count`."""

@@ -4,7 +4,9 @@ from sar_compiler.errors import UnsteadyError
 
 
 class Choices:
-    """Enumerates the combinations of choices in a tick. Each combination is like a number with a digit per choice.
+    """Enumerates the combinations of choices in a tick.
+
+    Each combination is like a number with a digit per choice.
 
     Each time the tick, or the rest of it, is played again, its nodes call `pick`. The calls return the options of the
     current combination. After the end of the combination they return the first option. This is right only if the same
@@ -56,7 +58,10 @@ class Choices:
         return self._path[asked]
 
     def advance(self) -> int:
-        """Advance to the next combination. Return the index of the changed choice, or -1 if there is no next one."""
+        """Advance to the next combination.
+
+        Return the index of the changed choice, or -1 if there is no next one.
+        """
         path, counts = self._path, self._counts
         # Nodes requested fewer choices than the combination has.
         while len(path) > self._asked:

@@ -171,7 +171,9 @@ class ForkingTicker(Ticker):
             node = called
 
     def next_fork(self) -> int:
-        """Restore the last fork with an untried option. Return how many of the later forks are at intermediate states.
+        """Restore the last fork with an untried option.
+
+        Return how many of the later forks are at intermediate states.
 
         The result is -1 if no fork has an untried option.
         """

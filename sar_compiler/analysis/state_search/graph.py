@@ -15,7 +15,9 @@ Edge = tuple[int, int]
 
 @dataclass(frozen=True)
 class Breach:
-    """The first tick that violates a rule. No other violation of this rule needs fewer ticks from the start.
+    """The first tick that violates a rule.
+
+    No other violation of this rule needs fewer ticks from the start.
 
     Attributes:
         source: The number of the state in which the tick starts.

@@ -129,7 +129,9 @@ _NEW: Final = 0
 
 
 def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
-    """Yield the strongly connected components of a graph. The components reachable from one are yielded before it.
+    """Yield the strongly connected components of a graph.
+
+    The components reachable from one are yielded before it.
 
     This is Tarjan's algorithm in Pearce's form ("A space-efficient algorithm for finding strongly connected
     components", Information Processing Letters 116, 2016), which needs one number for each place. A recursion would be
@@ -162,7 +164,10 @@ def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
 
 
 class _Stack:
-    """A stack of places. It needs less memory than a list, which matters because it may contain all places."""
+    """A stack of places.
+
+    It needs less memory than a list, which matters because it may contain all places.
+    """
 
     def __init__(self) -> None:
         self._places = vec[i32]()

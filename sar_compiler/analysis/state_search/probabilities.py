@@ -42,7 +42,9 @@ TOLERANCE_SEC: Final = 1e-6
 
 
 class TicksLeft:
-    """The number of ticks until a time expires. Equal numbers share one object, so that states can be compared.
+    """The number of ticks until a time expires.
+
+    Equal numbers share one object, so that states can be compared.
 
     Args:
         ticks: The number of ticks.
@@ -231,7 +233,10 @@ class ProbabilisticLeaf(StubNode):
         self._known: dict[tuple[int, ...], list[Option]] = {}
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return the number of options, or 1 if a condition raises an error. The tick then raises the same error."""
+        """Return the number of options, or 1 if a condition raises an error.
+
+        The tick then raises the same error.
+        """
         try:
             replies = self._possible()
         except SarError:
@@ -239,7 +244,10 @@ class ProbabilisticLeaf(StubNode):
         return 1 if self._has_chosen(ticker, replies) else len(self._options(replies))
 
     def begin(self, ticker: Ticker) -> int:
-        """Start the leaf if it is not running. Return the chosen outcome, or RUNNING until that outcome is due."""
+        """Start the leaf if it is not running.
+
+        Return the chosen outcome, or RUNNING until that outcome is due.
+        """
         cells, values, trail = ticker.cells, ticker.values, self._trail
         self._ran.add(self.index)
         if cells[self.status_cell] != RUNNING:
@@ -317,7 +325,9 @@ class ProbabilisticLeaf(StubNode):
 
 
 class WeighedSteps(TickSteps):
-    """The steps of a tree, each with a known probability. Consecutive ticks in which only time passes form one step.
+    """The steps of a tree, each with a known probability.
+
+    Consecutive ticks in which only time passes form one step.
 
     `waits` contains the number of a step's weight, or the negative number of ticks if only time passes in the step.
 

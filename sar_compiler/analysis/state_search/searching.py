@@ -93,7 +93,10 @@ class Stepper:
         raise NotImplementedError
 
     def enter(self, state: bytes, *, alone: bool = False) -> None:
-        """Restore a state to play the steps from it. With *alone*, ignore intermediate states found from other states."""
+        """Restore a state to play the steps from it.
+
+        With *alone*, ignore intermediate states found from other states.
+        """
         raise NotImplementedError
 
     def step(self) -> int:
@@ -221,7 +224,10 @@ class _Exploration:
         return True
 
     def _record_step(self, target: int, waits: Waits) -> None:
-        """Record a step from the current place. Omit the target if this step, or every step after it, raises an error."""
+        """Record a step from the current place.
+
+        Omit the target if this step, or every step after it, raises an error.
+        """
         goes_on, changed, settled = waits
         if target >= 0:
             # At the end of a tick, no run waits for leaves and timers that have started in the tick.

@@ -210,7 +210,10 @@ def _skip_number(code: bytes, at: i64) -> i64:
 
 
 def _read_rest(code: bytes, at: i64) -> tuple[i64, i64]:
-    """Read the rest of a number, which continues at *at*. Return the number and the index of the byte after it."""
+    """Read the rest of a number, which continues at *at*.
+
+    Return the number and the index of the byte after it.
+    """
     number: i64 = _HALF_FULL
     shift: i64 = 0
     while True:

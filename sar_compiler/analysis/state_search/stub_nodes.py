@@ -182,7 +182,10 @@ class StubNode(ChoosingNode):
         self._find_possible: Callable[[], list[Reply]] = self._possible_replies
 
     def branch_count(self, ticker: Ticker) -> int:  # noqa: ARG002
-        """Return the number of possible outcomes, or 1 if a condition raises an error. The tick raises it again."""
+        """Return the number of possible outcomes, or 1 if a condition raises an error.
+
+        The tick raises it again.
+        """
         try:
             return len(self._possible())
         except SarError:
@@ -237,7 +240,9 @@ _UP: Final = 2
 
 
 class ChosenTimes(Times):
-    """Provides timers for a search. Each check of a timer tries both: the timer has expired or has not expired.
+    """Provides timers for a search.
+
+    Each check of a timer tries both: the timer has expired or has not expired.
 
     Args:
         choices: Decide whether a timer has expired.

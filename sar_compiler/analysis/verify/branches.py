@@ -153,7 +153,10 @@ class BranchAssembly:
     def play_tick(
         self, position: "BranchPosition", wanted: IsWanted
     ) -> "tuple[BranchPosition, tuple[int, ...]]":
-        """Play the first tick that *wanted* accepts. Return the new position and the choices in the original tree."""
+        """Play the first tick that *wanted* accepts.
+
+        Return the new position and the choices in the original tree.
+        """
         path = next(step for step in self.stepper.ticks(position.state) if wanted(step)).path()
         self.results.clear()
         state = next(self.stepper.ticks(position.state, path)).state or b""

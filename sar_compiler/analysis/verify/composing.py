@@ -150,7 +150,9 @@ class _BranchQuestions:
 
 
 class BranchArrangement:
-    """Replaces the branches of a tree, except given branches. Neighbouring branches are joined where possible.
+    """Replaces the branches of a tree, except given branches.
+
+    Neighbouring branches are joined where possible.
 
     Args:
         prepared: The tree.
@@ -235,7 +237,9 @@ def _constant(port: Input[int]) -> int:
 
 @dataclass(frozen=True, eq=False)
 class ComposedSpace(StateSpace):
-    """The states of a tree in which automata replace branches. Its runs are shown as runs of the original tree.
+    """The states of a tree in which automata replace branches.
+
+    Its runs are shown as runs of the original tree.
 
     Attributes:
         parts: The tree with replaced branches.

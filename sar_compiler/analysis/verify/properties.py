@@ -126,7 +126,9 @@ class Condition:
         return holds
 
     def after_tick(self, root: str, idle: bool | None) -> bool:
-        """Return whether the condition holds after a tick. The arguments are those of `PropertyScope.end_tick`.
+        """Return whether the condition holds after a tick.
+
+        The arguments are those of `PropertyScope.end_tick`.
 
         Raises:
             ConditionError: As for `holds`.
@@ -470,7 +472,10 @@ class Properties:
         return (heard | beside).difference(each.number for some in guarded.values() for each in some)
 
     def without_owner(self, owner: str) -> "Properties":
-        """Return all properties except *owner*. For `end`, exclude the properties that depend on the end of a run."""
+        """Return all properties except *owner*.
+
+        For `end`, exclude the properties that depend on the end of a run.
+        """
         if owner in self.names:
             return self.select([number for number, each in enumerate(self.names) if each != owner])
         lasting = set(range(self.rules.monitors.count)).difference(self.owing)
@@ -630,7 +635,10 @@ class _PropertyParser:
         return next((head for head in heads if head in self._tags), None)
 
     def _guard(self, numbers: set[int], condition: Condition, *, comes_first: bool) -> int:
-        """Create an additional event that occurs together with leaf events if a condition holds. Return its number."""
+        """Create an additional event that occurs together with leaf events if a condition holds.
+
+        Return its number.
+        """
         companion = len(self._alphabet.events) + len(self.monitors)
         for number in numbers:
             self.guarded.setdefault(number, []).append(Guarded(companion, condition.holds, comes_first))

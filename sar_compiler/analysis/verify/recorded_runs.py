@@ -116,7 +116,9 @@ class PossibleTick(NamedTuple):
     broken: tuple[tuple[int, Event], ...] = ()
 
     def common(self, recorded: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
-        """Compare this tick with a record. Return how many outcomes of the record and of this tick agree at the start.
+        """Compare this tick with a record.
+
+        Return how many outcomes of the record and of this tick agree at the start.
 
         A recorded outcome that may only be the result of a leaf's condition is ignored if this tick lacks it.
 
@@ -204,7 +206,9 @@ class FoundTick(NamedTuple):
 
 
 class FoundTicks:
-    """The recorded ticks that were located. They are stored compactly, because a run can have a million ticks.
+    """The recorded ticks that were located.
+
+    They are stored compactly, because a run can have a million ticks.
 
     Attributes:
         omitted: The number of ticks that the record omits.
@@ -461,7 +465,10 @@ class TreeRuns:
         )
 
     def _statuses(self) -> tuple[str, ...]:
-        """Return the current status of each node, in the order of node numbers. The status of an idle node is empty."""
+        """Return the current status of each node, in the order of node numbers.
+
+        The status of an idle node is empty.
+        """
         cells = self.stepper.ticker.cells
         return tuple(
             WORDS[cells[node.status_cell]] if cells[node.status_cell] else ""
@@ -570,7 +577,10 @@ class TreeRuns:
         return frozenset(found)
 
     def _find_later_matches(self, position: "_RecordPosition", tick: Sequence[Event]) -> list[_Matches]:
-        """Assume that the record omits unchanged ticks. Return their matches and those of the tick, or an empty list."""
+        """Assume that the record omits unchanged ticks.
+
+        Return their matches and those of the tick, or an empty list.
+        """
         end = Event(tick[-1].path, 0, TICKED, position.observed.statuses.get(0, ""))
         now, steps = position, list[_Matches]()
         seen = {now.states}

@@ -193,7 +193,10 @@ class _Solution:
         return target not in self._read and value.is_total and is_taken
 
     def _require(self, name: str, above: float, below: float) -> bool:
-        """Require that the values of an entry between two bounds are distinguished. Return whether this was not known."""
+        """Require that the values of an entry between two bounds are distinguished.
+
+        Return whether this was not known.
+        """
         above = above if above <= _LARGEST_LIMIT else math.inf
         below = below if below >= -_LARGEST_LIMIT else -math.inf
         is_new = above > self._above[name] or below < self._below[name]

@@ -133,7 +133,10 @@ class TreeStepper:
         self._before: tuple[Mapping[str, object], Mapping[str, object]] = ({}, {})
 
     def _begin_as_first(self, prepared: PreparedTree, ticker: Ticker) -> None:
-        """Give nodes the initial cells that they had in the first stepper. The behaviours may have been ticked since."""
+        """Give nodes the initial cells that they had in the first stepper.
+
+        The behaviours may have been ticked since.
+        """
         cells, values = ticker.cells, ticker.values
         for node in self.flat.nodes:
             keeps_nothing = node.first_cell == node.last_cell and node.first_value == node.last_value
@@ -230,7 +233,10 @@ class TreeStepper:
         self.ticker.choices.rewind(next(behind, self.ticker.choices.choice_count))
 
     def play(self, state: bytes, wanted: Callable[[TickSteps], bool], number: int = 0) -> TickRecord:
-        """Play the first tick from a state that *wanted* accepts. Return the tick's record with the given number."""
+        """Play the first tick from a state that *wanted* accepts.
+
+        Return the tick's record with the given number.
+        """
         next(step for step in self.ticks(state) if wanted(step))
         return self.tick_record(number)
 
@@ -287,7 +293,10 @@ class TreeStepper:
         return tuple(found)
 
     def _own_number(self, place: int) -> int:
-        """Return the number of an event of the last tick. For an additional event, return that of its leaf event."""
+        """Return the number of an event of the last tick.
+
+        For an additional event, return that of its leaf event.
+        """
         count, numbers = len(self._alphabet.events), self._trail.numbers
         if numbers[place] < count:
             return numbers[place]
