@@ -197,7 +197,7 @@ class AgentTools:
         return await self._data("nodes", self._vocabulary, *([] if tag is None else [tag]))
 
     async def validate(self, file: str) -> ToolAnswer:
-        """Return a tree file's findings as `output`, and the file's text with all suggestions applied as `fixed`."""
+        """Return a tree file's findings as `output`, and its text with all suggestions applied as `fixed`."""
         path = self._access.path(file)
         answer = await self._data("validate", self._project, path)
         fixed = None
@@ -265,7 +265,7 @@ class AgentTools:
     async def propose(
         self, file: str, properties: str | None = None, params: str | None = None, tree: str | None = None
     ) -> ToolAnswer:
-        """Return a tree's findings and proofs, the digest of the files to run, and the command that approves the tree.
+        """Return a tree's findings and proofs, a digest of its files, and the command that approves the tree.
 
         `tree` is the ID of the tree in the file, and `params` the parameter file. Show the result to a person, who
         decides. This call approves nothing.

@@ -1,4 +1,4 @@
-"""An agent's proposal for a person to approve: a tree file, the findings about the tree, and the proofs."""
+"""An agent's proposal for a person to approve: a tree file, the findings about it, and the proofs."""
 
 from pathlib import Path
 

@@ -20,7 +20,7 @@ def apply_suggestions(
     load: Callable[[Read], ProjectTree],
     is_meant: Callable[[Diagnostic], bool] = lambda _finding: True,
 ) -> ProjectTree:
-    """Load a tree file, apply the suggestions of the findings to the file's text, and return the resulting tree.
+    """Apply the suggestions of the findings to the text of a tree file, and return the resulting tree.
 
     Args:
         path: The file, which is not changed.

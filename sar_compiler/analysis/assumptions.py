@@ -1,4 +1,4 @@
-"""Reads the assumptions in a scenario or properties file: the sections `facts:`, `outcomes:` and `controls:`.
+"""Reads the sections `facts:`, `outcomes:` and `controls:` of a scenario or properties file.
 
 The section `controls:` names replacements for controls and decorators whose behaviour is unknown.
 """
@@ -261,7 +261,7 @@ def _names_in(outcome: Outcome) -> set[str]:
 def apply_controls(
     document: Document, controls: Value, binding: Binding, registry: Registry, files: Iterable[TreeFile]
 ) -> None:
-    """Replace nodes of unknown behaviour by the nodes that a file names, and report errors in the file as findings.
+    """Replace nodes of unknown behaviour by the nodes that a file names, and report errors as findings.
 
     Args:
         document: The file.
@@ -312,7 +312,7 @@ def _find_replacement(
 
 
 def _replacement_fault(spec: NodeSpec, nodes: Sequence[BoundNode]) -> str:
-    """Return the reason why a node cannot replace the given nodes, or an empty string if it can replace them."""
+    """Return the reason why a node cannot replace the given nodes, or an empty string if it can."""
     if spec.kind.is_leaf:
         return "it is a leaf"
     needed = [each.name for each in (*spec.required_attributes, *spec.references) if each.required]

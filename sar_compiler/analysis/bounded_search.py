@@ -311,7 +311,7 @@ class FaultyAttributes:
             self._keys |= {inner for outer, inner in links if outer in self._keys}
 
     def explains(self, bound: BoundNode, attribute: str) -> bool:
-        """Return whether a faulty attribute explains an error in a node's *attribute*, or anywhere in the node if empty."""
+        """Return whether a faulty attribute explains an error. An empty *attribute* stands for the whole node."""
         return (bound, attribute) in self._attributes or any(
             (tree, key) in self._keys for tree, key, _ in self._accesses(bound, attribute)
         )

@@ -466,7 +466,7 @@ class _PropertyEvaluation:
     def _record_violations(
         self, some: dict[bytes, int], each: dict[bytes, int], events: Mapping[int, Event]
     ) -> None:
-        """Record the properties that are violated for the first time in this tick, on some path or on every path."""
+        """Record the properties that this tick is the first to violate, on some path or on every path."""
         self._some, self._each = some, each
         in_some, in_each = reduce(or_, some.values(), 0), reduce(and_, each.values(), -1)
         for rule in range(len(self._properties.names)):

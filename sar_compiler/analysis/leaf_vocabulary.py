@@ -24,7 +24,7 @@ _DURATION = require_value_type(timedelta)
 
 
 def parse_word(document: Document, value: Value, known: Iterable[str], what: str) -> str | None:
-    """Return the text of a value that must be one of the known words, or report an error for any other value."""
+    """Return the text of a value that must be one of the known words, or report an error."""
     words = list(known)
     if value.text in words:
         return value.text
@@ -39,7 +39,7 @@ def seconds(value: Value) -> float:
 
 
 def parse_duration_range(value: Value) -> tuple[float, float]:
-    """Convert a duration (`4s`) or a range of durations (`4s to 9s`), checked by a schema, to bounds in seconds."""
+    """Convert a schema-checked duration (`4s`) or range of durations (`4s to 9s`) to bounds in seconds."""
     if isinstance(value.data, (int, float)):
         return float(value.data), float(value.data)
     spans: list[Any] = [_DURATION.convert("".join(part.split())) for part in value.data.split("to")]
@@ -200,7 +200,7 @@ class EventPattern:
 
 
 class LeafVocabulary:
-    """Parses the leaf names, events and conditions in a document, and reports errors as the document's findings."""
+    """Parses the leaf names, events and conditions in a document, and reports errors as findings."""
 
     def __init__(self, document: Document, simulated: SimulatedTree) -> None:
         self.document = document
@@ -230,7 +230,7 @@ class LeafVocabulary:
         return found
 
     def parse_outcome(self, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
-        """Return a value's text if it is a label or status that the leaves can return; otherwise report an error."""
+        """Return a value's text if it is a label or status that the leaves can return, or report an error."""
         text, known = value.text or "", outcome_words(leaves)
         if text not in known:
             message = f"'{leaves[0].name}' never returns '{text}'. It returns {', '.join(known)}"
@@ -260,7 +260,7 @@ class LeafVocabulary:
         return None if found else condition
 
     def parse_event(self, value: Value) -> EventPattern | None:
-        """Return the pattern of the events that a string names, or report an error if the string names no event."""
+        """Return the pattern of the events that a string names, or report that the string names no event."""
         text = value.text or ""
         words = text.split(" ")
         for count in range(len(words) - 1, 0, -1):
@@ -300,7 +300,7 @@ class LeafVocabulary:
 
 
 def outcome_words(leaves: Iterable[StubLeaf]) -> list[str]:
-    """Return the labels of the outcomes that leaves can return, followed by the statuses of these outcomes."""
+    """Return the labels of the outcomes that leaves can return, followed by the statuses."""
     labels = [outcome.label for leaf in leaves for outcome in leaf.outcomes if outcome.label]
     statuses = {outcome.status for leaf in leaves for outcome in leaf.outcomes}
     return [*dict.fromkeys(labels), *(status for status in STATUSES if status in statuses)]

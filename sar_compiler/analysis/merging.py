@@ -100,7 +100,7 @@ class ValueMerging:
         self._cells.set_content(self._switch, True)  # noqa: FBT003 - the value of an entry
 
     def add_switch(self, entries: Iterable[Entry]) -> list[int]:
-        """Return a list with the cell of the merging switch if merging affects an entry, otherwise an empty list."""
+        """Return a list with the cell of the merging switch, or an empty list if no entry is merged."""
         return [self._switch] if any(entry.name in self.values for entry in entries) else []
 
     def representative(self, name: str, value: object) -> object:

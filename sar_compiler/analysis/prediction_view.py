@@ -20,7 +20,7 @@ _MAX_POINTS = 400
 
 
 def prediction_as_text(prediction: Prediction, seconds: float) -> str:
-    """Return the prediction as text: probabilities, times, and a line for each of the most influential leaves.
+    """Return the prediction as text: probabilities, times, and a line for each of the top leaves.
 
     Args:
         prediction: The prediction.

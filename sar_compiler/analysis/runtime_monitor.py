@@ -384,7 +384,7 @@ class RuntimeMonitor:
 
 
 def describe_condition(leaf: StubLeaf, outcomes: Sequence[Outcome]) -> tuple[str, str]:
-    """Describe the conditions that make a leaf's outcomes impossible now, and the values in these conditions."""
+    """Describe the conditions that make a leaf's outcomes impossible now, and the current values in them."""
     whens = dict.fromkeys(outcome.when for outcome in outcomes)
     names = dict.fromkeys(use.name for when in whens for use in name_uses(parse(when)))
     values = ", ".join(f"{name} is {_value(leaf, name)}" for name in names)

@@ -65,7 +65,7 @@ Substitute = Callable[..., Behaviour]
 
 
 class UnknownBehaviourError(UndecidableError):
-    """The behaviour of some controls or decorators in a tree is unknown, and no replacement is given for them.
+    """The behaviour of some controls or decorators is unknown, and no replacement is given for them.
 
     Attributes:
         findings: A finding for each tag of such nodes.
@@ -112,7 +112,7 @@ def self_ticking_parents(binding: Binding) -> list[BoundNode]:
 
 
 def by_semantics(bound: BoundNode, clock: Clock) -> Substitute | None:
-    """Return a constructor for a node that follows the registered semantics, or None if they are incomplete.
+    """Return a constructor for a node that follows the registered semantics, or None if it is impossible.
 
     Args:
         bound: The node, without children that can be skipped.
@@ -412,7 +412,7 @@ class SimulationBuilder(Builder):
         self._start: dict[str, tuple[Fact, str]] = {}
 
     def prepare(self, instance: TreeInstance) -> None:
-        """Determine the names and outcomes of the leaves in a tree instance, and check the arguments of the nodes."""
+        """Determine the names and outcomes of the leaves in a tree instance, and check the nodes' arguments."""
         for bound in instance.tree.nodes:
             if bound.spec.kind.is_leaf or bound.spec.has_world_leaf:
                 self._names[instance, bound] = self._identifiers.make_unique(bound.name)
@@ -427,7 +427,7 @@ class SimulationBuilder(Builder):
     def _integers_in(
         self, said: Sequence[Outcome], instance: TreeInstance, bound: BoundNode
     ) -> dict[str, str]:
-        """Return the values, as text, of the integer attributes that outcome scripts use as placeholders, by name."""
+        """Return the integer attributes that outcome scripts use as placeholders: their text, by name."""
         scripts = [script for outcome in said for script in (outcome.when, outcome.then)]
         return {
             parameter.name: number_text(self._source.fixed_value(instance, bound, parameter))
@@ -468,7 +468,7 @@ class SimulationBuilder(Builder):
         return made
 
     def _create_stub(self, instance: TreeInstance, bound: BoundNode) -> StubLeaf:
-        """Create the stub leaf that replaces a leaf, or that provides external outcomes to a control or decorator."""
+        """Create the stub leaf that replaces a leaf, or that provides external outcomes to another node."""
         names = {SELF: self._names[instance, bound], **self._integer_texts[instance, bound]}
         for parameter in bound.spec.references:
             target = instance.target_of(bound, parameter.name)
@@ -498,7 +498,7 @@ class SimulationBuilder(Builder):
 
 
 class _Outputs:
-    """The blackboard entries that a leaf writes in a real run, through output ports or values such as `x: {key}`.
+    """The entries that a leaf writes in a real run, through output ports or values such as `x: {key}`.
 
     The written values are unknown, unless the scripts of the leaf's outcomes define them.
 
@@ -558,7 +558,7 @@ class _Outputs:
 
 
 def _after_writing(outcome: Outcome, written: list[tuple[str, list[str]]]) -> Iterator[Outcome]:
-    """Yield a copy of the outcome for each combination of effects on the attributes that the outcome writes."""
+    """Yield a copy of the outcome for each combination of effects on the attributes that it writes."""
     effects = [
         possible
         for attribute, possible in written
@@ -615,7 +615,7 @@ def match_rank(key: str, path: Sequence[str], tag: str) -> int:
 
 
 def _can_name(keys: Iterable[str], bound: BoundNode) -> bool:
-    """Return whether the last part of any key is the name or tag of a node, so that the key may name the node."""
+    """Return whether a key may name a node, because the key's last part is the node's name or tag."""
     return any(key.rpartition("/")[2] in (bound.name, bound.spec.tag) for key in keys)
 
 

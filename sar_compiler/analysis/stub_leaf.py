@@ -116,11 +116,11 @@ class FactVariables:
         return {entry.name.rpartition("/")[2]: entry.read() for entry in entries}
 
     def memo(self, scripts: Iterable[Script]) -> "Memo | None":
-        """Return a cache for the results of the scripts, or None if the blackboard does not store entries as numbers."""
+        """Return a cache for the results of scripts, or None if the blackboard stores no numbers."""
         return self.memo_of([self.entry(use.name) for each in scripts for use in name_uses(each)])
 
     def memo_of(self, entries: Sequence[Entry]) -> "Memo | None":
-        """Return a cache for the results of code that uses the entries, or None if the blackboard stores no numbers."""
+        """Return a cache for the results of code that uses the entries, or None if the board stores no numbers."""
         return self._scope.board.memo(entries)
 
     def is_fact(self, name: str) -> bool:

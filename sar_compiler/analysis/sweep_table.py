@@ -102,7 +102,7 @@ def _rate(outcomes: Sequence[RunResultSample]) -> float:
 
 
 class _Mean(NamedTuple):
-    """The mean of a number over runs, and the half-width of the mean's confidence interval (None for one run)."""
+    """The mean of a number over runs, and the half-width of its confidence interval (None for one run)."""
 
     value: float
     margin: float | None

@@ -122,7 +122,7 @@ class _TraceWriter:
             yield f"  keys: {_values(_new_values(tick.keys))}"
 
     def summary(self, repeated: Sequence[TickRecord]) -> list[str]:
-        """Return one line that summarises consecutive ticks without new events, or no line if there are no such ticks."""
+        """Return a line that summarises consecutive ticks without new events, if there are such ticks."""
         if not repeated:
             return []
         first, last = repeated[0], repeated[-1]

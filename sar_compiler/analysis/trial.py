@@ -156,7 +156,7 @@ class _PlainScriptCheck:
         self._types: dict[str, type] = {}
 
     def visit(self, bound: BoundNode, known: frozenset[str]) -> frozenset[str] | None:
-        """Return the variables that have values after a node succeeds, or None if one of its scripts may raise an error.
+        """Return the variables with values after a node has succeeded, or None if a script may raise an error.
 
         Args:
             bound: The node.

@@ -60,7 +60,7 @@ def verification_data(verification: Verification) -> dict[str, object]:
 
 
 def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
-    """Return a comparison as text: one line for each property, and a counterexample for each result that got worse.
+    """Return a comparison as text: a line for each property, and counterexamples for worse results.
 
     Args:
         comparison: The compared verifications.

@@ -22,7 +22,7 @@ _MOST = 24
 
 
 def distinguished_values(binding: Binding) -> tuple[str, ...]:
-    """Return the values that a tree's scripts and cases distinguish, as script literals, or () if they are too many."""
+    """Return script literals for the values that a tree's scripts and cases distinguish, if they are few."""
     found: dict[str, None] = {}
     for text in _texts(binding):
         for literal in _LITERAL.findall(text):

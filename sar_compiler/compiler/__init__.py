@@ -1,4 +1,4 @@
-"""Compiles a bound tree to py_trees behaviours, and records where in the tree file each behaviour originates."""
+"""Compiles a bound tree to py_trees behaviours, and records the origin of each behaviour in the file."""
 
 import functools
 import weakref
@@ -57,7 +57,7 @@ class Origin:
 
 
 class Construction(NamedTuple):
-    """A record of how a behaviour was constructed: the node, the subtree instance and the blackboard values.
+    """A record of how a behaviour was constructed: the node, the subtree instance and the values.
 
     Attributes:
         behaviour: The id of the behaviour.
@@ -110,7 +110,7 @@ class Origins(Mapping[UUID, Origin]):
         }
 
     def location(self, behaviour: UUID) -> str | None:
-        """Return the file and line of a behaviour's element, or None if the behaviour was not built from a file."""
+        """Return the file and line of a behaviour's element, or None if no file contains the behaviour."""
         made = self._by_id.get(behaviour)
         return None if made is None else made.bound.element.file_and_line
 
@@ -380,7 +380,7 @@ class Builder:
         self._arguments: dict[tuple[TreeInstance, BoundNode], dict[str, Any]] = {}
 
     def prepare(self, instance: TreeInstance) -> None:
-        """Collect and check the arguments of all nodes in an instance and its subtrees, and write the constants."""
+        """Collect and check the arguments of the nodes in an instance and its subtrees, and write constants."""
         self._targets.update(target for _, target in instance.references.values())
         for bound in instance.tree.demanding:
             if bound.references:
@@ -494,7 +494,7 @@ class Builder:
         return None
 
     def known_values(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Mapping[str, Any] | None:
-        """Return the values that constant attributes have read from the blackboard, or None if there are no keys."""
+        """Return the values that constant attributes have read from the blackboard, or None without keys."""
         if not bound.keys:
             return None
         return {parameter.name: arguments[parameter.name] for parameter in bound.spec.constant_attributes}
@@ -520,7 +520,7 @@ class PreviewBuilder(Builder):
         """Report nothing, because a py_trees behaviour of the same kind replaces the node."""
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:
-        """Return a py_trees behaviour as a replacement if a rejected argument is a placeholder for a key's value."""
+        """Return a py_trees behaviour as a replacement if a placeholder is among the rejected arguments."""
         if not any(parameter.name in bound.keys for parameter in bound.spec.constant_attributes):
             return None
         return _stand_in(bound.spec.kind, **arguments)

@@ -162,7 +162,7 @@ class _SketchBuilder:
         return not is_deep and id(tree) not in around and self._count + len(tree.nodes) <= MAX_NODES
 
     def _with_wrappers(self, bound: BoundNode, above: Behaviour) -> Behaviour:
-        """Add a placeholder for a node to a parent, wrapped in placeholders for the node's conditions and OneShot."""
+        """Add a placeholder for a node to a parent, inside placeholders for its conditions and its OneShot."""
         self._count += 1
         if bound.oneshot is not None:
             policy = {"policy": OneShotPolicy[bound.oneshot]}

@@ -81,7 +81,7 @@ def run_start_link(
 def run_end_link(
     position: ChainPosition, run: int, wall: float, ending: str, status: int, reason: str
 ) -> bytes:
-    """Compute the link of the entry for the end of a run from its position and the columns of the run's row."""
+    """Compute the link of the entry for the end of a run, from its position and the run's columns."""
     return link_of_entry(position.link, *_run_end_row(position.number, run, wall, ending, status, reason))
 
 
@@ -177,7 +177,7 @@ class JournalChain(NamedTuple):
 
     @property
     def head(self) -> str:
-        """The link of the last run's end in hexadecimal, or an empty string if the last entry is not a run's end."""
+        """The link of the last run's end in hexadecimal, or an empty string if the chain is not closed."""
         return [*self.heads.values()][-1] if self.is_closed else ""
 
 

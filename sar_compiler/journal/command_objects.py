@@ -52,7 +52,7 @@ def run_identity(number: int, about: Mapping[str, Any]) -> str:
 
 
 def describe_change(seen: SeenObjects, now: SeenObjects, landmarks: Mapping[str, Landmark]) -> str:
-    """Describe the first object that has changed since a command's sender saw it, or return an empty string.
+    """Describe the first object that has changed since the sender saw it, or return an empty string.
 
     Args:
         seen: The objects that the sender saw.

@@ -373,7 +373,7 @@ class JournalFile:
                 ) from error
 
     def description(self) -> dict[str, Any]:
-        """Return the mission's description (`mission`, `tree`, `identity` and so on), which is empty before the first run."""
+        """Return the mission's description, such as `mission` and `tree`. It is empty before the first run."""
         with self._limit_reading():
             rows = self._connection.execute("SELECT key, value FROM about").fetchall()
             return {key: json_value(value) for key, value in rows}
@@ -408,7 +408,7 @@ class JournalFile:
         return self._read(f"watched WHERE kind IN ({_placeholders(kinds)})" if kinds else "watched", kinds)
 
     def stream(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries in order, as a `Journal` listener receives them, except observations of the kinds *without*."""
+        """Yield all entries in order, as a listener receives them, except observations of the kinds *without*."""
         for number, entry in enumerate(self.every_run(without=without), 1):
             yield JournalEntry(number, *entry[1:])
 
@@ -509,7 +509,7 @@ class JournalFile:
         return self._read(source, (run, after, *without), is_condensed=is_condensed, log=log)
 
     def widest_kind(self, run: int, *, with_watched: bool) -> int:
-        """Return the length of the longest entry kind in a run, for aligned output, or 0 if the run has no entries."""
+        """Return the length of the longest entry kind in a run, for aligned output, or 0 without entries."""
         query = "SELECT max(length(kind)) FROM fact WHERE run = ?1"
         if with_watched:
             query += " UNION ALL SELECT max(length(kind)) FROM watched WHERE run = ?1"
@@ -579,7 +579,7 @@ class JournalFile:
             return int(last or 0)
 
     def _last_time(self, run: int) -> float:
-        """Return the latest mission clock time in the entries of a run, or minus infinity if the run has no entries."""
+        """Return the latest mission clock time in the entries of a run, or minus infinity without entries."""
         with self._limit_reading():
             query = "SELECT max(time) FROM (SELECT run, time FROM fact UNION ALL SELECT run, time FROM watched) WHERE run = ?"
             (last,) = self._connection.execute(query, (run,)).fetchone()
@@ -593,7 +593,7 @@ class JournalFile:
         is_condensed: bool = False,
         log: TickLog | None = None,
     ) -> Iterator[JournalEntry]:
-        """Yield the entries of *source*, a table with an optional SQL condition, in the order of the entry numbers."""
+        """Yield the entries of *source*, a table with an optional SQL condition, in the order of numbers."""
         query = f"{_ENTRIES} {source} ORDER BY number"
         with self._limit_reading():
             rows = self._connection.execute(query, tuple(values))
@@ -749,7 +749,7 @@ def is_locked(path: Path) -> bool:
 
 
 def _is_used(path: Path) -> bool:
-    """Return whether a process may be writing to the journal, because the file is locked or has a write-ahead log."""
+    """Return whether a process may be writing to the journal, judging by its lock and write-ahead log."""
     for _ in range(_ATTEMPTS):
         if Path(f"{path}-wal").exists():
             return True

@@ -306,7 +306,7 @@ def with_author(text: str, author: CommandAuthor) -> str:
 
 
 def changes_of_event(fact: JournalEntry, sentence: str, before: Display, after: Display) -> dict[str, Any]:
-    """Return the data of the `changed` entry for an event: the changes of the display and a sentence on the event.
+    """Return the data of the `changed` entry for an event: display changes and a sentence on the event.
 
     No sentence is added for events about goals and for the end of a run, so the data may be empty.
     """

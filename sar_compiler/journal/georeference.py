@@ -25,7 +25,7 @@ class Georeference(NamedTuple):
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> "Georeference | None":
-        """Return the georeference that a run's flat parameters contain, or None if it is missing or out of range."""
+        """Return the georeference that a run's parameters contain, or None if it is missing or out of range."""
         try:
             found = cls(*(float(parameters[f"{GEOREFERENCE}.{name}"]) for name in cls._fields))
         except (ArithmeticError, LookupError, TypeError, ValueError):

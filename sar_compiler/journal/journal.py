@@ -323,7 +323,7 @@ class Journal:
         return changes_of_event(fact, sentence, before, self._shown)
 
     def describe_change(self, command: str, seen: SeenObjects) -> str:
-        """Describe the first object that has changed since a command's sender saw it, or return an empty string."""
+        """Describe the first object that has changed since the sender saw it, or return an empty string."""
         now = {RUN: run_identity(self._run, self._run_about), OBJECT: self._shown.objects.get(command, "")}
         landmarks = {f"{each.kind}/{each.name}": each for each in self._shown.landmarks}
         return describe_change(seen, now, landmarks)
@@ -391,7 +391,7 @@ class Journal:
         self._notify(entry)
 
     def write_when_due(self) -> None:
-        """Write the queued entries if the oldest observation or the last failed write is at least a second old."""
+        """Write the queued entries if the oldest observation or the last failed write is a second old."""
         if (self._watched or self._is_failing) and time.monotonic() - self._pending_since >= _BATCH_SEC:
             self._write()
 

@@ -25,7 +25,7 @@ class JournalFollower:
         self._failed = 0
 
     def read_new(self) -> list[JournalEntry]:
-        """Return the entries written since the last call, or all entries if another mission has started in the file.
+        """Return the entries since the last call, or all entries if another mission has started in the file.
 
         Raises:
             JournalError: If the file is unreadable or not a journal in several consecutive calls.

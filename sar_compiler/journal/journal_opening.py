@@ -1,4 +1,4 @@
-"""Opens the journal of a run: chooses the file, and starts a new mission or resumes the one in the file."""
+"""Opens the journal of a run, and starts a new mission or resumes the mission in the file."""
 
 import glob
 import os

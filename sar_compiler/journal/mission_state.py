@@ -194,7 +194,7 @@ class NodeState:
 
     @property
     def has_part(self) -> bool:
-        """Whether the node is part of the current activation of its parent, because it was ticked and not reset."""
+        """Whether the node belongs to the current activation of its parent: it was ticked and not reset."""
         return self.status not in _INACTIVE
 
 
@@ -409,7 +409,7 @@ class MissionState:
         return [*own, *reported.values()]
 
     def word_of(self, watched: WatchedProperty) -> str:
-        """Return the state of a property: `broken`, `owed` or `watched`, or `kept` if the run ended without violation."""
+        """Return the state of a property in a word: `broken`, `owed`, `watched`, or `kept` after the run."""
         if watched.broken is not None:
             return "broken"
         if watched.is_owed:

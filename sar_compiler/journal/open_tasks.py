@@ -80,7 +80,7 @@ def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
 
 
 def severity(state: MissionState) -> str:
-    """Return the severity of a mission, which is the highest severity among the status line and the open tasks."""
+    """Return the severity of a mission: the highest severity of its status line and open tasks."""
     return max(
         (condition(state).level, *(task.level for task in find_open_tasks(state))), key=_SEVERITY.index
     )
@@ -124,7 +124,7 @@ def _is_over(state: MissionState) -> bool:
 
 
 def _missed_end(state: MissionState) -> Landmark | None:
-    """Return the location at which the robot should have ended its mission, or None if it has not missed one."""
+    """Return the location at which the robot should have ended but has not, or None if there is none."""
     ends = [each for each in state.situation.landmarks.values() if state.situation.kind_of(each).is_end]
     return ends[0] if ends and all(each.level != Level.DONE for each in ends) else None
 

@@ -1,4 +1,4 @@
-"""Stores the last refused start of a run, in a file beside the journal that the run would have written.
+"""Stores the last refused start of a run, in a file beside the journal that the run would write.
 
 A run that never started does not write a journal, because an empty journal would look like a mission that can
 be resumed. `sar-journal why` therefore reads this file.

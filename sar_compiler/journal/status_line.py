@@ -88,7 +88,7 @@ def condition(state: MissionState) -> StatusLine:
 
 
 def missing_names(state: MissionState) -> str:
-    """Return the names of the items for which the next run still waits, or an empty string if there are none."""
+    """Return the names of the items for which the next run still waits. The result may be empty."""
     names = [each.name for each in state.awaited if each.problem]
     more = f" and {len(names) - _MAX_AWAITED} more" if len(names) > _MAX_AWAITED else ""
     return f"{', '.join(names[:_MAX_AWAITED])}{more}"

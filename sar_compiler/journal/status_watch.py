@@ -19,7 +19,7 @@ _ACTIVE = {Status.RUNNING.value, Status.SUCCESS.value, Status.FAILURE.value}
 
 
 class StatusWatch(VisitorBase):
-    """Records the statuses of nodes as `status` entries with `node` (the number), `tick`, `status` and `message`.
+    """Records the statuses of nodes as `status` entries with `node`, `tick`, `status` and `message`.
 
     An entry is written for a ticked node if its status, message or outcome differs from the node's last
     entry, or if the node was not ticked in the previous tick. Nodes are numbered from 0 in pre-order, as in
@@ -67,7 +67,7 @@ class StatusWatch(VisitorBase):
         journal.leaf_in_hand = self._leaf_in_hand
 
     def _leaf_in_hand(self) -> Mapping[str, int]:
-        """Return the leaf whose method is currently running, and the tick, or an empty mapping if there is none.
+        """Return the leaf whose method is currently running, and the tick, or an empty mapping.
 
         The function searches Python's stack at each event. Ticks then need no extra work, which matters
         because ticks are frequent and events are rare. The search finds leaves of any class, in any engine.

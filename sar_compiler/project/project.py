@@ -88,7 +88,7 @@ class Project:
             raise
 
     def _require_trust(self, modules: list[str]) -> None:
-        """Make modules in the configuration's folder importable, or raise an error if the user does not trust them."""
+        """Make modules in the configuration's folder importable, or raise an error if they are not trusted."""
         from sar_compiler.project.trust import ConfigurationCode
 
         path = self.configuration.path
@@ -149,7 +149,7 @@ class Project:
         return tuple(found)
 
     def palettes_for(self, forest: Forest) -> tuple[TreeFile, ...]:
-        """Return the palettes for a file: the named ones, and nearby ones that describe nodes which are missing there.
+        """Return the named palettes, and surrounding palettes that describe nodes which a file lacks.
 
         Raises:
             TreeError, UnreadableFileError: As `palettes`.

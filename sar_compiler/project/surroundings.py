@@ -1,4 +1,4 @@
-"""Finds the surroundings of a tree file: the configuration, and palettes and trees in surrounding folders.
+"""Finds the configuration of a tree file, and the palettes and trees in the surrounding folders.
 
 All commands, the language server and the tools of agents use this module, so that a file has the same surroundings
 everywhere. Surrounding files are read only if a tree file uses a node that is not described, a name that may be an

@@ -98,7 +98,7 @@ class Workspace:
         return self._projects.values()
 
     def reload_sets(self) -> None:
-        """Make the next request for a tree reload the files in which trees are searched, because they have changed."""
+        """Make the next request for a tree reload the files in which trees are searched."""
         for project in self._projects.values():
             project.reload_set()
 

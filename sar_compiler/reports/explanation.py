@@ -182,7 +182,7 @@ def _options_of(about: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _missing_options(state: "MissionState", projects: "Workspace") -> list[str]:
-    """Return the last run's node options that the user must repeat, because they are not read from the journal."""
+    """Return the last run's node options that the user must repeat, because the journal is not trusted."""
     added = projects.additions
     given = {*map(str, added.nodes), *(str(each.resolve()) for each in (*added.models, *added.include_path))}
     return [
@@ -210,7 +210,7 @@ def _add_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspace
 def candidate_trees(
     state: "MissionState", projects: "Workspace", tree_file: Path | None = None
 ) -> "Iterator[SimulatedTree]":
-    """Yield the last run's tree with stub leaves: first with the assumed limits of facts, then without limits.
+    """Yield the last run's tree with stub leaves: first with assumed limits of facts, then without.
 
     Raises:
         GoneTreeError: If the tree file is unknown or missing.

@@ -17,7 +17,7 @@ _END = "\n}"
 
 
 def journal_json(file: JournalFile, state: MissionState, *, with_watched: bool = False) -> Iterator[str]:
-    """Yield the lines of a JSON object that contains a journal, with one line for each event and observation.
+    """Yield the lines of a JSON object that contains a journal: one line for each event or observation.
 
     Args:
         file: The journal.
@@ -80,7 +80,7 @@ def journal_lines(
 
 
 def journal_state(state: MissionState) -> str:
-    """Return the state of the journal in a word for scripts: `running`, `crashed`, `empty`, or how the run ended."""
+    """Return the state of the journal for scripts: `running`, `crashed`, `empty`, or how the run ended."""
     if ending := state.runs[-1].ending if state.runs else "":
         return ending
     if not state.process.is_gone:

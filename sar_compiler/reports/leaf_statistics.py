@@ -1,4 +1,4 @@
-"""Counts the results of leaves and the decisions of other nodes in recorded runs, and measures running times.
+"""Counts the results of leaves and the decisions of other nodes, and measures running times.
 
 The statistics can also be written as assumptions for the analysis of other runs.
 """

@@ -301,7 +301,7 @@ def _reference(state: MissionState) -> Georeference:
 
 
 def _mission_id(state: MissionState) -> str:
-    """Return an identifier of a mission: the name of the ROS node, and the time at which the first run started."""
+    """Return an identifier of a mission: the name of the ROS node, and the start of the first run."""
     node = str((state.runs[0].about.get("node") if state.runs else None) or "mission").strip("/")
     began = _moment(state.runs[0].began if state.runs else None)
     return f"{re.sub(r'[^a-zA-Z0-9_-]', '.', node)}.{began:{_STAMP}}"

@@ -1,4 +1,4 @@
-"""Defines the formats of reports without importing their modules, so that the help of commands is fast."""
+"""Defines the formats of reports without importing their modules, so that help texts are fast."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

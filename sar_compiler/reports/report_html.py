@@ -129,7 +129,7 @@ def _robot(state: MissionState) -> str:
 
 
 def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[Mapping[str, object]]:
-    """Yield a table for each kind of detection or, if *is_found* is False, for each other kind with states."""
+    """Yield a table for each kind of detection or, without *is_found*, for each other kind with states."""
     situation = state.situation
     for kind in situation.kinds.values():
         listed = situation.of_kind(kind.name)
@@ -396,7 +396,7 @@ def _drawing(state: MissionState) -> Mapping[str, object] | None:
 
 
 def _north(state: MissionState, extent: MapBox, size: float) -> Mapping[str, object]:
-    """Return the sign in the upper right corner of the map: an arrow to the north, or axes if north is unknown."""
+    """Return the sign in the map's upper right corner: an arrow to the north, or axes if it is unknown."""
     place = georeference(state)
     return {
         "x": f"{extent.right - 4 * size:.3f}",
@@ -492,7 +492,7 @@ def _labels(
 
 
 class _Label(NamedTuple):
-    """The position of a label: the box of the label, and the x position (in metres) and anchor of the text lines."""
+    """The position of a label: its box, and the x position (in metres) and anchor of its text lines."""
 
     box: MapBox
     x: float

@@ -1,4 +1,4 @@
-"""Explains why a mission failed: finds the leaf results that led to the root's FAILURE, or how the run ended."""
+"""Explains why a mission failed: by the leaf results that led to the FAILURE, or by the run's end."""
 
 import itertools
 import signal
@@ -268,7 +268,7 @@ class FailureAnalysis:
         return reasons._replace(causes=causes, before=before)
 
     def _only_reports(self, cause: NodeStatus) -> bool:
-        """Return whether a cause only reports a state, such as a condition or an alternative that always fails."""
+        """Return whether a cause only reports a state. Examples are conditions and constant alternatives."""
         return cause.node in self._kinds.conditions or (
             cause.node in self._kinds.constant and cause.node in self._explained.alternatives
         )
@@ -325,7 +325,7 @@ class FailureAnalysis:
         return [*self._stalled_leaf(), ended]
 
     def _stalled_leaf(self) -> list[NodeStatus]:
-        """Return the leaves that were running for most of the run, preceded by the results that led to their ticks."""
+        """Return the leaves that were running for most of the run, preceded by the results that led to them."""
         run, now, ends = self.state.runs[-1], self.state.now.wall, self._explained.ends
         # A journal does not record the end of a run on the mission's clock.
         enough = _STALLED_SHARE * (now - run.began.wall)

@@ -106,7 +106,7 @@ class Prediction:
     merged: tuple[MergedValues, ...] = ()
 
     def quantile(self, share: float) -> float | None:
-        """Return the time in seconds by which a share of the runs that end has ended, or None if it is unknown."""
+        """Return the time in seconds by which a share of the ending runs has ended, or None if unknown."""
         whole = self.distribution[-1][2] if self.distribution else 0.0
         return next((sec for sec, _, ended in self.distribution if ended >= share * whole - _ROUNDING), None)
 
@@ -160,7 +160,7 @@ def predict(
 def _predict_searched(
     properties: Properties, *, prepared: PreparedTree, period_sec: float, max_states: int, budget: Budget
 ) -> Prediction:
-    """Predict the results of a tree's runs, or raise a `ConditionError` if a condition cannot be evaluated."""
+    """Predict the results of a tree's runs. Raise a `ConditionError` if a condition cannot be evaluated."""
     simulated, probabilities = prepared.simulated, ChoiceTable(CountedTimes(period_sec))
     stepper = TreeStepper(prepared, _breach_automata(properties.rules), probabilities=probabilities)
     nothing = _unknown_prediction(properties)
@@ -203,7 +203,7 @@ def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
 
 
 def _require_no_error(graph: Graph, simulated: SimulatedTree) -> None:
-    """Raise an error if a tick in the graph raises an error, because the behaviour after that tick is unknown.
+    """Raise an error if a tick raises an error, because the behaviour after that tick is unknown.
 
     Raises:
         UndecidableError: If a tick raises an error.
@@ -215,13 +215,13 @@ def _require_no_error(graph: Graph, simulated: SimulatedTree) -> None:
 
 
 def _round_up(seconds: float) -> str:
-    """Return the text of a number of seconds, rounded up to two significant digits, for a command-line option."""
+    """Format a number of seconds, rounded up to two significant digits, for a command-line option."""
     digits = 1 - math.floor(math.log10(seconds))
     return f"{math.ceil(seconds * 10.0**digits) / 10.0**digits:g}"
 
 
 def _times(simulated: SimulatedTree) -> Iterator[tuple[str, float]]:
-    """Yield the constant durations and time limits of nodes, each as the node's name and the time in seconds."""
+    """Yield the constant durations and time limits of nodes, each as a node name and a time in seconds."""
     for behaviour in simulated.root.iterate():
         if isinstance(behaviour, StubLeaf):
             yield from ((behaviour.name, outcome.sec[1]) for outcome in behaviour.outcomes)

@@ -110,7 +110,7 @@ class ProbabilityGraph:
     def _unknown_steps(
         self, graph: Graph, source: Indices, outcomes: Indices, shares: Reals
     ) -> tuple[Indices, Indices, Reals]:
-        """Return the states and outcomes after which ticks may need an unknown value, and the share of such ticks."""
+        """Return states and outcomes after which ticks may need an unknown value, and the share of such ticks."""
         width = self._low.shape[1]
         followed = np.bincount(source * width + outcomes, shares, self._count * width).reshape(-1, width)
         missing = (self._high[self._choice_at] > 0.0) * (1.0 - followed)
@@ -137,7 +137,7 @@ class ProbabilityGraph:
         return np.concatenate([states, np.zeros(self._count - self._states, bool)])
 
     def _optimum(self, goal: Flags, sign: int) -> tuple[Reals, Reals]:
-        """Return each place's optimal probability of reaching a goal, and the outcome probabilities that achieve it.
+        """Return the optimal probability of reaching a goal from each place, and the outcome probabilities.
 
         The optimum is the maximum if *sign* is positive, and the minimum if it is negative.
 
@@ -198,7 +198,7 @@ class ProbabilityGraph:
         return probabilities
 
     def _improve(self, values: Reals, probabilities: Reals, sign: int) -> Reals | None:
-        """Return better outcome probabilities for the places where these vary, or None if no place can be improved."""
+        """Return better outcome probabilities for the places where these vary, or None if there are none."""
         places = self._varying
         worth = self._outcome_values(values)[places]
         low, high = self._low[self._choice_at[places]], self._high[self._choice_at[places]]
@@ -267,7 +267,7 @@ class ProbabilityGraph:
         return avoiding
 
     def ticks(self, goal: Flags, best_for: Flags) -> ProbabilityBounds | None:
-        """Return the bounds of the expected number of ticks until a goal is reached, or None if no run reaches it.
+        """Return the bounds of the expected number of ticks until a goal is reached, or None if none is reached.
 
         Args:
             goal: For each state, whether it is a goal.
@@ -293,7 +293,7 @@ class ProbabilityGraph:
         return float(ticks[0] / reached[0]) if reached[0] > 0.0 else None
 
     def influences(self, goal: Flags, usual: Sequence[int]) -> Iterator[tuple[int, float, float]]:
-        """Yield the number of each influential leaf, a derivative, and the goal's probability if the leaf never failed.
+        """Yield each influential leaf, a derivative, and the goal's probability if the leaf never failed.
 
         The derivative is the derivative of the goal's probability with respect to the probability of the leaf's usual
         outcome, if the leaf's other outcomes keep their proportions. Unknown probabilities are set to the middle of
@@ -332,7 +332,7 @@ class ProbabilityGraph:
     def ends(
         self, ends: Flags, goal: Flags, is_spent: Callable[[], bool] = lambda: False
     ) -> list[EndTick] | None:
-        """Return the distribution of the ticks in which runs end, or None if the computation is stopped or too large.
+        """Return the distribution of the ticks in which runs end, or None if the computation is stopped.
 
         Args:
             ends: For each state, whether runs end in it.
@@ -398,7 +398,7 @@ class _Equations:
         self._solver = splu(sparse.identity(size, format="csc") - matrix) if size else None
 
     def mean(self, values: Reals) -> Reals:
-        """Return for each place the mean of the values of the place's steps, weighted by the steps' probabilities."""
+        """Return for each place the mean value of the place's steps, weighted by the steps' probabilities."""
         return np.bincount(self._source, self._likely * values, self._count)[self.places]
 
     def solve(self, known: Reals) -> Reals:
@@ -420,7 +420,7 @@ class _Equations:
 
 
 def _steps_of(graph: Graph) -> tuple[Indices, Indices, Indices]:
-    """Return three arrays that contain each step's source, each step's target and the index of each step's waits."""
+    """Return three arrays: the source of each step, its target, and the index of its waits."""
     sources, targets, waits = [], [], []
     for steps, first in ((graph.steps, 0), (graph.middles, len(graph.states))):
         counts = [int(steps.step_count(place)) for place in range(len(steps))]
@@ -464,7 +464,7 @@ def _sum_by_place(parts: Sequence[tuple[Indices, Reals]]) -> tuple[Indices, Real
 
 
 def _ranges(begins: Indices, ends: Indices) -> tuple[Indices, Indices]:
-    """Return one array with the numbers of all ranges in order, and an array with the length of each range."""
+    """Return an array with the numbers of all ranges in order, and an array with the lengths."""
     counts = ends - begins
     before = np.concatenate([[0], np.cumsum(counts)[:-1]])
     return np.arange(counts.sum()) + np.repeat(begins - before, counts), counts

@@ -308,7 +308,7 @@ class ScenarioStage:
     _bindings: dict[str | None, Binding] = field(default_factory=dict, init=False)
 
     def with_controls(self, document: Document, controls: Value, tree_id: str | None) -> Binding:
-        """Bind a tree of the file, replace controls and decorators as a scenario requires, and return the bound tree."""
+        """Bind a tree of the file, with the replacements of controls and decorators that a scenario requires."""
         binding = bind_main(self.forest, self.registry, tree_id or self.tree_id, self.palettes)
         files = (*self.palettes, *self.forest.files)
         apply_controls(document, controls, binding, self.registry, files)
@@ -411,7 +411,7 @@ def _simulate(
     parameters: Mapping[str, object],
     assumptions_for: Callable[[SimulatedTree], Assumptions],
 ) -> SimulatedTree:
-    """Compile a bound tree, using stub leaves and the assumptions that *assumptions_for* returns for the tree."""
+    """Compile a bound tree with stub leaves and the assumptions that *assumptions_for* returns."""
     # Which assumptions are possible depends on the leaves, so the tree is first compiled without assumptions.
     plain = compile_simulated(binding, parameters)
     assumed = assumptions_for(plain)

@@ -124,7 +124,7 @@ class ScenarioPolicy:
 
 @dataclass(eq=False)
 class _RandomOutcomes:
-    """Chooses an unscripted leaf's outcome and running time when the leaf starts, by the known probabilities."""
+    """Chooses the outcome and the running time of an unscripted leaf by the known probabilities."""
 
     leaf: StubLeaf
     random: Random
@@ -433,7 +433,7 @@ def failures(run: ScenarioRun) -> list[Failure]:
 
 
 def _failed_expectations(run: ScenarioRun) -> Iterator[tuple[str, str]]:
-    """Yield each violated expectation, as the expectation's key in `Expectations.lines` and the actual result."""
+    """Yield each violated expectation, as its key in `Expectations.lines` and the actual result."""
     expect = run.scenario.expect
     yield from _end_mismatches(run)
     if expect.root is not None and run.root != expect.root:
@@ -476,7 +476,7 @@ def _end_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
 
 
 def _order_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
-    """Yield the first expected event that does not happen after the expected event that precedes it in the list."""
+    """Yield the first expected event that does not happen after the expected event before it in the list."""
     events = run.events
     before: EventPattern | None = None
     for pattern in run.scenario.expect.order:
@@ -493,7 +493,7 @@ def _frequency_text(number: int) -> str:
 
 @dataclass
 class NodeCoverage:
-    """The outcomes observed for a node of a tree file, in all instances of the tree that contains the node.
+    """The outcomes observed for a node of a tree file, in all instances of the node's tree.
 
     Attributes:
         bound: The node.

@@ -147,7 +147,7 @@ class AllNode(ParallelNode):
     """
 
     def threshold(self, port: str, wanted: int) -> int:  # noqa: ARG002 - it refers to the children before the join
-        """Return the number of children as the threshold for `success_count`, and 1 as that for `failure_count`."""
+        """Return the number of children as the threshold `success_count`, and 1 as `failure_count`."""
         return len(self.children) if port == "success_count" else 1
 
 

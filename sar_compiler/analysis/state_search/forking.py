@@ -187,7 +187,7 @@ class ForkingTicker(Ticker):
         return left
 
     def _look_up_visit(self, node: TreeNode) -> int:
-        """Return KNOWN if a tick has reached this place before, ENTERED for a new intermediate state, else CALLED."""
+        """Return KNOWN if a tick has reached this place before, ENTERED for a new intermediate state, or CALLED."""
         trail, entries = self.trail, self.entries
         entries.update_contents()
         shown = self._shown_at(node) if self._forgotten else self._none

@@ -115,7 +115,7 @@ class Steps:
 
 @dataclass
 class Graph:
-    """The states of a tree, numbered in the order in which they were found, and the steps between the states.
+    """The states of a tree, numbered in the order in which they were found, and the steps between them.
 
     A step is a tick, or a part of a tick if several ticks reach the same place on their way (an *intermediate state*,
     see `forking`). From an intermediate state, steps lead to states and to intermediate states with lower numbers.
@@ -169,7 +169,7 @@ class Graph:
         return len(self.states) + len(self.middles)
 
     def leading_from(self, place: i64) -> tuple[Steps, i64, i64]:
-        """Return the array that contains the steps from a place, their first index, and the index that follows them."""
+        """Return the array with the steps from a place, their first index, and the index after the last one."""
         states: i64 = len(self.states)
         steps = self.steps if place < states else self.middles
         number = place if place < states else place - states
@@ -197,7 +197,7 @@ class Graph:
         return list(found)
 
     def _tick_targets(self, place: int, going_on: int, changed: int) -> list[tuple[int, int, int]]:
-        """Return the target of each step from a place, last step first, with the waits of the tick up to the target."""
+        """Return the target of each step from a place, last step first, with the tick's waits up to the target."""
         steps, first, end = self.leading_from(place)
         return [
             (

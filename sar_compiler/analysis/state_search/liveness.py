@@ -1,4 +1,4 @@
-"""Checks liveness: finds runs in which a required event never happens, such as the end or an obligation.
+"""Checks liveness: finds runs in which a required event, such as the end of the run, never happens.
 
 There are finitely many states, so an endless run stays in one strongly connected component from some tick on. But not
 every component can contain an endless run. The search allows a leaf to return RUNNING forever and a timer never to
@@ -65,7 +65,7 @@ class Endings:
 
 
 def endings(graph: Graph) -> Endings:
-    """Find the first state from which no run can end, and the first component in which a run can stay forever.
+    """Find the first state from which no run can end, and the first component that a run may never leave.
 
     From an unexplored state, an end is assumed to be reachable.
     """

@@ -129,7 +129,7 @@ class Numbering:
 
 
 class Middles:
-    """Assigns numbers to intermediate states, and forgets the intermediate states that no recent tick has reached.
+    """Assigns numbers to intermediate states, and forgets those that no recent tick has reached.
 
     An intermediate state takes as much memory as a state, and there are several for each state. But ticks that merge
     start in states that are found at about the same time. A forgotten intermediate state gets another number when a

@@ -55,7 +55,7 @@ class TicksLeft:
 
 
 class LimitUse:
-    """Lets a condition decrease limits only once while the same situation, such as a pause, lasts several ticks.
+    """Lets a condition decrease limits only once while the same situation lasts, such as a pause.
 
     A repeated outcome is evaluated with the limits before its first occurrence, and leaves the limits unchanged.
 
@@ -80,7 +80,7 @@ class LimitUse:
         self._last = self._now
 
     def spend(self, index: int, found: str) -> list[Any]:
-        """For a repeated outcome, reset the limits to their earlier values, and return the current ones for `restore`.
+        """Reset the limits if an outcome is repeated, and return the current limits for `restore`.
 
         For any other outcome, nothing is changed, and the result is empty.
 

@@ -192,7 +192,7 @@ class StubNode(ChoosingNode):
             return 1
 
     def begin(self, ticker: Ticker) -> int:
-        """Start the leaf if it is not running, choose a possible outcome, and return the status of this outcome."""
+        """Start the leaf if it is not running, choose a possible outcome, and return the outcome's status."""
         cells, trail = ticker.cells, self._trail
         self._ran.add(self.index)
         if cells[self.status_cell] != RUNNING:

@@ -1,4 +1,4 @@
-"""Estimates the success rate of a mission with Monte Carlo runs, for each combination of varied values."""
+"""Estimates the success rate of a mission by Monte Carlo runs, for each combination of varied values."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -188,7 +188,7 @@ def sweep(
 def _next_batch(
     rows: Sequence[SweepRow], rule: StoppingRule, seed: int, again: list[_Batch]
 ) -> _Batch | None:
-    """Return the next batch to play: one that a terminated worker had, or one for the row with the fewest runs."""
+    """Return the next batch to play, either from a terminated worker or for the row with the fewest runs."""
     if again:
         return again.pop(0)
     row = min(
@@ -203,6 +203,6 @@ def _batch_label(batch: _Batch) -> str:
 
 
 def smallest_failure(rows: Sequence[SweepRow]) -> tuple[SweepRow, RunResultSample] | None:
-    """Return the failed run that differs least from a default run, with its row, or None if no run has failed."""
+    """Return the failed run that differs least from a default run, with its row, or None if none failed."""
     failed = [(row, outcome) for row in rows for outcome in row.outcomes if outcome.failure]
     return min(failed, key=lambda each: each[1].size, default=None)

@@ -72,7 +72,7 @@ class ReplaceableExecutor:
 
 
 def worker_processes(count: int) -> ReplaceableExecutor:
-    """Return an executor with *count* worker processes, or one that uses the current process if *count* is 1."""
+    """Return an executor with *count* worker processes. If *count* is 1, use the current process."""
     if count == 1:
         return ReplaceableExecutor(InlineExecutor, 1)
     # Spawned, because a forked process would copy locks that this process's threads hold.

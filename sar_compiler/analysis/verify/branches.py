@@ -1,4 +1,4 @@
-"""Finds independent branches below parallel nodes, and creates automata that describe the results of their ticks.
+"""Finds independent branches below parallel nodes, and creates automata that can replace them.
 
 Neighbouring branches that must all succeed are joined into one branch (`joined`): a parallel node with three such
 children is replaced by a parallel node with two children, the first of which is a parallel node with the other two. The
@@ -270,7 +270,7 @@ def search_branch(prepared: PreparedTree, root: Behaviour, pair: Sequence[Branch
 
 
 def _always_ends(graph: Graph, runs: Sequence[bool]) -> bool:
-    """Return whether every fair run of a branch ends, and whether the branch waits for nothing while it is idle.
+    """Return whether all fair runs of a branch end, and whether an idle branch waits for nothing.
 
     The waits of a branch end with the branch, so runs of the tree in which the branch ends repeatedly are fair.
     """

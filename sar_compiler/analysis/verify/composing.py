@@ -50,7 +50,7 @@ def prove_by_branches(
     report: Report,
     so_far: Verification,
 ) -> Verification | None:
-    """Decide all questions by searches in which automata replace branches, or return None if this is impossible.
+    """Decide all questions by searches in which automata replace branches, or return None if impossible.
 
     Args:
         prepared: The tree.
@@ -289,7 +289,7 @@ class _WholeRun:
         return self._state, self._of_parts
 
     def play_tick(self, wanted: IsWanted) -> None:
-        """Play the tick of the original tree that corresponds to the wanted tick of the tree with replaced branches."""
+        """Play the tick of the original tree that corresponds to a tick of the tree with replaced branches."""
         whole, parts = self._whole, self._parts
         self._of_parts, choices = parts.play_tick(self._of_parts, wanted)
         step = next(whole.ticks(self._state or b"", choices))

@@ -1,4 +1,4 @@
-"""Finds the smallest change that lets a recorded run succeed, and the effects of other outcomes of a leaf.
+"""Finds the smallest change that lets a recorded run succeed, and the effects of other outcomes.
 
 The recorded run is located among all runs of the tree, tick by tick. Then the search tries other continuations, from
 the last tick backwards.
@@ -62,7 +62,7 @@ class WhatIfResult(NamedTuple):
 def counterfactual(
     simulated: SimulatedTree, record: Iterable[Event] | TickSource, names: Sequence[str]
 ) -> Counterfactual | None:
-    """Return the latest of the smallest changes that make a run succeed, or None if no such change is found.
+    """Return the latest of the smallest changes that make a run succeed, or None if there is none.
 
     The change is another outcome of one leaf. After the change, leaves return their usual outcomes, which are their
     first possible outcomes, with as few exceptions as possible and at most two.
@@ -113,7 +113,7 @@ class WhatIfSearch:
         self._after = _Continuations(self._runs)
 
     def consequences(self, record: Iterable[Event], leaf: int) -> list[WhatIfResult]:
-        """Return the consequences of all different outcomes that a leaf could have had in the last recorded tick.
+        """Return the consequences of all other outcomes that a leaf could have had in the last recorded tick.
 
         Args:
             record: The recorded run, up to the tick.
@@ -217,7 +217,7 @@ class _Continuations:
         return found
 
     def path_to_success(self, tick: PossibleTick, most: int) -> list[PossibleTick] | None:
-        """Return the fewest ticks after *tick* with which the root succeeds, or None if the root cannot succeed.
+        """Return the fewest ticks after *tick* with which the root succeeds, or None if that is impossible.
 
         Args:
             tick: The tick.

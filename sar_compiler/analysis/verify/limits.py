@@ -12,7 +12,7 @@ _WITHOUT_END = 1e18
 
 
 def remove_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
-    """Remove the limits assumed for leaf outcomes in a recorded run, and return whether there was any limit.
+    """Remove the limits assumed for leaf outcomes in a recorded run. Return whether there were any.
 
     Args:
         simulated: The tree with stub leaves.

@@ -1,4 +1,4 @@
-"""Parses properties files, and defines the conditions and monitors that detect violations of properties."""
+"""Parses properties files, and defines the conditions and monitors that detect violations."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -461,7 +461,7 @@ class Properties:
 
     @property
     def asks_for_idle(self) -> bool:
-        """Whether any condition reads `idle`, the variable that is true if every tick leaves the tree unchanged."""
+        """Whether any condition reads `idle`, which is true if every tick leaves the tree unchanged."""
         return any(IDLE in condition.names for condition in self.conditions)
 
     def events(self, number: int) -> set[int]:

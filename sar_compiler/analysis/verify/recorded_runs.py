@@ -355,7 +355,7 @@ class TreeRuns:
     def ticks_like(
         self, state: bytes, recorded: Sequence[Event], before: ObservedPrefix
     ) -> list[PossibleTick]:
-        """Return the ticks from a state that resemble a recorded tick, or all ticks from the state if they are few.
+        """Return the ticks from a state that resemble a recorded tick, or all ticks if there are few.
 
         Ticks with other outcomes are represented by one tick for each first outcome that differs. So their number
         grows with the number of ticked leaves, and not with the number of combinations of outcomes.
@@ -374,7 +374,7 @@ class TreeRuns:
     def _ticks_with(
         self, state: bytes, recorded: Sequence[Event], before: ObservedPrefix
     ) -> Iterable[PossibleTick]:
-        """Return the ticks from a state with exactly the recorded outcomes, or all ticks from the state if they are few."""
+        """Return the ticks from a state with exactly the recorded outcomes, or all ticks if there are few."""
         if self._has_few_ticks(state):
             return self._known[state]
         matches = self._play_ticks(state, recorded, before, is_whole=True)
@@ -556,7 +556,7 @@ class TreeRuns:
         return True
 
     def _matches_before_halt(self, matches: _Matches) -> _Matches:
-        """Return the matches whose root has ended, each with the state after the program has then halted the tree."""
+        """Return the matches in which the root has ended, with the states after the program halts the tree."""
         return [
             (state, option._replace(state=halted))
             for state, option in matches

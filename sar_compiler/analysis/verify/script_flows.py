@@ -1,4 +1,4 @@
-"""Analyses the values in scripts: finds comparisons with constants, and flows of values such as `y = x + 2`."""
+"""Analyses scripts: finds comparisons with constants, and flows of values such as `y = x + 2`."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace

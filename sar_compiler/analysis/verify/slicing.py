@@ -127,7 +127,7 @@ def _add_port_accesses(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
 
 
 def _types_at_start(board: Board, name: str) -> set[object]:
-    """Return a set with the declared type of an entry and the type of the entry's initial value, where they exist."""
+    """Return a set with the declared type of an entry and the type of its initial value, if they exist."""
     own = {board.kind_of(name)} if board.is_declared(name) else set()
     return {*own, *((type(board.get(name)),) if board.has(name) else ())} - {None}
 
@@ -165,7 +165,7 @@ class _Solution:
         return self._types[name] <= NUMBERS
 
     def _real_entries(self) -> set[str]:
-        """Return the entries that hold only floats, and whose values are only assigned to other entries of this kind."""
+        """Return the entries that hold only floats, and whose values flow only to other such entries."""
         real = {name for name, types in self._types.items() if types == {float}}
         while lost := {
             source for target, source, _ in self._flows.flows if source in real and target not in real
@@ -174,7 +174,7 @@ class _Solution:
         return real
 
     def _fixed_entries(self) -> set[str]:
-        """Return the entries whose values must all be distinguished, because of the way in which they are read."""
+        """Return the entries whose values must all be distinguished, because of how they are read."""
         flows = self._flows
         fixed = {*flows.fixed, *(name for name in self._read if not self._are_numbers(name))}
         for target, source, offset in flows.flows:
@@ -187,7 +187,7 @@ class _Solution:
         return fixed
 
     def _is_irrelevant(self, target: str, value: FlowValue) -> bool:
-        """Return whether an assigned value is irrelevant: the entry is never read, and always has the same type."""
+        """Return whether an assigned value is irrelevant: the entry is never read and never changes its type."""
         types = self._types[target]
         is_taken = len(types) == 1 and types == value.types and types <= {float, str}
         return target not in self._read and value.is_total and is_taken

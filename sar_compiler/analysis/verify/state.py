@@ -137,7 +137,7 @@ class StateValues:
         return {**keys, **facts}
 
     def growing_values(self, states: StateStore) -> tuple[tuple[str, int], ...]:
-        """Return the entries with the highest numbers of different values in the last states, and these numbers."""
+        """Return the entries with the most different values in the last states, and the numbers of values."""
         values: dict[str, set[str]] = {}
         for state in states.states_between(max(len(states) - _SAMPLE, 0), len(states)):
             for name, value in {**self.values_in(state), **self.own()}.items():

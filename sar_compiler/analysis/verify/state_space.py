@@ -96,7 +96,7 @@ class StateSpace:
 
     @property
     def tick_error(self) -> Exception | None:
-        """The error of the last tick that `plain` has played, or None if there was no error or `plain` is None."""
+        """The error of the last tick that `plain` has played, or None if there was no error."""
         return None if self.plain is None else self.plain.steps.error
 
     def trace_to(self, state: int) -> Trace:

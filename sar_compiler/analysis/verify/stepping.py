@@ -180,7 +180,7 @@ class TreeStepper:
             self._trail.keeps = False
 
     def states_after_halt(self, state: bytes, *, begins: bool = False) -> Iterator[bytes]:
-        """Yield the states that are possible after a BehaviorTree.CPP program has halted the tree in a given state.
+        """Yield the states that are possible after a BehaviorTree.CPP program has halted the tree.
 
         `Tree::haltTree` halts the running nodes, and then each node, although it does not run. So each `_onHalted` runs once more.
 
