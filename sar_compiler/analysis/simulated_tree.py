@@ -84,7 +84,7 @@ def _unknown_behaviour(bound: BoundNode) -> Diagnostic:
     if not bound.spec.is_foreign:
         message = (
             f"<{tag}> has its own methods ({bound.spec.factory_path.replace(':', '.')}), and its registered semantics do "
-            "not define exactly when <{tag}> ticks its children"
+            f"not define exactly when <{tag}> ticks its children"
         )
         hint = f"derive it from sar_compiler.{bound.spec.kind.value} with the methods begin and resume, register it with semantics, or {replace}"
         return element.finding("only-described", message, hint=hint)

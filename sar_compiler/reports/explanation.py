@@ -182,7 +182,7 @@ def _options_of(about: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _missing_options(state: "MissionState", projects: "Workspace") -> list[str]:
-    """Return the last run's node options that the user must repeat, because the journal is not trusted."""
+    """Return the last run's node options that the user must repeat on the command line."""
     added = projects.additions
     given = {*map(str, added.nodes), *(str(each.resolve()) for each in (*added.models, *added.include_path))}
     return [
