@@ -37,7 +37,7 @@ def sweep_as_text(
 
 
 def table_text(lines: Sequence[Mapping[str, str]], labels: int) -> str:
-    """Format rows as a text table.
+    """Format rows as a table in plain text.
 
     Args:
         lines: The rows, at least one; each maps column heads to cells.

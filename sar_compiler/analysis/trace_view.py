@@ -1,4 +1,4 @@
-"""Displays scripted runs as a text trace, as JSON, or as JUnit XML for continuous integration."""
+"""Displays scripted runs as a trace in plain text, as JSON, or as JUnit XML for continuous integration."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
