@@ -42,7 +42,7 @@ Palettes = Iterable[TreeFile]
 
 
 def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
-    """Bind all trees of a forest to their nodes' specs, including unused trees, and return the findings."""
+    """Bind all trees of a forest, including unused trees, to their nodes' specs, and return the findings."""
     findings = context.bound_forest.findings
     # A missing tree may be in a file that could not be read.
     return findings if context.is_whole else [each for each in findings if each.code != "unknown-tree"]
@@ -63,7 +63,10 @@ def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 MOST = 1000
-"""The maximum number of findings of one kind that a check reports. After fixes, the next check reports others."""
+"""The maximum number of findings of one kind that a check reports.
+
+Fix these findings and check again to see the others.
+"""
 
 _FAMILIES = (single_nodes, interruptions, needless, order, keys, scripts, subtrees, version_differences)
 RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
@@ -89,7 +92,7 @@ def _recovery_findings(files: Palettes) -> Iterable[Diagnostic]:
 def _guard(
     name: str, rule: Callable[[], Iterable[Diagnostic]], forest: Forest, found: Iterable[Diagnostic]
 ) -> Iterator[Diagnostic]:
-    """Yield a rule's findings; if the rule raises an error, end with a finding about this error."""
+    """Yield a rule's findings. If the rule raises an error, yield a finding about this error and stop."""
     try:
         yield from rule()
     except Exception as error:  # noqa: BLE001 - the other rules run after any error
@@ -126,7 +129,10 @@ def make_check_context(
 
 
 def _schema_findings(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagnostic]:
-    """Return the schema's findings that no rule reports. The list is empty in a browser, which lacks lxml."""
+    """Return the schema's findings about elements for which no rule reports a finding.
+
+    The list is empty in a browser, because lxml is not available there.
+    """
     if sys.platform == "emscripten":
         return []
     forest, registry, findings = context.forest, context.registry, [*found]
@@ -183,7 +189,7 @@ def _apply_suppressions(forest: Forest, findings: list[Diagnostic]) -> list[Diag
 
 
 def limit_findings(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return at most `MOST` findings of each kind; a note counts the findings of a kind that are left out."""
+    """Return at most `MOST` findings of each kind, with a note about the number of findings left out."""
     findings = list(findings)
     counts = Counter(finding.code for finding in findings)
     if max(counts.values(), default=0) <= MOST:
@@ -202,7 +208,7 @@ def limit_findings(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
 
 
 _EXPECTED = (SarError, ImportError, OSError, UnicodeEncodeError)
-"""The errors that commands report in a message of their own, such as wrong usage or unwritable output."""
+"""The errors that each command reports in its own message, such as wrong usage or unwritable output."""
 
 _HINT = "if you wrote this function, correct it. Otherwise, report this error together with the file and the output of sar-compile --version"
 _CLASS_HINT = "fix the class. Other checks of this node were skipped"
@@ -239,7 +245,7 @@ def failure_of_rule(
 
 
 def failure_of_file(path: Path, error: Exception, what: str = "check") -> Diagnostic:
-    """Return a finding about an error outside of the rules.
+    """Return a finding about an error that was raised while a file was checked, but not by a rule.
 
     Args:
         path: The file.
@@ -270,7 +276,7 @@ def _element_of(error: Exception) -> Element | None:
 
 
 def _calls(error: Exception) -> list[FrameType]:
-    """Return the frames of an error's traceback, the innermost last."""
+    """Return the stack frames of an error's traceback, ending with the innermost frame."""
     import traceback
 
     return [frame for frame, _ in traceback.walk_tb(error.__traceback__)]

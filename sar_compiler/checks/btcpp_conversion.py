@@ -17,7 +17,7 @@ from sar_compiler.tree.model import TreeFile
 _WARNINGS = ("btcpp-version", "cpp-type-mismatch", "ignored-attribute")
 """The warnings about constructs that BehaviorTree.CPP refuses."""
 _MODELLED = ("unknown-node",)
-"""The errors that cannot occur in the converted file, because this file contains a model of each node."""
+"""The errors that cannot occur in the converted file, because that file contains a model of each node."""
 
 
 def convert_to_btcpp(
@@ -52,7 +52,7 @@ def convert_to_btcpp(
 
 
 def _replace_main(forest: Forest, main: TreeFile) -> Forest:
-    """Replace a forest's main file by the rewritten file, in which all elements keep their locations."""
+    """Replace the main file of a forest by a rewritten file whose elements keep their original locations."""
     files = tuple(main if each is forest.main else each for each in forest.files)
     meant = {each.position: forest.targets.get(id(each)) for each in forest.main.root.iterate()}
     targets = {

@@ -73,7 +73,7 @@ class Configuration(NamedTuple):
     enums: Mapping[str, int] = {}
 
     def decide(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-        """Give findings their configured severities, and leave out findings that are switched off."""
+        """Set the configured severity of each finding, and remove the findings that are switched off."""
         decided = []
         for finding in findings:
             severity = self.severities.get(finding.code, finding.severity)
@@ -122,7 +122,9 @@ def find_repository(folder: Path) -> Path | None:
 
 
 def enclosing_folder(folder: Path) -> Path:
-    """Return the folder that paths in a folder's files must not leave: the repository, or else the folder.
+    """Return the folder that paths written in a folder's files must not leave.
+
+    This folder is the repository or, outside of a repository, the folder of the files.
 
     Paths in this package's own files may lead to any file of the package.
     """
@@ -133,7 +135,7 @@ def enclosing_folder(folder: Path) -> Path:
 
 
 def project_paths(folders: Iterable[Path]) -> list[Path]:
-    """Return the resolved paths that belong to the projects of some folders but lie outside these folders.
+    """Return the resolved paths that belong to the folders' projects but lie outside these folders.
 
     The result contains the paths of all possible configuration files above the folders, even of missing files. If the
     configuration of a folder is above the folder, the result also contains the palettes, include folders and tree
@@ -154,14 +156,14 @@ def project_paths(folders: Iterable[Path]) -> list[Path]:
 
 
 def _folder_of(folder: Path, pattern: str) -> Path:
-    """Return the part of a glob pattern before its first wildcard: the folder that contains all matches."""
+    """Return the part of a glob pattern before its first wildcard, which is the folder of all matches."""
     import glob
 
     return folder.joinpath(*itertools.takewhile(lambda part: not glob.has_magic(part), Path(pattern).parts))
 
 
 def _has_trusted_owner(configuration: Path, tree_file: Path) -> bool:
-    """Return whether a configuration is owned by the user, by root, or by the owner of the tree file."""
+    """Return whether the user, root, or the owner of the tree file owns a configuration file."""
     if sys.platform == "win32":
         return True
     # A missing tree file is reported when it is read.

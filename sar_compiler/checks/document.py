@@ -52,7 +52,7 @@ def check_document(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _is_palette(forest: Forest) -> bool:
-    """Return whether a file only describes nodes for `--model` and for editors, and has no tree."""
+    """Return whether a file contains no tree and only describes nodes, for `--model` and for editors."""
     root = forest.main.root
     describes = any(child.tag == MODEL_TAG for child in root.children)
     names_tree = "main_tree_to_execute" in root.attributes
@@ -147,7 +147,10 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
         if element.tag == TREE_TAG and (renamed := subtree().former_attributes.get(name)):
             use = f'<{SUBTREE_TAG} ID="{element.attributes.get("ID", "...")}" {renamed}="true"/>'
             yield element.finding(
-                "ignored-attribute", message, name=name, hint=f"to set it where the tree is used, write {use}"
+                "ignored-attribute",
+                message,
+                name=name,
+                hint=f"to set this attribute in an element that uses the tree, write {use}",
             )
             continue
         is_note = name.startswith("_")
@@ -157,6 +160,8 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
         if near is not None or (is_note and typo_in_note(name, guesses) is not None):
             yield element.finding("unknown-attribute", message, name=name, suggestion=near)
         elif not is_note:
-            hint = "delete this attribute, or begin its name with _. BehaviorTree.CPP also ignores it"
+            hint = (
+                "delete this attribute, or begin its name with _. BehaviorTree.CPP ignores the attribute, too"
+            )
             cause = Cause(f"<{element.tag}> has no such attribute", name)
             yield element.finding("ignored-attribute", message, name=name, hint=hint, common_cause=cause)

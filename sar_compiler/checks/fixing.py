@@ -20,7 +20,10 @@ _COMMON = frozenset({"ID", "name", "memory", "BTCPP_format", "main_tree_to_execu
 """Attributes that have the same meaning on every node."""
 _TRUTHS = ("true", "false")
 _AMBIGUOUS_OPERATORS = frozenset({"not", "=+", "=*", "=/", "=>"})
-"""Operators of other languages for which the suggestion may be wrong: `not a == b` means `!(a == b)` in Python."""
+"""Operators of other languages for which the suggestion may be wrong.
+
+For example, Python reads `not a == b` as `!(a == b)`.
+"""
 _BLOCK = re.compile(r"[|>][+\-0-9]*[ \t]*(#[^\r\n]*)?(\r\n|\r|\n)[\s]*$")
 
 _MARKUP = re.compile(
@@ -55,7 +58,7 @@ def _is_safe_value(written: str, suggestion: str) -> bool:
 
 
 def _is_safe_script(written: str, _suggestion: str) -> bool:
-    """Return whether the replaced text is anything but an ambiguous operator of another language."""
+    """Return whether the replaced text is not an operator of another language, or is an unambiguous one."""
     return written not in _AMBIGUOUS_OPERATORS
 
 
@@ -70,7 +73,7 @@ def _is_deletion(_written: str, suggestion: str) -> bool:
 
 
 def _accept_any(_written: str, _suggestion: str) -> bool:
-    """Return True: it is always safe to escape a character, because unescaped it can only mean itself."""
+    """Return True, because escaping a character is always safe: the character cannot mean anything else."""
     return True
 
 
@@ -126,7 +129,7 @@ def _text(finding: Diagnostic) -> str:
 
 
 def is_safe(finding: Diagnostic) -> bool:
-    """Return whether a finding has a suggestion that may be applied without asking."""
+    """Return whether a finding has a suggestion that can be applied without asking the user."""
     decide = SAFE.get(finding.code)
     return (
         decide is not None and finding.suggestion is not None and decide(_text(finding), finding.suggestion)
@@ -136,7 +139,7 @@ def is_safe(finding: Diagnostic) -> bool:
 def fixes(
     source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic], is_meant: IsMeant = is_safe
 ) -> list[Fix]:
-    """Return the fixes for a file, in the order of their positions; no two fixes overlap.
+    """Return the fixes for a file, ordered by position and without overlaps.
 
     Args:
         source: The file.
@@ -154,7 +157,10 @@ def fixes(
 def each_fix(
     source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic], is_meant: IsMeant = is_safe
 ) -> Iterator[Fix]:
-    """Yield the fix of each finding; see `fixes` for the arguments. Fixes may overlap, so apply them one by one."""
+    """Yield the fix of each finding; see `fixes` for the arguments.
+
+    Fixes may overlap, so apply one fix at a time.
+    """
     values = _AttributeValues(list(tree_file.root.iterate()) if tree_file is not None else [])
     for finding in sorted(findings, key=lambda each: (each.span.line, each.span.column)):
         if finding.source is source and finding.suggestion is not None and is_meant(finding):
@@ -194,7 +200,7 @@ class _AttributeValues:
         self._last: tuple[Element, Sequence[_AttributeSpan]] | None = None
 
     def span_around(self, finding: Diagnostic) -> _AttributeSpan | None:
-        """Return the attribute value that contains a finding; None if the finding is not in a value."""
+        """Return the span of the attribute value that contains a finding; None if no value contains it."""
         element = last_element_before(self._elements, finding.span[:2])
         if element is None:
             return None
@@ -218,7 +224,7 @@ def _value_of(element: Element, attribute: str) -> _AttributeSpan:
 
 
 def _fix(finding: Diagnostic, values: _AttributeValues) -> Fix | None:
-    """Return the fix that inserts a finding's suggestion, escaped if necessary; None if there is none."""
+    """Return the fix that inserts a finding's suggestion, escaped if necessary; None without a suggestion."""
     start, end = finding.source.offsets(finding.span)
     text = finding.suggestion or ""
     if not text and finding.code == "ignored-attribute":
@@ -238,7 +244,11 @@ def _fix(finding: Diagnostic, values: _AttributeValues) -> Fix | None:
 
 
 def _attribute_removal(finding: Diagnostic, start: int) -> Fix | None:
-    """Return the fix that deletes an attribute and, in XML, the blanks before it or, in YAML, its line or comma."""
+    """Return the fix that deletes an attribute.
+
+    In XML, the fix also deletes the blanks before the attribute. In YAML, it also deletes the attribute's
+    line or comma.
+    """
     text = finding.source.text
     if finding.source.form is Form.XML:
         found = _ATTRIBUTE.match(text, start)

@@ -13,11 +13,11 @@ RENEW = "SAR_RENEW_GOLDEN"
 
 
 _MOST_COMPARED, _MOST_SHOWN = 2000, 500
-"""The maximum number of lines to compare, and the maximum number of lines of the difference to show."""
+"""The maximum number of lines to compare, and the maximum number of lines to show of the difference."""
 
 
 def compare_golden(path: Path, text: str, what: str) -> str | None:
-    """Compare a text with a golden file; rewrite the file instead if `SAR_RENEW_GOLDEN` is set.
+    """Compare a text with a golden file, or rewrite the golden file if `SAR_RENEW_GOLDEN` is set.
 
     Returns:
         None if the text is equal to the file or was written to the file; otherwise a message about the difference.

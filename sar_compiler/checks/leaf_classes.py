@@ -21,7 +21,7 @@ _FunctionNode = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 class _ParsedClass(NamedTuple):
-    """A class with its definition and the file that contains it.
+    """A class and its definition in the source code.
 
     Attributes:
         cls: The class.
@@ -61,7 +61,10 @@ class _ParsedClass(NamedTuple):
                     yield node.attr, node
 
     def replaced_methods(self) -> set[str]:
-        """Return the attributes to which a method assigns a function, perhaps to replace a method on purpose."""
+        """Return the attributes to which a method assigns a function.
+
+        Such a function may replace a method on purpose.
+        """
         found = set()
         for method in self.methods():
             types = {each.arg: ast.unparse(each.annotation) for each in method.args.args if each.annotation}
@@ -102,7 +105,7 @@ def check_class(spec: NodeSpec) -> Iterator[Diagnostic]:
 
 
 def _parse_class(cls: type) -> _ParsedClass | None:
-    """Return a class with its definition; None for a library's class, or a class without a source file."""
+    """Return a class with its definition; None if the class is a library's or has no source file."""
     if f"{cls.__module__}.".startswith(_LIBRARIES):
         return None
     try:
@@ -137,7 +140,7 @@ def _module(path: str) -> tuple[Source, ast.Module] | None:
 def _missing_attributes(
     spec: NodeSpec, part: _ParsedClass, assigned: Collection[str]
 ) -> Iterator[Diagnostic]:
-    """Yield findings about attributes that a base class requires but neither the class nor a method sets."""
+    """Yield findings about attributes that a base class requires, but neither the class nor a method sets."""
     cls = part.cls
     for name, example in getattr(cls, "required_attributes", {}).items():
         if not getattr(cls, name, None) and name not in assigned:
@@ -147,7 +150,7 @@ def _missing_attributes(
 
 
 def _hiding_attributes(part: _ParsedClass) -> Iterator[Diagnostic]:
-    """Yield findings about attributes that hide a method, or that have the name of a read-only property."""
+    """Yield findings about attributes that hide a method or have the name of a read-only property."""
     cls, seen, replaced = part.cls, set(), part.replaced_methods()
     for name, node in part.assignments():
         known = inspect.getattr_static(cls, name, None)
@@ -168,7 +171,7 @@ def _owner(cls: type, name: str) -> str:
 
 
 def _undeclared_uses(spec: NodeSpec, part: _ParsedClass) -> Iterator[Diagnostic]:
-    """Yield a finding about the server or topic that a leaf needs but its registration does not declare."""
+    """Yield a finding about a server or topic that a leaf needs, but its registration does not declare."""
     kind = getattr(part.cls, "use_kind", "")
     if not kind or any(use.kind == kind for use in spec.uses) or (kind == "action" and _uses_nav2(spec)):
         return
@@ -187,12 +190,12 @@ def _uses_nav2(spec: NodeSpec) -> bool:
 
 
 def _registration(part: _ParsedClass) -> ast.AST:
-    """Return the decorator that registers a class; the class itself if there is none."""
+    """Return the decorator that registers a class, or the class if it has no such decorator."""
     return part.node.decorator_list[0] if part.node.decorator_list and MARK in vars(part.cls) else part.node
 
 
 def _undeclared_outcomes(spec: NodeSpec, part: _ParsedClass) -> Iterator[Diagnostic]:
-    """Yield findings about statuses that `update` returns literally but `outcomes` does not list."""
+    """Yield findings about statuses that `update` returns as literals, but that `outcomes` does not list."""
     for method in part.methods():
         for node in ast.walk(method) if spec.statuses and method.name == "update" else ():
             status = node.value if isinstance(node, ast.Return) else None
@@ -209,7 +212,7 @@ def _undeclared_outcomes(spec: NodeSpec, part: _ParsedClass) -> Iterator[Diagnos
 
 
 def _undeclared_keys(spec: NodeSpec, part: _ParsedClass) -> Iterator[Diagnostic]:
-    """Yield findings about keys that the class writes through py_trees' client but `writes` does not list."""
+    """Yield findings about keys that the class writes with py_trees' client, but that `writes` does not list."""
     for node in ast.walk(part.node):
         if not (isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "register_key"):
             continue

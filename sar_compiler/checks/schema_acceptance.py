@@ -1,4 +1,4 @@
-"""Fast recognition of files that the XML schema certainly accepts.
+"""Fast recognition of files that the XML schema is certain to accept.
 
 Building the schema and importing lxml takes longer than applying all rules, and the schema accepts nearly every file
 without other findings. This module therefore applies the definitions of `nodes.schemas.xml_schema` directly to the
@@ -28,7 +28,7 @@ from sar_compiler.tree.model import (
 )
 
 _LONGEST = 1_000_000
-"""The maximum number of characters in a file that is checked here; it is far below the limits of libxml2."""
+"""The maximum number of characters in a file that is checked here. This number is far below the limits of libxml2."""
 _SPACE = " \t\r\n"
 _ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute", PROJECT_ATTRIBUTE)
 
@@ -54,7 +54,10 @@ class _Values(NamedTuple):
         return cls(value_type.choices, "" if value_type.choices else value_type.pattern, is_key=True)
 
     def accept(self, text: str) -> bool:
-        """Return whether a string is allowed; False for a non-ASCII string if there is a pattern."""
+        """Return whether a string is allowed.
+
+        If there is a pattern, no string with non-ASCII characters is.
+        """
         if self.is_key and _is_key(text.strip(" ")):
             return True
         if self.choices:
@@ -116,7 +119,9 @@ _node_types: "WeakKeyDictionary[Registry, dict[str, _NodeType | None]]" = WeakKe
 
 
 def is_surely_accepted(tree_file: TreeFile, registry: Registry, described: Iterable[NodeSpec] = ()) -> bool:
-    """Return True if the schema certainly accepts a file. False means that the schema may still accept it.
+    """Return whether the schema is certain to accept a file.
+
+    If the result is False, the schema may still accept it.
 
     Args:
         tree_file: The file.
@@ -139,7 +144,7 @@ def is_surely_accepted(tree_file: TreeFile, registry: Registry, described: Itera
 
 
 def _is_plain(element: Element) -> bool:
-    """Return whether an element has no text, and only attributes that every XML parser reads alike."""
+    """Return whether an element has no text, and all XML parsers read its attributes in the same way."""
     return not element.text and all(
         name.isidentifier() and name.isascii() and text.isprintable()
         for name, text in element.attributes.items()
@@ -167,7 +172,7 @@ def _without_comments(text: str) -> str:
 
 
 def _is_tag(part: str) -> bool:
-    """Return whether the text between two consecutive `<` is a tag and white space.
+    """Return whether the text between two successive `<` consists of a tag and white space.
 
     Only values in double quotes may contain a `>`.
     """
@@ -197,7 +202,7 @@ def _is_section(element: Element) -> bool:
 
 
 def _are_attributes(element: Element, names: Sequence[str]) -> bool:
-    """Return whether an element outside of trees has only the named attributes and attributes of editors."""
+    """Return whether an element outside of trees has only the named attributes and the attributes of editors."""
     return all(
         name in names or (name.startswith("_") and name not in CONDITIONS) for name in element.attributes
     )
@@ -247,7 +252,7 @@ def _node_type_of(tag: str, registry: Registry, described: Mapping[str, list[Nod
 
 
 def _node_type(specs: Sequence[NodeSpec]) -> _NodeType | None:
-    """Return the definition of the tag that variants of a node share; None if the definition is unusual."""
+    """Return the definition of a node's tag, which all variants of the node share; None if it is unusual."""
     if specs[0].tag in _EXPLICIT:
         return _EXPLICIT_OR_NODE
     attributes: dict[str, _Values] = {}

@@ -31,7 +31,7 @@ _IGNORED = re.compile(
 )
 """libxml2's message about attributes that BehaviorTree.CPP ignores; the rules report them."""
 _SUFFICIENT = ("unknown-element", "wrong-format", "unknown-attribute", "ignored-attribute")
-"""The kinds of findings that replace the schema's error about the same element, even if they are only warnings."""
+"""The kinds of findings that replace the schema's error about the same element, even as warnings."""
 
 
 _MOST_SCHEMAS = 32
@@ -53,7 +53,7 @@ def _schema_of(registry: Registry, tags: frozenset[str], notes: frozenset[str]) 
 def _schema(
     registry: Registry, tags: frozenset[str], notes: frozenset[str], described: Iterable[NodeSpec]
 ) -> etree.XMLSchema:
-    """Generate only the part of the schema that files with the given tags need. The whole takes too long."""
+    """Generate the part of the schema that files with the given tags need, because the whole takes too long."""
     return etree.XMLSchema(etree.fromstring(xml_schema(registry, described, tags, sorted(notes)).encode()))
 
 
@@ -62,7 +62,7 @@ def schema_errors(
     registry: Registry,
     described: Sequence[NodeSpec] = (),
 ) -> list[tuple[int, str]]:
-    """Return lxml's errors about a file as pairs of line and message.
+    """Return lxml's errors about a file as pairs of line number and message.
 
     Each line number is the line in which a start tag ends. libxml2 reports no columns, and after an unexpected element
     it does not check the element's siblings.
@@ -80,7 +80,7 @@ def schema_errors(
 
 
 def _schema_errors_in(text: str, schema: etree.XMLSchema) -> list[tuple[int, str]]:
-    """Validate an XML text against a schema; return the errors as pairs of line and message."""
+    """Validate an XML text against a schema, and return the errors as pairs of line number and message."""
     parser = etree.XMLParser(
         encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False, remove_blank_text=True
     )
@@ -95,13 +95,13 @@ def _schema_errors_in(text: str, schema: etree.XMLSchema) -> list[tuple[int, str
 
 
 def _editor_attributes(elements: Iterable[Element]) -> frozenset[str]:
-    """Return the names of the attributes that may be an editor's data: those that begin with `_`."""
+    """Return the names of attributes that may belong to an editor, because they begin with `_`."""
     names = set().union(*(element.attributes for element in elements)).difference(CONDITIONS)
     return frozenset(name for name in names if name.startswith("_") and ":" not in name)
 
 
 def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
-    """Return a file as XML, and the original line of each XML line."""
+    """Return a file as XML, together with the original line number of each XML line."""
     if tree_file.source.form is not Form.XML:
         from sar_compiler.tree.xml_writer import xml_with_tag_per_line
 
@@ -121,7 +121,7 @@ def check_schema(
     described: Sequence[NodeSpec],
     findings: Iterable[Diagnostic],
 ) -> Iterator[Diagnostic]:
-    """Yield the schema's errors for elements about which the rules found nothing.
+    """Yield the schema's errors for the elements about which no rule reported a finding.
 
     Args:
         tree_file: The file.

@@ -104,7 +104,7 @@ def _suppressions(tree_file: TreeFile) -> Iterator[_Suppression]:
 
 
 def _comments(tree_file: TreeFile) -> Iterator[tuple[Element | None, Comment, int]]:
-    """Yield each comment with the element to which it applies, and a lower bound of the comment's offset."""
+    """Yield each comment, the element to which it applies, and a lower bound of its offset in the file."""
     for comment in tree_file.comments:
         if comment.index == 0:
             yield tree_file.root, comment, 0
@@ -158,7 +158,7 @@ def _check_suppression(
 
 
 def _span_of(code: str, suppression: _Suppression) -> Span:
-    """Return the location of a code in a comment, or of the comment if the code is not found."""
+    """Return the location of a code in a comment; if the code is not found, the location of the comment."""
     source, span = suppression.tree_file.source, suppression.span
     start, end = source.offsets(span)
     match = re.search(rf"(?<![\w-]){re.escape(code)}(?![\w-])", source.text[start:end]) if code else None

@@ -1,4 +1,4 @@
-"""Arguments shared by several commands, and functions that load the trees named by arguments."""
+"""Arguments that several commands share, and functions that load the trees named by arguments."""
 
 import argparse
 import math
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class ArgumentKind:
-    """The type of a command-line argument: how a string is converted to a value, and completed in shells.
+    """The type of a command-line argument, which determines how its string is converted and completed.
 
     Args:
         name: The key of the argument's completer in `cli.completion.COMPLETERS`.
@@ -60,7 +60,7 @@ T = TypeVar("T")
 def reader(
     read: Callable[[str], T], what: str, is_valid: Callable[[T], bool] = lambda _: True
 ) -> Callable[[str], T]:
-    """Return a function that converts a string to a valid value; *what* describes valid values in its error message."""
+    """Return a function that converts a valid string to a value; *what* describes valid values in errors."""
 
     def parse(text: str) -> T:
         with suppress(ValueError):
@@ -140,9 +140,9 @@ confidence = reader(float, "a number above 0 and below 1", lambda value: 0 < val
 
 
 def add_page_options(parser: "argparse.ArgumentParser | argparse._ArgumentGroup", when: str = "") -> None:
-    """Add `--open` and `--web-port`; *when* begins the help of both, and says when they apply."""
+    """Add `--open` and `--web-port`; *when* begins the help text of both options, and says when they apply."""
     parser.add_argument("--open", action="store_true", help=f"{when}open the page in a browser")
-    text = f"{when}the page's port (default 8043; 0 for any free port)"
+    text = f"{when}the port on which the page is served (default 8043; 0 for any free port)"
     parser.add_argument("--web-port", type=port, metavar="N", help=text)
 
 
@@ -155,7 +155,7 @@ def add_tree_id(parser: argparse.ArgumentParser, use: str) -> None:
 def add_budget(
     parser: argparse.ArgumentParser, max_sec: float = MAX_SEC, what: str = "processor time"
 ) -> None:
-    """Add the options that limit an analysis; *what* is the kind of time limited, such as `elapsed time`."""
+    """Add the options that limit an analysis; *what* names the limited time, such as `elapsed time`."""
     text = f"stop after SEC seconds of {what}, and print the results so far (default {max_sec:g})"
     parser.add_argument("--max-seconds", type=seconds, default=max_sec, metavar="SEC", help=text)
     text = f"stop when the process uses MB megabytes, and print the results so far (default {MAX_MEMORY_MB})"
@@ -163,7 +163,7 @@ def add_budget(
 
 
 def budget_of(arguments: argparse.Namespace, **options: Any) -> Budget:
-    """Return the budget of an analysis from the command line; *options* are further arguments of `Budget`."""
+    """Return the budget that the command line sets; *options* are passed to `Budget`."""
     return Budget(arguments.max_seconds, arguments.max_memory, **options)
 
 
@@ -214,7 +214,7 @@ def workspace(arguments: argparse.Namespace, **added: Any) -> "Workspace":
 
 
 def further_checks() -> "Sequence[FurtherCheck]":
-    """Return the additional checks of every tree that installed parts of this project provide."""
+    """Return the additional checks of trees that installed parts of this project provide."""
     if not is_part_installed("missions"):
         return ()
     from sar_compiler.missions.tree_check import check_mission
@@ -249,7 +249,10 @@ def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[Pro
 
 
 def report_findings(findings: "Sequence[Diagnostic]") -> int:
-    """Print findings, with all locations, on standard error; return 1 if any finding is an error, otherwise 0."""
+    """Print findings with all their locations on standard error.
+
+    Returns 1 if any finding is an error, otherwise 0.
+    """
     from sar_compiler.terminal import findings_as_text
     from sar_compiler.tree.diagnostic import Severity
 

@@ -110,7 +110,7 @@ def _print_findings(error: "TreeError") -> int:
 
 
 def _parser(argv: Sequence[str] = ()) -> Parser:
-    """Return the parser; to save time, it contains only the subcommand with which the arguments start.
+    """Return the parser. To save time, it contains only the subcommand that the arguments begin with.
 
     Without a known subcommand (`--help`, a typo), all subcommands are added, but without their arguments.
     """
@@ -159,7 +159,7 @@ def _add_diff(parser: argparse.ArgumentParser) -> None:
 
 def _add_explain(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `explain`."""
-    text = "the code of a finding, shown in brackets after its severity"
+    text = "the code of a finding, which reports show in brackets after the severity"
     parser.add_argument("code", type=ArgumentKind("code"), metavar="CODE", help=text)
     parser.set_defaults(run=_explain)
 
@@ -204,7 +204,7 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _tree_drawing(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tuple[list[Diagnostic], str]":
-    """Return the findings about a file, and the drawing of its tree.
+    """Return the findings about a file, and a drawing of its tree.
 
     Raises:
         TreeError: If the file is malformed, or does not contain a tree or the requested tree.
@@ -265,7 +265,7 @@ def _diff(arguments: argparse.Namespace) -> int:
 
 
 def _explain(arguments: argparse.Namespace) -> int:
-    """Print the page about the findings with a code, and return the exit status.
+    """Print the page about findings with a given code, and return the exit status.
 
     Raises:
         SarError: If the code is unknown.
@@ -277,7 +277,7 @@ def _explain(arguments: argparse.Namespace) -> int:
 
     if arguments.code not in KINDS:
         advice = did_you_mean(nearest(arguments.code, KINDS))
-        raise SarError(f"there is no kind of finding '{arguments.code}'{advice}")
+        raise SarError(f"there is no finding code '{arguments.code}'{advice}")
     page = page_of(arguments.code)
     print(plain_text(page, painter(sys.stdout)) if sys.stdout.isatty() else page, end="")
     return OK
@@ -287,7 +287,7 @@ def _nodes(arguments: argparse.Namespace) -> int:
     if arguments.from_use is not None and arguments.format != "json":
         return _nodes_from_use(arguments)
     if arguments.from_use is not None:
-        raise SarError("--from-use prints a palette, which is XML: remove --format json")
+        raise SarError("--from-use prints a palette in XML: remove --format json")
     from sar_compiler.checks.leaf_classes import check_class
     from sar_compiler.nodes.models.palette import palette
     from sar_compiler.tree.diagnostic import Severity
@@ -337,7 +337,9 @@ def _nodes_from_use(arguments: argparse.Namespace) -> int:
     for path in files:
         tree = loader.load_file(path)
         if tree.is_malformed:
-            print_error(f"{PROG}: {path} is malformed. Run `{PROG} validate` to see the errors")
+            print_error(
+                f"{PROG}: {path} is not a well-formed tree file. Run `{PROG} validate` to see the errors"
+            )
         else:
             uses.add(tree.forest.main, tree.palettes, tree.project.registry)
     loader.report_use()

@@ -44,7 +44,7 @@ def print_code(arguments: argparse.Namespace) -> int:
 
 
 def add_completers(parser: argparse.ArgumentParser) -> None:
-    """Add completers to all arguments of a parser and its subcommands."""
+    """Add functions that complete values to all arguments of a parser and its subcommands."""
     for action in parser._actions:  # noqa: SLF001 - argparse has no other access to them
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
             for command in action.choices.values():
@@ -82,7 +82,7 @@ def _tags(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
 
 
 def _workspace(parsed_args: argparse.Namespace) -> "Workspace":
-    """Return the workspace that the incomplete command line defines, ignoring `--trust`."""
+    """Return the workspace that the incomplete command line specifies, but ignore `--trust`."""
     from sar_compiler.cli.arguments import additions
     from sar_compiler.project import Workspace
 

@@ -1,4 +1,4 @@
-"""`sar-compile conform`: check that recorded runs are possible runs of their tree and satisfy its properties."""
+"""`sar-compile conform`: check that a tree allows the recorded runs, and that they satisfy its properties."""
 
 import argparse
 from pathlib import Path
@@ -91,7 +91,7 @@ def _compared_run(
 
 
 def _palettes_of(place: Path) -> list[Path]:
-    """Return the installed palettes that the last run of a journal used."""
+    """Return the installed palettes that were used in the last run of a journal."""
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.reports.explanation import palettes_of
 
@@ -135,7 +135,7 @@ def _compare_run(
 
 
 def _describe_tree_changes(tree: "ProjectTree", state: "MissionState", arguments: argparse.Namespace) -> str:
-    """Describe the first difference between the tree and the recorded run's tree; empty if they are equal."""
+    """Describe the first difference between a tree and the tree of a recorded run; empty if they are equal."""
     from sar_compiler.cli.journal_stats import node_identities, nodes_difference
     from sar_compiler.compiler.outline import outline
 

@@ -23,7 +23,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def format_files(arguments: argparse.Namespace) -> int:
-    """Rewrite files or, with `--check`, list the files not in canonical form; return the exit status.
+    """Rewrite files, or only list the files that are not in canonical form; return the exit status.
 
     Raises:
         WriteError: If a file cannot be written.
@@ -47,7 +47,7 @@ def _format_file(name: str, *, check: bool) -> int:
 
 
 def _rewrite(name: str, *, write: bool) -> bool:
-    """Return whether a file differs from its canonical form; write the canonical form if *write* is true."""
+    """Return whether a file differs from its canonical form. If *write* is true, write the canonical form."""
     from sar_compiler.tree.conversion import canonical_bytes
 
     path = path_for_name(name)

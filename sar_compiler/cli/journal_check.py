@@ -31,14 +31,16 @@ def add_check(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="the journals to check; their missions may still be running",
     )
-    text = "the hash of the journal, as printed in the run's summary or report; allowed with a single journal"
+    text = "the hash of the journal, as printed in the run's summary or report; allowed only with a single journal"
     add("--head", type=head, metavar="HEX", help=text)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     parser.set_defaults(run=lambda options: check_journals(parser, options))
 
 
 def check_journals(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
-    """Report for each journal whether it was altered; return 1 if any was altered or cannot be checked, otherwise 0.
+    """Report for each journal whether it was altered.
+
+    Returns 1 if a journal was altered or cannot be checked, otherwise 0.
 
     Raises:
         JournalError: If a journal cannot be read.

@@ -44,10 +44,10 @@ def _parser() -> Parser:
     show = commands.add_parser("show", help=text, description=text)
     show.add_argument("journal", type=FILE, metavar="FILE", help=_JOURNAL_HELP)
     show.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
-    text = "also list observations: node statuses, log, poses, plans, ends of goals"
+    text = "also list observations: statuses of nodes, log lines, poses, plans, and ends of goals"
     show.add_argument("--all", action="store_true", help=text)
     show.set_defaults(run=_show)
-    text = "Write a report of a mission, for print, for maps, or for emergency services."
+    text = "Write a report of a mission, for printing, for maps, or for emergency services."
     report = commands.add_parser("report", help=text, description=text)
     report.add_argument("journal", type=FILE, metavar="FILE", help=_JOURNAL_HELP)
     text = f"the files to write, each {report_forms()}"

@@ -41,7 +41,9 @@ def _import(options: argparse.Namespace) -> None:
     for flaw in found.flaws:
         print_note(f"{options.recording}: {flaw}")
     if found.unsure:
-        print_note(f"{found.unsure} tick boundaries are uncertain, because only a short pause indicates them")
+        print_note(
+            f"{found.unsure} boundaries between ticks are uncertain, because only a short pause indicates each of them"
+        )
     runs = f"{found.runs} runs" if found.runs != 1 else "1 run"
     print_text(
         f"{options.output}: {runs} of {found.nodes} nodes, {found.changes} status changes in {found.ticks} ticks"

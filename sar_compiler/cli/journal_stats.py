@@ -20,7 +20,7 @@ def add_stats(parser: argparse.ArgumentParser) -> None:
     add("journals", type=FILE, nargs="+", metavar="FILE", help="the journals, all of the same tree")
     text = "the confidence level of the Wilson intervals (default 0.95)"
     add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
-    text = f"{FORMAT_HELP}; yaml prints `outcomes:` for a properties file, with probabilities (p) and times (sec)"
+    text = f"{FORMAT_HELP}; yaml prints the section `outcomes:` of a properties file, with probabilities (p) and times (sec)"
     add("--format", choices=("text", "json", "yaml"), default="text", help=text)
     parser.set_defaults(run=print_statistics)
 
@@ -67,7 +67,7 @@ def node_identities(tree: Any) -> list[tuple[str, int, str, Any]]:
 
 
 def nodes_difference(old: Sequence[tuple[Any, ...]], new: Sequence[tuple[Any, ...]]) -> str:
-    """Describe the first difference between the nodes of two trees (`node_identities`)."""
+    """Describe the first difference between two trees, whose nodes `node_identities` has returned."""
     for was, now in zip(old, new, strict=False):
         if was[:3] != now[:3]:
             return f"'{now[0]}' ({now[2]}) replaces '{was[0]}' ({was[2]})"

@@ -42,7 +42,7 @@ def _watch(options: argparse.Namespace) -> None:
         raise SarError("--topic needs the tree file that bt_navigator has loaded: add --tree TREE")
     if options.journal is not None and options.journals:
         raise SarError(
-            "--journal needs --topic or --groot2: a run that is shown from its journal has a journal"
+            "--journal needs --topic or --groot2, because a run that is shown from its journal already has a journal"
         )
     interruptible()
     with suppress(KeyboardInterrupt):  # the regular end

@@ -37,7 +37,9 @@ def add_why(parser: argparse.ArgumentParser) -> None:
 
 
 def print_explanation(options: argparse.Namespace) -> int:
-    """Print why the last run of a mission failed, which outcomes would have made it succeed, and how another run differs.
+    """Print why the last run of a mission failed, and which outcomes would have made it succeed.
+
+    If another run is given, also print how it differs.
 
     Returns:
         0; 130 if Ctrl-C has ended the search for outcomes that would have led to success.

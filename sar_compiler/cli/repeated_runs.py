@@ -17,7 +17,9 @@ _NO_ERROR = ("[INFO]", "[DEBUG]")
 
 
 def serve() -> int:
-    """Run `sar-run` with each list of arguments on standard input, and write status, output and failure reason of each run.
+    """Run `sar-run` for each list of arguments on standard input.
+
+    For each run, write the status, the output and the reason of a failure.
 
     The result of a run is written before ROS is shut down, because native code may crash during the shutdown and end the process.
     """
@@ -39,7 +41,7 @@ def serve() -> int:
 
 
 def _failure_reason(log: str, status: int) -> str:
-    """Return why a run failed: all lines of the log if the run has not started, otherwise the last line."""
+    """Return why a run failed: the last line of the log, or the whole log if the run has not started."""
     lines = [line for line in log.strip().splitlines() if not line.startswith(_NO_ERROR)]
     return "\n".join(lines if status == USAGE and "usage: " not in log else lines[-1:])
 
@@ -52,14 +54,14 @@ def _run(arguments: list[str], ros: ExitStack) -> int:
 
 
 def _redirect(stream: IO[str]) -> IO[bytes]:
-    """Redirect a stream to a temporary file, for Python and for native code; return the file."""
+    """Redirect a stream of Python and native code to a temporary file, and return the file."""
     file = tempfile.TemporaryFile()  # noqa: SIM115 - the caller closes it
     os.dup2(file.fileno(), stream.fileno())
     return file
 
 
 def _pop_output(file: IO[bytes]) -> str:
-    """Return the redirected output in a file, and clear the file."""
+    """Return the output that was redirected to a file, and empty the file."""
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
     text = os.pread(file.fileno(), os.fstat(file.fileno()).st_size, 0)

@@ -119,7 +119,7 @@ def _send_command(name: str, mission_node: str | None, reason: str) -> str:
         ]
         if len(matching) != 1:
             raise MissionCommandError(
-                f"{full} has no command '{name}' (known: {', '.join(commands) or 'no commands without values'})"
+                f"{full} has no command '{name}' (known commands: {', '.join(commands) or 'no commands without values'})"
             )
         author = CommandAuthor(f"ros2 mission of {getpass.getuser()}@{socket.gethostname()}", reason)
         signature = RemoteCommandAuthor(node, full)

@@ -1,4 +1,6 @@
-"""The check and the report that this project adds to `ros2 doctor`: whether everything that a mission needs is installed.
+"""The check and the report that this project adds to `ros2 doctor`.
+
+They show whether everything that a mission needs is installed.
 
 The check examines the installed files, and for one second the ROS graph for conflicting sources. To check that a robot is ready for a tree,
 use `ros2 mission run TREE --check`.
@@ -21,7 +23,7 @@ _CATEGORY = "mission"
 
 
 class MissionCheck(DoctorCheck):
-    """Checks that missions can be run on this machine."""
+    """A check of whether missions can be run on this machine."""
 
     def category(self) -> str:
         """Return the category under which `ros2 doctor` lists this project's results."""
@@ -71,7 +73,7 @@ class MissionReport(DoctorReport):
 
 
 def _loading_error(load: Callable[[], object]) -> str:
-    """Call *load*; return the error message if the call fails, otherwise an empty string."""
+    """Call *load*, and return the error message if the call fails; otherwise return an empty string."""
     try:
         load()
     except ImportError as error:

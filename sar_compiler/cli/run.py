@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run_with_ros(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) -> int:
-    """Run `sar-run` in this process; the caller must shut down ROS afterwards.
+    """Run `sar-run` in this process. The caller must shut down ROS after the run.
 
     Args:
         argv: The arguments.
@@ -179,7 +179,7 @@ def _reports(options: Namespace) -> Callable[[Path], object]:
 
 
 def _adapt_to_supervision(options: Namespace, supervision: Supervision) -> None:
-    """Make a run that was restarted after a crash resume the mission, and record to a new file."""
+    """Set the options so that a run restarted after a crash resumes the mission and records to a new file."""
     if supervision.has_begun:
         options.resume, options.new = True, False
     if options.record is not None and supervision.deaths:
@@ -187,7 +187,10 @@ def _adapt_to_supervision(options: Namespace, supervision: Supervision) -> None:
 
 
 def _served_run_options(argv: Sequence[str], options: Namespace) -> list[str]:
-    """Return the options of each served run: the server's options except --serve, --managed and ROS arguments."""
+    """Return the server's options that apply to each served run.
+
+    The result omits --serve, --managed and ROS arguments.
+    """
     own, kept = split_arguments(argv).own, list[str]()
     while own:
         word = own.pop(0)
@@ -224,12 +227,12 @@ def _options(argv: Sequence[str]) -> Namespace:
 
 
 def _option_errors(options: Namespace) -> Iterator[str]:
-    """Yield errors about options that exclude or require each other."""
+    """Yield errors about options that exclude each other or require another option."""
     for option in ("speed", "fault", "seed", "like"):
         if options.sim is None and getattr(options, option) not in (None, []):
             yield f"--{option} requires --sim"
     if options.sim is not None and _looks_like_a_tree(options.sim):
-        yield f"--sim expects a world, but '{options.sim}' looks like a tree: write the tree before --sim"
+        yield f"--sim expects a world, but '{options.sim}' looks like a tree. Write the tree before --sim"
     if options.check and (options.resume or options.new or options.report):
         yield "--check does not run the mission: remove --resume, --new and --report"
     if options.no_journal and (options.resume or options.new):
@@ -244,7 +247,7 @@ def _serving_option_errors(options: Namespace) -> Iterator[str]:
     if options.serve is None:
         return
     if options.tree is not None or options.tree_id is not None:
-        yield "--serve lists the trees to serve: remove TREE and --tree"
+        yield "--serve itself names the trees to serve: remove TREE and --tree"
     if options.check or options.resume or options.report or options.record is not None:
         yield "--serve starts a run for each goal: remove --check, --resume, --report and --record"
 
@@ -363,7 +366,7 @@ def _add_simulation(group: _ArgumentGroup) -> None:
     add("--like", choices=MANNER_NAMES, help=text)
     text = "with --sim: inject a fault, such as navigate_to_pose:reject=1; may be repeated"
     add("--fault", action="append", default=[], metavar="SPEC", help=text)
-    add("--seed", type=seed, metavar="N", help="with --sim: the seed of all noise (default 0)")
+    add("--seed", type=seed, metavar="N", help="with --sim: the seed of all simulated noise (default 0)")
 
 
 def _add_extension_options(group: _ArgumentGroup) -> None:

@@ -68,7 +68,7 @@ def _parser() -> Parser:
     for add in (live.add_argument, survey.add_argument):
         text = f"a world file, or a shipped world's name (default {DEFAULT_WORLD})"
         add("world", nargs="?", default=DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text)
-        add("--seed", type=seed, default=0, metavar="N", help="the seed of all noise (default 0)")
+        add("--seed", type=seed, default=0, metavar="N", help="the seed of all simulated noise (default 0)")
     return parser
 
 

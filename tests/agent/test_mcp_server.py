@@ -162,7 +162,7 @@ def test_a_call_names_a_file_and_no_option(work):
     assert "'.' is a folder. Name a file" in folder
     assert "cannot read missing.xml: No such file or directory" in missing
     assert "there is no tree file '--fix'" in option
-    assert "there is no kind of finding '--help'" in code
+    assert "there is no finding code '--help'" in code
 
 
 def test_the_folders_that_somebody_names_are_read_and_paths_begin_at_the_first(work, tmp_path):
@@ -436,7 +436,7 @@ class TestManyCalls:
         (["--root", "nowhere"], "sar-compile: --root nowhere is not a folder\n"),
         (
             ["--trust"],
-            "sar-compile: --trust would also trust an agent's changes to the modules. Run another command with --trust once instead\n",
+            "sar-compile: --trust cannot be used with this command, because it would also trust an agent's changes to the modules. Run another command with --trust once\n",
         ),
     ],
 )

@@ -237,7 +237,10 @@ def test_a_shared_blackboard_of_a_tree_is_answered_with_the_attribute_of_its_use
     text = document("<Success/>").replace('ID="Main"', 'ID="Main" __shared_blackboard="true"')
     (finding,) = check(forest_of(text), default_registry())
     assert (finding.code, finding.severity) == ("ignored-attribute", Severity.WARNING)
-    assert finding.hint == 'to set it where the tree is used, write <SubTree ID="Main" _autoremap="true"/>'
+    assert (
+        finding.hint
+        == 'to set this attribute in an element that uses the tree, write <SubTree ID="Main" _autoremap="true"/>'
+    )
 
 
 @pytest.mark.parametrize("place", ["root", "include", "BehaviorTree"])

@@ -184,7 +184,7 @@ def in_script(code):
 )
 def test_statements_that_look_like_one_are_told_whatever_the_version(code, column):
     found = in_script(code)
-    hint = "write ; between the two, or the missing operator"
+    hint = "write ; between the two statements, or write the missing operator"
     assert found["4.8"] == [("btcpp-version", 4, column, "write ; between the two")]
     assert found["4.9"] == found["4.10"] == [("touching-statements", 4, column, hint)]
 

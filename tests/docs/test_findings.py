@@ -201,5 +201,5 @@ def test_explain_prints_the_page(capsys):
 
 def test_explain_of_an_unknown_code_suggests_the_nearest(capsys):
     assert main(["explain", "unknown-nod"]) == 2
-    error = "sar-compile: there is no kind of finding 'unknown-nod'; did you mean 'unknown-node'?\n"
+    error = "sar-compile: there is no finding code 'unknown-nod'; did you mean 'unknown-node'?\n"
     assert capsys.readouterr().err == error

@@ -52,7 +52,7 @@ TYPED = {
     "write from:=to for a name": "sar-run --ros-args -r scan=front/scan",
     "the ROS arguments are invalid: …": "sar-run --ros-args -r __ns:=/front/",
     "… requires --sim": "sar-run --speed 5",
-    "--sim expects a world, but '…' looks like a tree: write the tree before --sim": "sar-run --sim my.xml",
+    "--sim expects a world, but '…' looks like a tree. Write the tree before --sim": "sar-run --sim my.xml",
     "there is no world file '…', nor a shipped world of that name": "sar-run --sim moon",
     "there is no mission '…' (installed: …)": "sar-run --mission serch_and_rescue",
     "--until complete requires a mission with an end condition. For this tree, use --until end, success, failure or forever": (
@@ -101,7 +101,7 @@ PLAIN = {
     "write from:=to for a name",
     "the ROS arguments are invalid: …",
     "… requires --sim",
-    "--sim expects a world, but '…' looks like a tree: write the tree before --sim",
+    "--sim expects a world, but '…' looks like a tree. Write the tree before --sim",
     "there is no mission '…' (installed: …)",
     "fault '…': …",
     "robot '…': …",

@@ -91,7 +91,7 @@ def test_a_tree_file_that_is_not_there_is_named(start):
         (["--sim", "my_tree.xml"], "write the tree before --sim"),
         (
             ["--sim", "search_and_rescue"],
-            "'search_and_rescue' looks like a tree: write the tree before --sim",
+            "'search_and_rescue' looks like a tree. Write the tree before --sim",
         ),
         (["nosuchtree"], "there is no tree file 'nosuchtree', nor a shipped tree of that name"),
         (["--nodes", "no.such.module"], "'no.such.module' (--nodes) cannot be imported"),

@@ -329,7 +329,7 @@ def test_a_fault_that_there_is_not_ends_the_server_before_anybody_can_start_a_ru
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["tree.xml", "--serve", "search_and_rescue"], "--serve lists the trees to serve"),
+        (["tree.xml", "--serve", "search_and_rescue"], "--serve itself names the trees to serve"),
         (["--serve", "search_and_rescue", "--resume"], "--serve starts a run for each goal"),
         (["search_and_rescue", "--managed"], "--managed requires --serve TREE"),
     ],

@@ -1,4 +1,4 @@
-"""Rules that find errors in trees even if each node is valid. Each module contains one family of rules."""
+"""Rules that find errors in trees whose nodes are all valid. Each module contains one family of rules."""
 
 import bisect
 import functools
@@ -47,12 +47,15 @@ class CheckContext:
 
     @property
     def version(self) -> Version:
-        """The version of BehaviorTree.CPP that the trees are for; the newest one if none is configured."""
+        """The BehaviorTree.CPP version for which the trees are written; the newest one if none is configured."""
         return self.btcpp or NEWEST
 
     @functools.cached_property
     def is_whole(self) -> bool:
-        """Whether all trees are known: each include was read, and no element looks like a misspelt tree."""
+        """Whether all trees are known.
+
+        This is the case if each include was read, and no element looks like a misspelt tree.
+        """
         roots = (tree_file.root for tree_file in self.forest.files)
         return (
             not self.forest.findings
@@ -80,7 +83,7 @@ class CheckContext:
         ]
 
     def nodes_with(self, find: Callable[[NodeSpec], _OfSpec]) -> Iterator[tuple[BoundNode, _OfSpec]]:
-        """Yield each node for whose spec `find` returns a result, together with this result.
+        """Call `find` with each node's spec; yield the nodes for which it returns a result, with the result.
 
         Most files have no such node. The trees of these files are not traversed.
         """
@@ -90,7 +93,7 @@ class CheckContext:
                 yield bound, found[id(bound.spec)]
 
     def is_main(self, tree: BoundTree) -> bool:
-        """Return whether a tree may be executed: it is the main tree, or no tree uses it.
+        """Return whether a tree may be executed, because it is the main tree or no other tree uses it.
 
         If the file names no main tree, a use in another file of the project counts as well.
         """
@@ -112,7 +115,7 @@ class CheckContext:
 
     @functools.cached_property
     def is_foreign(self) -> bool:
-        """Whether any node is known only from a model. If so, another program executes the trees."""
+        """Whether any node is known only from a model. If one is, the trees are executed by another program."""
         return any(bound.spec.is_foreign for tree in self.trees for bound in tree.demanding)
 
     @functools.cached_property

@@ -62,7 +62,7 @@ class KeyAccess(NamedTuple):
 
     @property
     def position_in_braces(self) -> tuple[int, int] | None:
-        """The start and end of the key in a value such as `x: {key}`; None if the value contains no key in braces."""
+        """The start and end of the key in a value such as `x: {key}`; None if the value has no key in braces."""
         parameter = self.bound.spec.parameters.get(self.attribute)
         if parameter is None or not parameter.value_type.takes_braces:
             return None
@@ -171,7 +171,7 @@ def _is_open(bound: BoundNode) -> bool:
 
 
 def _is_indirect(bound: BoundNode, name: str) -> bool:
-    """Return whether the value of an attribute's key is a script to run, or the name of another key."""
+    """Return whether an attribute's key contains a script to run or the name of another key."""
     parameter = bound.spec.parameters.get(name)
     if parameter is None:
         return False
@@ -251,11 +251,11 @@ class TreePosition:
     last: int
 
     def contains(self, other: "TreePosition") -> bool:
-        """Return whether another position is equal to this position or below it."""
+        """Return whether this position contains another position, or is equal to it."""
         return self.number <= other.number <= self.last
 
     def child(self, inner: "TreePosition") -> "TreePosition":
-        """Return the child of this position that contains the inner position."""
+        """Return the child of this position that contains a given inner position."""
         while inner.around is not None and inner.around is not self:
             inner = inner.around
         return inner
@@ -317,7 +317,7 @@ class EntryAccess:
 
 
 class OrderedAccesses:
-    """Accesses in the order of their nodes' positions, for queries about parts of the tree.
+    """Accesses ordered by the positions of their nodes, for queries about parts of the tree.
 
     Attributes:
         uses: The accesses in this order.
@@ -329,7 +329,7 @@ class OrderedAccesses:
         self.uses = [uses[index] for _, index in numbered]
 
     def has_access_in(self, first: int, last: int) -> bool:
-        """Return whether any node whose number is from *first* to *last* has an access."""
+        """Return whether a node numbered from *first* to *last* accesses the entry."""
         index = bisect.bisect_left(self._numbers, first)
         return index < len(self._numbers) and self._numbers[index] <= last
 
@@ -358,7 +358,7 @@ class OrderedAccesses:
         return True
 
     def _are_after(self, first: EntryAccess, inner: TreePosition, around: TreePosition) -> bool:
-        """Return whether an access in one child precedes all accesses of the parent and the other children."""
+        """Return whether an access in a child precedes all accesses in the parent and the other children."""
         return (
             not self.has_access_in(around.number + 1, inner.number - 1)
             and (not self.has_access_in(inner.last + 1, around.last) or _precedes(first, around))
@@ -368,7 +368,7 @@ class OrderedAccesses:
 
 @dataclass(eq=False, repr=False)
 class EntryAccesses:
-    """All accesses to an entry, in the order of the tree.
+    """All accesses to an entry, in the order of the nodes in the tree.
 
     Attributes:
         scope: The scope that contains the entry.
@@ -391,7 +391,10 @@ class EntryAccesses:
     # Computed once, after all uses have been added: an entry may have as many uses as its tree has nodes.
     @functools.cached_property
     def writers(self) -> list[EntryAccess]:
-        """The accesses that may create the entry. A `=` in a script can create it only if a port uses the same key."""
+        """The accesses that may create the entry.
+
+        The operator `=` in a script can create the entry only if a port uses the same key.
+        """
         has_port = any(use.access.place is None for use in self.uses)
         return self.of_kinds(AccessKind.WRITE, AccessKind.BOTH, *((AccessKind.CHANGE,) if has_port else ()))
 
@@ -442,17 +445,17 @@ class EntryTable:
 
     @functools.cached_property
     def written_by_scope(self) -> Mapping[Scope, list[str]]:
-        """The keys that a node may write, by scope."""
+        """The keys that nodes may write, grouped by scope."""
         return self._keys(is_made=True)
 
     @functools.cached_property
     def written_keys(self) -> frozenset[str]:
-        """The keys that a node may write, in all scopes."""
+        """The keys that nodes may write, in all scopes."""
         return frozenset(itertools.chain.from_iterable(self.written_by_scope.values()))
 
     @functools.cached_property
     def unwritten(self) -> Mapping[Scope, list[str]]:
-        """The keys that no node writes, by scope."""
+        """The keys that no node writes, grouped by scope."""
         return self._keys(is_made=False)
 
     def _keys(self, *, is_made: bool) -> Mapping[Scope, list[str]]:
@@ -475,7 +478,7 @@ class EntryTable:
 
     @functools.cached_property
     def unclosed_keys(self) -> Mapping[BoundTree, frozenset[str | None]]:
-        """For each tree, its keys that lack a brace, completed with both braces."""
+        """For each tree, the keys that are written with only one brace, completed with both braces."""
         return {
             tree: frozenset(
                 complete_key_braces(text)
@@ -487,7 +490,7 @@ class EntryTable:
 
 
 def entry_table_of(top: TreeInstance, accesses: Mapping[BoundTree, KeyAccesses] | None = None) -> EntryTable:
-    """Return the entries of an expanded tree. The key accesses are computed if *accesses* is None."""
+    """Return the entries of an expanded tree. If *accesses* is None, the key accesses are computed."""
     if accesses is None:
         trees = dict.fromkeys(instance.tree for instance in top.iterate())
         accesses = {tree: key_accesses_of(tree) for tree in trees}
@@ -519,7 +522,7 @@ def _entry(entries: dict[tuple[Scope, str], EntryAccesses], scope: Scope, key: s
 
 
 def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str] | None:
-    """Return the outermost `SubTree` that passes an entry to the accessing tree, and the passing attribute.
+    """Return the outermost `SubTree` that passes an entry to the accessing tree, and its passing attribute.
 
     The result is None if the access is in the tree to which the entry belongs, or if no attribute passes the entry.
     """
@@ -541,13 +544,16 @@ def common_position(first: TreePosition, second: TreePosition) -> TreePosition:
 
 
 def branching_position(first: EntryAccess, second: EntryAccess) -> TreePosition | None:
-    """Return the innermost position above two accesses; None if one access is at or below the other's node."""
+    """Return the innermost position that contains two accesses in different children.
+
+    The result is None if one access is at or below the node of the other access.
+    """
     place, other = first.position, second.position
     return None if place.contains(other) or other.contains(place) else common_position(place, other)
 
 
 def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
-    """Return whether the first access always happens before the first time that the second access happens."""
+    """Return whether the first access always happens before the second access happens for the first time."""
     if not first.access.is_certain:
         return False
     place, other = first.position, second.position
@@ -578,12 +584,15 @@ def _precedes(first: EntryAccess, around: TreePosition) -> bool:
 
 
 def _is_straight(use: EntryAccess, around: TreePosition | None) -> bool:
-    """Return whether all ancestors, or all ancestors below *around*, continue only after the access."""
+    """Return whether an access always happens before its node's ancestors continue.
+
+    Only the ancestors below *around* are checked.
+    """
     return use.position is around or any(each is around for each in enclosing_sequences(use))
 
 
 def enclosing_sequences(use: EntryAccess) -> Iterator[TreePosition | None]:
-    """Yield the positions of a node's ancestors, up to the first ancestor that may continue without the access.
+    """Yield the positions of a node's ancestors, up to the first that may continue without the access.
 
     Yields None after the root.
     """
@@ -619,7 +628,10 @@ def _is_first(place: TreePosition, around: TreePosition) -> bool:
 
 
 def nodes_between(first: EntryAccess, second: EntryAccess) -> Sequence[BoundNode]:
-    """Return the children of a sequence from the child with the first access up to the child before the second."""
+    """Return the children from the child with the first access to the child before the second access.
+
+    The children are those of the innermost node that contains both accesses, which must be a sequence.
+    """
     around = common_position(first.position, second.position)
     start, end = around.child(first.position), around.child(second.position)
     return around.bound.children[start.index : end.index]

@@ -53,7 +53,7 @@ def _check_sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Di
 
 
 def _pairs_with_later(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[tuple[BoundNode, BoundNode]]:
-    """Yield pairs of a child and the next later child that takes time."""
+    """Yield pairs of a child and the next child after it that takes time."""
     later: BoundNode | None = None
     pairs: list[tuple[BoundNode, BoundNode]] = []
     for child in reversed(bound.children):
@@ -113,7 +113,7 @@ def _check_lost_progress(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterat
                 f"'{child.name}' starts over with {steps[0].name} whenever '{interrupting.name}' has interrupted it, "
                 f"because '{child.name}' remembers its position only while it is running"
             )
-            hint = 'if a node must not run twice, add oneshot="ON_SUCCESSFUL_COMPLETION" to this node'
+            hint = 'if a node must not run twice, add oneshot="ON_SUCCESSFUL_COMPLETION" to that node'
             yield child.element.finding("lost-progress", message, hint=hint)
 
 
@@ -163,7 +163,7 @@ def _oneshot_hint(child: BoundNode, found: FoundLeaf) -> str:
 
 
 def _fails_after_effect(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
-    """Return whether a node begins with a condition that is known to fail, and also has an effect."""
+    """Return whether a node begins with a condition that fails in some run, and also affects the world."""
     first = _first_node(bound)
     asks = is_question(first) and outcomes.certain_results(first) & F and first is not bound
     return bool(asks) and outcomes.find_leaf(bound, has_world_effect) is not None
@@ -195,7 +195,7 @@ def _check_cancelled(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[D
     work = [found for child in bound.children if (found := outcomes.find_leaf(child, outcomes.is_work))]
     if len(work) > 1:
         message = (
-            f"in '{bound.name}' the first success interrupts the others: {work[1].name} is interrupted when "
+            f"in '{bound.name}', the first child that succeeds interrupts the others: {work[1].name} is interrupted when "
             f"{work[0].name} succeeds, and vice versa"
         )
         attribute = "policy" if "policy" in bound.element.attributes else "success_count"
@@ -253,7 +253,7 @@ def _actions(bound: BoundNode, place: BoundNode | None) -> Iterator[_Action]:
 
 
 def _resource_name(use: Use, bound: BoundNode) -> str:
-    """Return the name of the server or topic that a leaf uses; empty if part of the name comes from a key."""
+    """Return the name of the server or topic that a leaf uses; empty if a key provides a part of the name."""
     name = use.name
     for parameter in bound.spec.parameters.values():
         placeholder = f"{{{parameter.name}}}"

@@ -32,7 +32,7 @@ from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity
 from sar_compiler.tree.guessing import Guesses, likeness
 
 _LIKE, _CLOSE = 0.7, 0.75
-"""The minimum similarities at which a key may be a typo of another key, and at which it is treated as a typo."""
+"""Two minimum similarities of two keys: the first for a possible typo, the second for a certain typo."""
 
 
 def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
@@ -56,7 +56,7 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def refused_key_types(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield the findings about the types of keys, without other findings about keys."""
+    """Yield only those findings about keys that concern their types."""
     for top in context.bound_forest.tops:
         board = entry_table_of(top, context.key_accesses)
         rules = KeyTypeRules(
@@ -111,7 +111,7 @@ def _check_unwritten(entry: EntryAccesses, board: EntryTable, context: CheckCont
     if is_open or not context.is_main(board.top.tree):
         return
     if _may_be_enumeration(use, entry, enums):
-        unless = "unless it is an enumerator, which [language.enums] in sar.toml can declare"
+        unless = "unless it is an enumerator; to declare enumerators, use [language.enums] in sar.toml"
         yield from _lower_severity([_unwritten_finding(use, entry, None)] if board.is_foreign else [], unless)
     elif not board.is_foreign:
         yield _unwritten_finding(use, entry, None)
@@ -124,7 +124,7 @@ def _check_unwritten(entry: EntryAccesses, board: EntryTable, context: CheckCont
 
 
 def _is_explained(use: EntryAccess, entry: EntryAccesses, board: EntryTable, enums: Collection[str]) -> bool:
-    """Return whether a name that is read is a declared enumerator, or is reported by another rule."""
+    """Return whether a name in a script is a declared enumerator, or another rule reports the name."""
     if enums and _may_be_enumeration(use, entry, enums):
         return True
     # `check_scripts` reports = instead of ==, and `check_subtrees` an unused attribute.
@@ -135,7 +135,7 @@ def _is_explained(use: EntryAccess, entry: EntryAccesses, board: EntryTable, enu
 def _lower_severity(
     findings: Iterable[Diagnostic], unless: str = "unless C++ code writes it"
 ) -> Iterator[Diagnostic]:
-    """Yield findings as notes, because nodes of other programs may write keys that the file does not show."""
+    """Yield the given findings as notes, because other programs may have nodes that write the keys."""
     for finding in findings:
         yield replace(finding, message=f"{finding.message}, {unless}", severity=Severity.INFO)
 
@@ -169,7 +169,7 @@ def _unknown_enumeration(use: EntryAccess, meant: str) -> Diagnostic:
 def _unwritten_argument(
     place: BoundNode, attribute: str, entry: EntryAccesses, near: str | None
 ) -> Diagnostic:
-    """Return the finding about an unwritten key, located at the `SubTree` that passes it to the reading tree."""
+    """Return the finding about an unwritten key, at the `SubTree` that passes the key to the reading tree."""
     message = f"{attribute}: '{entry.key}' is read in '{place.name}', but never written"
     suggestion = f"{{{near}}}" if near is not None else None
     hint = f"write it in an earlier node, or read the mission parameter {{@{entry.key}}}"
@@ -186,7 +186,11 @@ def _writing_hint(use: EntryAccess, key: str) -> str:
 
 
 def _is_typo(entry: EntryAccesses, near: str) -> bool:
-    """Return whether a key is a typo: it differs only in blanks, or is used once and is very similar."""
+    """Return whether a key is a typo of another key.
+
+    A key is a typo if the two keys differ only in blanks, or if the key is used once and is very similar to
+    the other.
+    """
     if entry.key.strip() == near.strip():
         return True
     plural = {entry.key, near} in ({entry.key, f"{entry.key}s"}, {near, f"{near}s"})
@@ -196,7 +200,7 @@ def _is_typo(entry: EntryAccesses, near: str) -> bool:
 
 
 def _is_passed_unused_key(use: EntryAccess, board: EntryTable) -> bool:
-    """Return whether the `SubTree` around an access passes a key that its tree does not use."""
+    """Return whether the `SubTree` around an access passes a key that the tree does not use."""
     place = use.instance.place
     if place is None:
         return False
@@ -205,7 +209,7 @@ def _is_passed_unused_key(use: EntryAccess, board: EntryTable) -> bool:
 
 
 def _is_name_of_key(use: EntryAccess) -> bool:
-    """Return whether a port expects the name of a key. A key in braces must then contain that name."""
+    """Return whether a port expects the name of a key. If so, a key in braces must contain the name."""
     role = use.node.spec.semantics.keys.get(use.access.attribute)
     return role is not None and role.indirect
 
@@ -219,7 +223,10 @@ def _nearest(key: str, others: Collection[str], guesses: Guesses) -> str | None:
 
 
 def _may_be_enumeration(use: EntryAccess, entry: EntryAccesses, enums: Collection[str]) -> bool:
-    """Return whether a name that scripts only read is a declared enumerator, or looks like one (capital letter)."""
+    """Return whether a name that scripts only read may be an enumerator.
+
+    A name may be an enumerator if it is declared as one or begins with a capital letter.
+    """
     if (
         use.access.place is None
         or use.access.kind is not AccessKind.READ
@@ -323,7 +330,7 @@ def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> I
 
 
 def find_unwritten_ends(entry: EntryAccesses, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield the first read of an entry that can follow when all writers have ended without writing the entry.
+    """Yield a finding about the first read that may happen although no writer has written the entry.
 
     The rule checks only leaves whose outcomes declare the keys that they write (`Outcome.writes`). It reports a read
     if, in some possible run, the read is the first access after a writer has ended without writing. The positions of
@@ -355,7 +362,7 @@ def _maybe_unwritten_finding(writer: EntryAccess, use: EntryAccess) -> Diagnosti
 
 
 def _silent_outcomes(writer: EntryAccess) -> list[Outcome] | None:
-    """Return the outcomes with which a leaf does not write a key; None if the leaf does not declare its writes."""
+    """Return the outcomes for which a leaf does not write a key; None if the leaf declares no writes."""
     outcomes = writer.node.spec.outcomes
     if not outcomes or any(outcome.writes is None for outcome in outcomes):
         return None
@@ -363,7 +370,7 @@ def _silent_outcomes(writer: EntryAccess) -> list[Outcome] | None:
 
 
 def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes) -> bool:
-    """Return whether a read can be the first access to a key after the key's writer has ended without writing it."""
+    """Return whether a read may directly follow the end of a writer that did not write the key."""
     around = common_position(writer.position, use.position)
     if around in (writer.position, use.position):
         return False
@@ -379,7 +386,7 @@ def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes)
 
 
 def _outcomes_without_write(writer: EntryAccess, top: TreePosition, outcomes: PossibleOutcomes) -> int:
-    """Return the results of the node at *top* after a leaf below it did not write a key; 0 if not known."""
+    """Return the possible results of the node at *top* if a leaf below it did not write a key; 0 if unknown."""
     ended = 0
     for outcome in _silent_outcomes(writer) or ():
         ended |= BITS[outcome.status]

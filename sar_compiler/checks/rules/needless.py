@@ -40,7 +40,7 @@ def _check_endless(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Dia
     child = bound.children[0]
     ends = bound.spec.semantics.end_results(bound) & ~K if len(bound.children) == 1 else 0
     why = f"'{child.name}' never {_VERBS[ends]}" if ends in _VERBS else "no child can end it"
-    hint = f"change '{child.name}' so that it can end '{bound.name}', or remove <{bound.spec.tag}>"
+    hint = f"change '{child.name}' so that '{bound.name}' can end, or remove <{bound.spec.tag}>"
     yield bound.element.finding("never-ends", f"'{bound.name}' never ends: {why}", hint=hint)
 
 
@@ -56,7 +56,7 @@ def _check_gates(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagn
 
 
 def _gate_reason(gate: Gate, children: Sequence[BoundNode]) -> str:
-    """Return why a child is never ticked: the other children never return the results that it needs."""
+    """Return the reason why a child is never ticked: no other child returns a result that lets it start."""
     verb = _VERBS[gate.outcomes & ~K]
     if len(gate.children) > 1:
         return f"no earlier child ever {verb}"
@@ -81,7 +81,7 @@ def _unreachable(bound: BoundNode, why: str) -> Diagnostic:
 
 
 DEFAULT_PERIOD = 0.5
-"""The default time between two ticks, in seconds, for missions that do not define this time."""
+"""The default tick period in seconds, for missions that do not define a period."""
 _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first tick"}
 """For each status to which a decorator reacts, a description of a child that never returns this status."""
 
@@ -121,7 +121,7 @@ def _needless_finding(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
     elif _cancels_inner_decorator(bound, child) and not child.conditions:
         why, hint = f"it reverses the effect of '{child.name}'", "delete both"
     elif means.rounds is not None and means.rounds(bound) == 1:
-        why = f"'{child.name}' is executed once without it, too"
+        why = f"'{child.name}' is also executed once without this decorator"
     else:
         return None
     return bound.element.finding("needless-node", f"'{bound.name}' is not needed: {why}", hint=hint)
@@ -142,8 +142,8 @@ def _check_interrupting(
     found = outcomes.find_leaf(child, outcomes.is_work)
     if found is not None:
         message = (
-            f"{found.name} is interrupted in every tick in which it runs: '{bound.name}' ends in this tick "
-            "and restarts it in the next tick"
+            f"{found.name} is interrupted in every tick in which it runs: '{bound.name}' ends in the same "
+            "tick and restarts the node in the next tick"
         )
         hint = "let this node run for several ticks, and limit its time with a <Timeout>"
         yield bound.element.finding("interrupted-action", message, hint=hint)
@@ -178,7 +178,7 @@ def _check_timeout(bound: BoundNode) -> Iterator[Diagnostic]:
         yield bound.element.finding("without-effect", message, hint=hint)
     elif seconds is not None and seconds <= DEFAULT_PERIOD:
         message = (
-            f"'{bound.name}' gives its child little more than one tick: {seconds:g} s, and the tree is ticked every "
+            f"'{bound.name}' gives its child little more than one tick: the limit is {seconds:g} s, and the tree is ticked every "
             f"{DEFAULT_PERIOD:g} s by default (tick_rate_hz)"
         )
         yield bound.element.finding("short-timeout", message, hint="write a longer time")
@@ -191,7 +191,7 @@ def _check_timeout(bound: BoundNode) -> Iterator[Diagnostic]:
             f"'{bound.name}' always ends before '{wait.name}': '{wait.name}' waits {own_sec:g} s{before}, but the "
             f"limit is {seconds:g} s"
         )
-        hint = f"write a limit above {spent + (own_sec or 0):g} s, or a shorter wait"
+        hint = f"write a limit above {spent + (own_sec or 0):g} s, or shorten the wait"
         yield bound.element.finding("short-timeout", message, hint=hint, severity=Severity.WARNING)
     else:
         yield from _check_inner_limits(bound, seconds)
@@ -200,7 +200,7 @@ def _check_timeout(bound: BoundNode) -> Iterator[Diagnostic]:
 def _find_long_wait(
     bound: BoundNode, limit_sec: float, spent_sec: float = 0
 ) -> tuple[BoundNode, float] | None:
-    """Return the first waiting node that a time limit always halts, and the seconds that pass before it starts."""
+    """Return the first waiting node that a time limit always halts, and the seconds before the node starts."""
     wait = bound.spec.semantics.wait_sec
     own_sec = (wait and wait(bound)) or 0
     if own_sec and spent_sec + own_sec >= limit_sec:
@@ -233,7 +233,7 @@ def _least_sec(bound: BoundNode) -> float:
 
 
 def _runs_through(bound: BoundNode) -> bool:
-    """Return whether a node always starts with its first child, and continues only after a child has succeeded."""
+    """Return whether a node starts with its first child, and continues only after a child has succeeded."""
     means = bound.spec.semantics
     return means.is_sequence and not bound.is_reactive and not means.resumes
 

@@ -1,4 +1,4 @@
-"""Rules about leaves that precede the leaves they depend on, according to their declared facts."""
+"""Rules about the order of leaves: a leaf must not run before a leaf whose declared effect it needs."""
 
 import bisect
 import functools
@@ -33,7 +33,7 @@ _DOING_AND_UNDOING = 2
 
 
 def check_order(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about leaves that run before the effect that they need, or after it has been undone."""
+    """Yield findings about leaves that run before the effect that they need, or after it was undone."""
     if not context.is_complete:
         return
     reported: set[BoundNode] = set()
@@ -68,7 +68,10 @@ class _LeafFacts:
         self.changes = self.writes | {use.name for use in uses if use.access is not Access.READ}
 
     def enables(self, other: "_LeafFacts") -> bool:
-        """Return whether an effect of this leaf on the initial facts allows another leaf to do more than fail."""
+        """Return whether an effect of this leaf enables another leaf to do more than fail.
+
+        The effect is applied to the initial facts.
+        """
         for script in self.results:
             facts = _variables({**self.facts, **other.facts})
             if _run(script, facts) and any(_holds(condition, facts) for condition in other.conditions):
@@ -112,7 +115,7 @@ def _leaves(top: TreeInstance) -> Iterator[_FactLeaf]:
 
 
 def _numbers(bound: BoundNode) -> dict[str, str]:
-    """Return, for each integer attribute of a leaf, the texts that may replace its placeholder."""
+    """Return, for each integer attribute of a leaf, the strings that may replace the attribute's placeholder."""
     numbers = (parameter for parameter in bound.spec.constant_attributes if parameter.is_integer_parameter)
     return {
         # The value of a key is unknown, so it is replaced by a name that no script can evaluate.
@@ -143,7 +146,7 @@ def _holds(script: str, facts: PlainVariables) -> bool:
 
 
 def _run(script: str, facts: PlainVariables) -> bool:
-    """Execute a script that changes facts; return whether it could be evaluated."""
+    """Execute a script that changes facts, and return whether the script could be evaluated."""
     try:
         Program(_parse(script)).run(facts)
     except EvaluationError:
@@ -167,7 +170,7 @@ class _Effects:
         self._untouched: dict[tuple[_FactLeaf, _FactLeaf, frozenset[str]], bool] = {}
 
     def enabling_leaves(self, declared: _LeafFacts) -> Sequence[OrderedAccesses]:
-        """Return the leaves that enable leaves with the given declarations, one group for each declaration."""
+        """Return the leaves that enable a leaf with the given declaration, grouped by their own declarations."""
         if declared not in self._enabling:
             others = {each: None for fact in sorted(declared.needs) for each in self._changing.get(fact, ())}
             self._enabling[declared] = [
@@ -179,7 +182,7 @@ class _Effects:
 
     @functools.cached_property
     def _leaves_before_readers(self) -> dict[tuple[str, TreePosition], list[_FactLeaf]]:
-        """For each fact that a leaf reads, and each sequence, the leaves in the sequence that change the fact."""
+        """For each sequence and each fact that a leaf reads, the leaves in the sequence that change the fact."""
         read = {fact for leaf in self._readers for fact in leaf.declared.reads}
         changing = {declared: declared.changes & read for declared in self._alike if declared.changes & read}
         leading: dict[tuple[str, TreePosition], list[_FactLeaf]] = {}
@@ -191,7 +194,7 @@ class _Effects:
         return leading
 
     def last_two_before(self, leaf: _FactLeaf) -> list[_FactLeaf]:
-        """Return the last two leaves that precede a leaf in a sequence and change a fact that it reads."""
+        """Return the last two leaves before a leaf in a sequence that change a fact which the leaf reads."""
         found: dict[_FactLeaf, None] = {}
         inner, around = leaf.use.position, leaf.use.position.around
         while around is not None and len(found) < _DOING_AND_UNDOING:
@@ -234,13 +237,13 @@ def _check_too_early(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
     needed = min(uses, key=lambda use: use.position.number).node
     message = (
         f"'{leaf.use.node.name}' can only fail here: it needs the effect of '{needed.name}' (line {needed.element.line}), "
-        "which is ticked later"
+        "but that node is ticked later"
     )
     return leaf.use.node.element.finding("wrong-order", message, hint=f"move it after '{needed.name}'")
 
 
 def _check_undone(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
-    """Return a finding about a leaf that needs the effect of an earlier leaf, if a leaf in between undoes it."""
+    """Return a finding about a leaf that needs an earlier leaf's effect, which a leaf in between undoes."""
     before = effects.last_two_before(leaf) if leaf.declared.reads else []
     if len(before) < _DOING_AND_UNDOING:
         return None
@@ -257,7 +260,7 @@ def _check_undone(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
 
 
 def _leads_to(first: _FactLeaf, second: _FactLeaf) -> bool:
-    """Return whether two leaves are in one sequence, the first before the second."""
+    """Return whether two leaves are in the same sequence, and the first leaf comes before the second."""
     around = branching_position(first.use, second.use)
     return (
         around is not None and around.bound.spec.semantics.is_sequence and comes_first(first.use, second.use)

@@ -18,14 +18,20 @@ _YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FA
 _SHIFT = 4
 _UNKNOWN = ALL
 _CONDITIONS = {"_failureIf": (True, F), "_successIf": (True, S), "_skipIf": (True, K), "_while": (False, K)}
-"""Each condition attribute, the truth value that decides the node's result, and this result, in evaluation order."""
+"""For each condition attribute, the truth value that decides the node's result, and this result.
+
+The attributes are listed in the order in which a node evaluates them.
+"""
 
 OutcomeSets = int
-"""A bit set: the lower four bits are a node's possible results, the higher bits those that occur in some run."""
+"""A set of bits.
+
+The lower four bits are a node's possible results. The higher bits are the results that occur in some run.
+"""
 
 
 class FoundLeaf(NamedTuple):
-    """A leaf found by a search.
+    """A leaf below a searched node.
 
     Attributes:
         leaf: The leaf.
@@ -49,7 +55,10 @@ class FoundLeaf(NamedTuple):
 
 
 def name_next_to(bound: BoundNode, other: BoundNode) -> str:
-    """Return a node's name for a message that also names another node; add the line if the names are equal."""
+    """Return a node's name for a message that also names another node.
+
+    If the names are equal, add the node's line.
+    """
     if bound.name != other.name:
         return f"'{bound.name}'"
     return f"'{bound.name}' (line {bound.element.line}{file_of(bound.element, other.element)})"
@@ -86,11 +95,11 @@ class PossibleOutcomes:
         return self._outcome_sets(bound) >> _SHIFT
 
     def takes_time(self, bound: BoundNode) -> bool:
-        """Return whether a node is known to run for more than a tick."""
+        """Return whether a node is known to run for more than one tick in some run."""
         return bool(self.certain_results(bound) & R)
 
     def find_restarted(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> FoundLeaf | None:
-        """Return the first leaf below a node that meets a condition and always restarts when the node restarts.
+        """Return the first leaf below a node that meets a condition and restarts whenever the node restarts.
 
         The search skips leaves that are ticked only after certain results: leaves after the first child of a selector,
         in a branch, or under a condition. It also skips nodes that are executed only once.
@@ -118,7 +127,7 @@ class PossibleOutcomes:
         return next((found for child in bound.children if (found := self.find_leaf(child, wanted))), None)
 
     def acts_at_once(self, leaf: BoundNode) -> bool:
-        """Return whether a leaf has an effect on the world that is complete in the same tick."""
+        """Return whether a leaf affects the world, and the effect is complete within the tick."""
         return has_world_effect(leaf) and not self.takes_time(leaf)
 
     def always_takes_time(self, leaf: BoundNode) -> bool:
@@ -126,7 +135,7 @@ class PossibleOutcomes:
         return self.takes_time(leaf) and leaf.spec.kind is Kind.ACTION and not leaf.spec.semantics.resumes
 
     def is_work(self, leaf: BoundNode) -> bool:
-        """Return whether a leaf has an effect on the world that takes time."""
+        """Return whether a leaf affects the world, and the effect takes time."""
         return has_world_effect(leaf) and self.always_takes_time(leaf)
 
     def _outcome_sets(self, bound: BoundNode) -> OutcomeSets:

@@ -32,12 +32,16 @@ _REMEDY = "Use arithmetic operators only with numbers, and '..' to join strings"
 _ALWAYS = f"this error is raised in every tick of the node. {_REMEDY}"
 _IN_BRANCH = f"this error is raised in every tick that takes the branch. {_REMEDY}"
 _NEVER_TICKED = frozenset({("_failureIf", True), ("_successIf", True), ("_skipIf", True), ("_while", False)})
-"""The condition attributes, each with the truth value that prevents every tick of the node."""
+"""Each condition attribute with the truth value for which the node is never ticked."""
 _CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
 
 
 def check_scripts(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about conditions that assign or are constant, and statements that do nothing or raise an error."""
+    """Yield findings about probable errors in conditions and statements.
+
+    Conditions must not assign or be constant. Statements must have an effect and must not always raise an
+    error.
+    """
     for bound, attribute, script in context.scripts:
         asked = is_condition(bound, attribute)
         if asked:
@@ -60,7 +64,10 @@ def is_condition(bound: BoundNode, attribute: str) -> bool:
 
 
 def is_statement(bound: BoundNode, attribute: str, start: int) -> bool:
-    """Return whether a name in a script is a whole statement, which `check_scripts` reports."""
+    """Return whether a name in a script forms a whole statement.
+
+    `check_scripts` reports such statements.
+    """
     script = dict(bound.scripts()).get(attribute)
     statement = script.by_start.get(start) if script is not None else None
     if not isinstance(statement, Name) or script is None:
@@ -77,7 +84,7 @@ def _check_assignments(bound: BoundNode, attribute: str, script: Script) -> Iter
     span = bound.element.value_part_span(attribute, start, start + len(operator))
     message = f"{attribute}: '{operator}' assigns to '{target.name}' in a condition"
     suggestion = "==" if operator == "=" else None
-    hint = "compare with ==, and change variables in _onSuccess, _onFailure or a <Script>"
+    hint = "to compare, write ==. To change variables, use _onSuccess, _onFailure or a <Script>"
     yield bound.element.finding("assignment-as-condition", message, span, suggestion=suggestion, hint=hint)
 
 
@@ -93,7 +100,9 @@ def _check_constant(bound: BoundNode, attribute: str, script: Script) -> Iterato
         hint = "delete the condition, or compare a variable in it"
         if variables:
             names = "the variables" if len(set(variables)) > 1 else f"'{variables[0]}'"
-            hint = f"all values of {names} give the same result. Correct a comparison, or swap && and ||"
+            hint = (
+                f"the result is the same for all values of {names}. Correct a comparison, or swap && and ||"
+            )
         # A condition `true` or `false` may switch a node off on purpose.
         severity = Severity.WARNING if variables else Severity.INFO
         span = bound.element.value_part_span(attribute, start, end)
@@ -123,7 +132,7 @@ def _idle_hint(statements: list[Expression]) -> str:
         return "this statement only compares. To assign a value, use = or :="
     if isinstance(statements[0], Name) and statements[0].name in _NO_OPERATORS:
         return "write a choice as 'condition ? value : other value'"
-    return "delete it, or assign it to a variable, as in x := ..."
+    return "delete it, or assign the value to a variable, such as x := ..."
 
 
 def _check_raising(
@@ -154,7 +163,7 @@ def _check_touching(
         if span.line == end.line and not between.strip(" )("):
             written = excerpt(script.text[statement.start : statement.end])
             message = f"{attribute}: '{written}' is a separate statement, not joined to the previous one"
-            hint = "write ; between the two, or the missing operator"
+            hint = "write ; between the two statements, or write the missing operator"
             yield bound.element.finding("touching-statements", message, span, hint=hint)
             return
 
@@ -226,7 +235,10 @@ class _Folding:
         error_of: Callable[[RefusedValueError, tuple[Any, ...]], EvaluationError],
         *operands: _Samples,
     ) -> _Samples:
-        """Return the possible results of an operator; record an error if it rejects all possible operands."""
+        """Return the possible results of an operator.
+
+        If the operator rejects all possible operands, record an error.
+        """
         results: list[ScriptValue] = []
         errors = []
         for values in itertools.product(*(each.values for each in operands)):
@@ -264,7 +276,10 @@ class _Folding:
         return self._choice_values(node.then, node.otherwise)
 
     def _choice_values(self, then: Expression, otherwise: Expression) -> _Samples:
-        """Return the possible values of a choice. Its errors are certain only if both branches raise an error."""
+        """Return the possible values of a choice.
+
+        An error in the choice is certain only if both branches raise an error.
+        """
         before = len(self.errors)
         self.values_of(then)
         middle = len(self.errors)

@@ -1,4 +1,4 @@
-"""Rules about single nodes: their classes, their names, and attribute values that are probably unintended."""
+"""Rules about a single node: its class, its name, and values of its attributes that are probably unintended."""
 
 import math
 import re
@@ -39,7 +39,7 @@ def _missing_in(spec: NodeSpec) -> str:
 
 
 def check_strings(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about strings that begin or end like a key in braces."""
+    """Yield findings about strings that resemble a key, because they begin or end like a key in braces."""
     for bound, names in context.nodes_with(_string_attributes):
         if bound.values:
             yield from _check_braces(bound, names)
@@ -68,7 +68,7 @@ def _check_braces(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
 
 
 def check_bounds(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about numbers that a node accepts but that are outside the plausible range."""
+    """Yield findings about numbers that a node accepts, but that are outside of the plausible range."""
     for bound, bounds_of in context.nodes_with(_bounds):
         for name, bounds in bounds_of.items():
             number = bound.values.get(name)
@@ -85,7 +85,7 @@ def _bounds(spec: NodeSpec) -> dict[str, PlausibleRange]:
 
 
 def check_units(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about numbers whose magnitude is unusual in the unit of their attribute."""
+    """Yield findings about numbers of unusual magnitude, given the unit of their attribute."""
     for bound, units in context.nodes_with(_units):
         for name, unit in units.items():
             number = bound.values.get(name)
@@ -115,7 +115,7 @@ _SEPARATES = {
 
 
 def check_names(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about siblings with the same explicit name, and about names that look like a path."""
+    """Yield findings about siblings that have the same explicit name, and about names that look like a path."""
     for tree in context.trees if context.is_complete and not context.is_foreign else ():
         yield from _check_separators(tree.nodes)
         for bound in tree.parents:
@@ -144,7 +144,7 @@ def _check_equal_names(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
         if other is not child:
             message = (
                 f"'{child.name}' is also the name of its sibling in line {other.element.line}: drawings, logs "
-                "and references cannot distinguish them"
+                "and references cannot distinguish these nodes"
             )
             hint = "give each node a different name"
             yield child.element.finding("same-name", message, value="name", hint=hint)

@@ -78,7 +78,10 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
 def _keys_as_strings(
     tree: BoundTree, context: CheckContext, compared: Callable[[BoundTree], frozenset[tuple[str, object]]]
 ) -> Iterator[Diagnostic]:
-    """Yield findings about string arguments that equal a key of the outer tree: version 3 passed keys unbraced."""
+    """Yield findings about string arguments that equal a key of the outer tree.
+
+    In BehaviorTree.CPP 3, keys were passed to subtrees without braces.
+    """
     given = [(use, name, text) for use in tree.uses for name, text in use.remapping.constants.items()]
     if not given:
         return
@@ -94,13 +97,16 @@ def _keys_as_strings(
         ):
             message = f"{name}: '{text}' is a string, but '{tree.name}' has a key of this name"
             hint = f'write {name}="{{{text}}}", unless you mean the string'
-            cause = Cause("subtrees receive strings that are also keys of the outer tree", text)
+            cause = Cause("strings that are also keys of the outer tree are passed to subtrees", text)
             advice = Advice(suggestion=f"{{{text}}}", hint=hint, common_cause=cause)
             yield use.element.finding("key-as-text", message, value=name, **advice)
 
 
 def _compared_strings(tree: BoundTree) -> frozenset[tuple[str, object]]:
-    """Return the pairs of a key and a string that a tree's scripts compare. Such a string is a valid argument."""
+    """Return the pairs of a key and a string that a tree's scripts compare.
+
+    These strings are valid arguments.
+    """
     scripts = (script for node in tree.scripted for _, script in node.scripts())
     statements = (each for script in scripts for each in script.statements)
     return frozenset(
@@ -170,7 +176,7 @@ def _unused_arguments(use: BoundNode, context: CheckContext, keys_of: _KeysOf) -
 
 
 def _undeclared_arguments(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about arguments that a tree's model does not declare, if only this model is known."""
+    """Yield findings about arguments that are missing from a tree's model, if only the model is known."""
     model = context.bound_forest.models.subtrees.get(use.spec.tag)
     if model is None or not model.ports:  # a model without ports may only declare that the tree exists
         return

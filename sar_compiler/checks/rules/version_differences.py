@@ -1,4 +1,7 @@
-"""Rules about differences between BehaviorTree.CPP versions that affect trees and are not yet reported."""
+"""Rules about differences between BehaviorTree.CPP versions that affect a tree.
+
+Other rules do not report these differences.
+"""
 
 import itertools
 from collections.abc import Iterator
@@ -30,7 +33,10 @@ from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic
 
 
 def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about constructs that newer versions refuse, or that older ones lack or read differently."""
+    """Yield findings about constructs that other BehaviorTree.CPP versions refuse, lack or read differently.
+
+    Newer versions refuse some constructs. Older versions lack some, or read them differently.
+    """
     collector = FindingCollector(context.btcpp)
     for tree in (tree for tree_file in context.forest.files for tree in tree_file.trees):
         fault = tree_id_fault(tree.attributes.get("ID", ""))
@@ -53,7 +59,7 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about literals that sar_compiler, but not BehaviorTree.CPP, can read as a port's type."""
+    """Yield findings about literals that sar_compiler can read as a port's type, but BehaviorTree.CPP cannot."""
     for bound, types in context.nodes_with(_readable_types):
         for name, cpp in types.items():
             text = bound.element.attributes.get(name)
@@ -81,7 +87,10 @@ def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _readable_types(spec: NodeSpec) -> dict[str, str]:
-    """Return the C++ type of each port that a node reads; for the queue of a loop, the queue type's name."""
+    """Return the C++ type of each port that a node reads.
+
+    For a loop's queue, return the name of the queue type.
+    """
     found = {}
     for port in spec.ports:
         kind = port.value_type
@@ -134,7 +143,7 @@ def _newer_nodes(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _explicit(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about nodes such as `<Action ID="...">` that BehaviorTree.CPP does not find at their position."""
+    """Yield findings about explicit nodes, such as `<Action ID="...">`, that BehaviorTree.CPP does not find."""
     for control, _ in context.nodes_with(lambda spec: spec.tag == DROPS_EXPLICIT):
         for bound in control.children:
             tag = bound.element.tag
@@ -152,7 +161,7 @@ _GROUPS = {
 }
 _ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
 _BOTH_LATER = ("evaluates this from the left, as (a || b) && c", "write a || (b && c)")
-_IN_PARENTHESES = "put one of the operators and its operands in parentheses"
+_IN_PARENTHESES = "put one of the operators in parentheses, together with its operands"
 _FROM_THE_RIGHT = {"-": "+-", "/": "*/", "|": "^", "^": "|"}
 
 
@@ -173,7 +182,7 @@ class OlderReading(NamedTuple):
 
 
 def older_readings(script: Script, version: Version) -> Iterator[OlderReading]:
-    """Yield the parts of a script for version 4.9 that an older version rejects or evaluates differently."""
+    """Yield the parts of a script for version 4.9 that older versions reject or evaluate differently."""
     if version < ORDER:
         yield from _right_associative(script)
     if version < STATEMENTS:
@@ -195,19 +204,22 @@ def _right_associative(script: Script) -> Iterator[OlderReading]:
 def _missing_semicolons(script: Script) -> Iterator[OlderReading]:
     for before, statement in itertools.pairwise(script.statements):
         if ";" not in script.text[before.end : statement.start]:
-            what = "refuses a statement that follows another without ;"
+            what = "refuses a statement without ; between it and the previous statement"
             yield OlderReading(statement.start, statement.end, what, "write ; between the two")
 
 
 class _FlatPart:
-    """The operators read so far at one nesting level of an expression's parentheses."""
+    """The operators found so far at one level of nested parentheses in an expression."""
 
     def __init__(self) -> None:
         self._first = ""
         self._is_either = self._is_chosen = self._is_assigned = False
 
     def read_operator(self, sign: str) -> tuple[str, str] | None:
-        """Read the next operator; return a description and a remedy if older versions refuse it, otherwise None."""
+        """Read the next operator.
+
+        If older versions refuse it, return a description and a remedy, otherwise None.
+        """
         if sign == "?" or sign in _ASSIGNMENTS:
             return self._read_single(sign)
         if sign in {"||", "&&"}:

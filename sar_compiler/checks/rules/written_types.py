@@ -1,4 +1,4 @@
-"""Rules about values that a port cannot read from its entry, or that BehaviorTree.CPP cannot write to it."""
+"""Rules about written values that a port cannot read, or that BehaviorTree.CPP cannot write to the entry."""
 
 import itertools
 from collections.abc import Collection, Iterator
@@ -65,7 +65,7 @@ _WRITING = (AccessKind.WRITE, AccessKind.CHANGE, AccessKind.BOTH)
 
 
 class _TypedPort(NamedTuple):
-    """A port that reads or writes the checked entry.
+    """A port that reads or writes the checked blackboard entry.
 
     Attributes:
         bound: The node of the port.
@@ -89,7 +89,7 @@ class _TypedPort(NamedTuple):
 
     @property
     def is_of_user(self) -> bool:
-        """Whether the port's type is from the C++ program, which must then define its conversion from strings."""
+        """Whether the port's type belongs to a C++ program, which must define its conversion from strings."""
         return needs_converter(self.cpp) and self.bound.spec.provenance is Provenance.DESCRIBED
 
     @property
@@ -118,7 +118,7 @@ _PossibleValues: TypeAlias = tuple[_WrittenValue, ...] | None
 
 
 class _KeyWrite(NamedTuple):
-    """A location that writes an entry.
+    """A place in the file where a node writes an entry.
 
     Attributes:
         element: The element that contains the location.
@@ -258,7 +258,7 @@ class KeyTypeRules:
     def _values_written(
         self, use: EntryAccess, port: _TypedPort | None, expression: Expression | None, depth: int = 0
     ) -> _PossibleValues:
-        """Return the possible values that an access writes; None if they are not known."""
+        """Return the values that an access may write; None if these values are not known."""
         bound, scope = use.node, use.instance.scope
         source = bound.spec.semantics.copies
         if use.access.place is not None:
@@ -294,7 +294,7 @@ class KeyTypeRules:
         return tuple(found) or None
 
     def _values_of(self, expression: Expression, scope: Scope, depth: int) -> _PossibleValues:
-        """Return the possible values of an expression; None if they are not known."""
+        """Return the values that an expression may have; None if these values are not known."""
         if isinstance(expression, Literal):
             value = expression.value
             cpp = TEXT if isinstance(value, str) else LONG if isinstance(value, int) else REAL
@@ -310,7 +310,7 @@ class KeyTypeRules:
     def _check_ports(
         self, write: _KeyWrite, ports: list[_TypedPort], first: EntryType
     ) -> Iterator[Diagnostic]:
-        """Yield a finding about the first port that does not accept the values that a location writes."""
+        """Yield a finding about the first port that does not accept the values of a write."""
         values, element = write.values, write.element
         if write.port is not None and not is_untyped(write.port.cpp):
             if first.cpp == TEXT and write.port.cpp != TEXT:
@@ -334,7 +334,7 @@ class KeyTypeRules:
             and not (is_number_given and each.is_shown and not self._is_read_as(each, first.cpp))
             for each in values
         ):
-            what = f"{shown} is copied with its type to '{write.key}', which is {first.label(element)}"
+            what = f"{shown} is copied, with its type, to '{write.key}', which is {first.label(element)}"
             yield self._refusal(f"{write.attribute}: {what}", element, write.span, None)
             return
         refused = filter(None, (self._refused_by(port, write, values, first) for port in ports))
@@ -347,13 +347,13 @@ class KeyTypeRules:
         yield from itertools.islice(itertools.chain(refused, notes), 1)
 
     def _is_read_as(self, value: _WrittenValue, cpp: str) -> bool:
-        """Return whether a known value can be read as a number type. All values except strings can."""
+        """Return whether a known value can be read as a number type. All values other than strings can be."""
         return not isinstance(value.value, str) or can_be_converted(value.value, cpp, self._version)
 
     def _refused_by(
         self, port: _TypedPort, write: _KeyWrite, values: tuple[_WrittenValue, ...], first: EntryType
     ) -> Diagnostic | None:
-        """Return the finding about values that BehaviorTree.CPP rejects at a port; None if it accepts the values."""
+        """Return the finding about values that BehaviorTree.CPP rejects at a port; None if it rejects none."""
         types = [value.cpp for value in values]
         shown, is_new, is_given = " or ".join(dict.fromkeys(types)), False, first.parameter is None
         # The types of constants, items and ports are compared when the tree is bound.
@@ -374,7 +374,7 @@ class KeyTypeRules:
         return self._refusal(what, write.element, write.span, port, is_new=is_new)
 
     def _is_text_lost(self, port: _TypedPort, write: _KeyWrite, types: list[str], first: EntryType) -> bool:
-        """Return whether a loop finds its queue empty, because `SetBlackboard` has copied a string to the new entry."""
+        """Return whether a loop's queue is empty because `SetBlackboard` copied a string to a new entry."""
         is_named_first = first.parameter is not None and not first.cpp
         is_loop = is_loop_queue(port.cpp) and self._version >= LISTS.since
         return is_loop and is_named_first and write.is_copy and types == [TEXT]
@@ -427,7 +427,7 @@ class KeyTypeRules:
     def _check_late_scripts(
         self, write: _KeyWrite, ports: list[_TypedPort], first: EntryType
     ) -> Iterator[Diagnostic]:
-        """Yield findings about scripts that a node writes, but that BehaviorTree.CPP needs before any tick."""
+        """Yield findings about scripts that a node writes, although BehaviorTree.CPP needs them earlier."""
         for port in ports:
             spec, name, element = port.bound.spec, port.parameter.name, port.bound.element
             if not spec.semantics.counterpart.built_in:
@@ -440,7 +440,7 @@ class KeyTypeRules:
                     f"{name}: BehaviorTree.CPP refuses the tree, because it needs the script in '{port.bound.keys[name]}' "
                     f"before <{write.element.tag}> writes it ({line}). sar_compiler can run the tree"
                 )
-                hint = f'write the script in {name}="…", or pass it to a subtree: <SubTree ID="…" {port.bound.keys[name]}="…"/>'
+                hint = f'write the script directly in {name}="…", or pass it to a subtree: <SubTree ID="…" {port.bound.keys[name]}="…"/>'
                 yield element.finding(
                     "cpp-type-mismatch", message, value=name, hint=hint, severity=self._severity
                 )
@@ -492,7 +492,7 @@ class KeyTypeRules:
 
 
 def _has_written(earlier: EntryAccess, later: EntryAccess) -> bool:
-    """Return whether a write always happens before a later write, because both nodes are in one sequence."""
+    """Return whether a write always happens before a later write because both nodes are in one sequence."""
     around = earlier.position.around
     if around is None or around is not later.position.around:
         return False
@@ -500,7 +500,7 @@ def _has_written(earlier: EntryAccess, later: EntryAccess) -> bool:
 
 
 def _script_in(text: str, port: _TypedPort) -> Script | None:
-    """Return the script in a string; None if the string is not a script. Another rule reports such strings."""
+    """Return the script in a string; None if the string is not a script, which another rule reports."""
     try:
         script = port.parameter.value_type.convert(text)
     except ConversionError:
@@ -509,7 +509,7 @@ def _script_in(text: str, port: _TypedPort) -> Script | None:
 
 
 def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[int, EntryAccess], bool]:
-    """Return one access to an entry for each kind of port, and whether anything other than a typed port writes it.
+    """Return one access for each kind of port of an entry, and whether anything but a typed port writes it.
 
     An entry may have many uses, so each port of each kind of node is compared only once. A port that counts children is
     compared once for each number of children.
@@ -531,7 +531,7 @@ def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[int, EntryAccess], bool]
 
 
 def _is_lost(value: _WrittenValue, cpp: str) -> bool:
-    """Return whether a number cannot be written to an entry of a port's type without losing its value."""
+    """Return whether a number would lose its value when written to an entry of a port's type."""
     if cpp == TEXT:
         return is_number(value.cpp)
     number = value.value
@@ -541,7 +541,7 @@ def _is_lost(value: _WrittenValue, cpp: str) -> bool:
 
 
 def _is_accepted(value: _WrittenValue, port: _TypedPort, write: _KeyWrite) -> bool:
-    """Return whether a port accepts a value. An output port only needs to accept the strings that scripts write."""
+    """Return whether a port accepts a value. An output port only has to accept strings from scripts."""
     written = value.value
     if not value.is_shown or fits(port.parameter.value_type, written):
         return True
@@ -556,7 +556,7 @@ def _begins_as_number(text: str) -> bool:
 
 
 def _items_of(bound: BoundNode, cpp: str) -> Iterator[_WrittenValue]:
-    """Yield the items that a loop writes, if the file shows them."""
+    """Yield the items that a loop writes, if they are written in the file."""
     text, kind = bound.values[_QUEUE], bound.spec.implied_values.get("kind")
     if isinstance(text, str) and isinstance(kind, type):
         for item in queue_items(text, kind):
@@ -564,7 +564,7 @@ def _items_of(bound: BoundNode, cpp: str) -> Iterator[_WrittenValue]:
 
 
 def _exceeds_children(value: _WrittenValue, port: _TypedPort) -> bool:
-    """Return whether a port counts children, and a value is larger than the number of children."""
+    """Return whether a port counts children and the written value exceeds the number of children."""
     there, name = len(port.bound.children), port.parameter.name
     if name not in port.bound.spec.semantics.counts or not value.is_shown or not there:
         return False
@@ -576,7 +576,7 @@ def _exceeds_children(value: _WrittenValue, port: _TypedPort) -> bool:
 def _unreachable_count(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Diagnostic:
     there = len(port.bound.children)
     whose = port_label(port.parameter.name, port.bound, write.element)
-    message = f"{write.attribute}: '{write.key}' is {value.value} here, for {whose}, which has only {there} children"
+    message = f"{write.attribute}: '{write.key}' is {value.value} here, but {whose} has only {there} children"
     return write.element.finding("out-of-reach", message, write.span, hint=f"write {there} or fewer")
 
 
@@ -589,7 +589,7 @@ def _misfit_here(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Di
 
 
 def _assigned_expression(use: EntryAccess) -> Expression | None:
-    """Return the expression that a script assigns to a key; None if the access is not such an assignment."""
+    """Return the expression that a script assigns to a key; None if the access is no assignment."""
     if use.access.place is None:
         return None
     for name, script in use.node.scripts():
