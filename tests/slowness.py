@@ -3,7 +3,7 @@
 import re
 
 _PROGRESS = re.compile(
-    r"^(.* \(press Ctrl-C to stop the search and see a counterexample\)|sweep: .* rows done|sar-sim: mapping .* of the route driven)\n",
+    r"^(.* \(press Ctrl-C to stop the search and see a counterexample\)|sweep: .* rows done|sar-sim: mapping .* of the route has been driven)\n",
     re.MULTILINE,
 )
 

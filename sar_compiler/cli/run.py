@@ -382,11 +382,11 @@ def _add_extension_options(group: _ArgumentGroup) -> None:
     add("--report", action="append", default=[], type=FILE, metavar="FILE", help=text)
     text = "record topics, the tree's log and the mission's log in a new MCAP file"
     add("--record", type=FILE, metavar="FILE.mcap", help=text)
-    text = "publish the tree's log (behavior_tree_log) and /diagnostics, and on latched topics the tree, its state, and markers for RViz"
+    text = "publish the tree's log (behavior_tree_log) and /diagnostics, and, on latched topics, the tree, the tree's state, and markers for RViz"
     add("--publish", action="store_true", help=text)
     text = "show the tree live in Groot2, on this port of 127.0.0.1 and the next one (Groot2's default: 1667)"
     add("--groot2", type=pair_of_ports, metavar="PORT", help=text)
-    text = "print the result as text (default), or as one line of JSON with status, reason, duration in seconds, and figures"
+    text = "print the result as text (default), or as one line of JSON with the status, the reason, the duration in seconds, and the mission's figures"
     add("--format", choices=("text", "json"), default="text", help=text)
 
 
@@ -404,7 +404,7 @@ def _add_safety_options(group: _ArgumentGroup) -> None:
     text = "start the tree only if a person has approved this version with sar-compile approve"
     add("--approved", action="store_true", help=text)
     start = group.add_mutually_exclusive_group()
-    text = "resume the mission in the journal, after cancelling the goals that are still active"
+    text = "cancel the goals that are still active, then resume the mission in the journal"
     start.add_argument("--resume", action="store_true", help=text)
     text = "start over, and keep an unfinished journal under another name"
     start.add_argument("--new", action="store_true", help=text)

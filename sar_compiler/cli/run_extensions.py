@@ -1,4 +1,7 @@
-"""The run extensions that the command line requests; only the dependencies of these extensions are imported."""
+"""The run extensions that the command line requests.
+
+Only the dependencies of these extensions are imported.
+"""
 
 from argparse import Namespace
 from collections.abc import Iterator
@@ -14,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def requested_extensions(options: Namespace) -> "Iterator[MakeExtension]":
-    """Import the dependencies of the extensions requested on the command line, and yield the extensions' constructors.
+    """Import the dependencies of the extensions that the command line requests, and yield the constructors.
 
     Raises:
         ImportError: If a library is not installed.

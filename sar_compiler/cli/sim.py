@@ -105,7 +105,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
 
 
 def _load_world(name: str) -> "SimulatedWorld":
-    """Load a world by its name or path, and print the warnings about its file."""
+    """Load a world by name or path, and print the warnings about the world's file."""
     from sar_compiler.sim.world import find_world
 
     world = find_world(name)
@@ -127,7 +127,7 @@ def _map(options: argparse.Namespace) -> int:
     line = ProgressLine()
 
     def show_progress(part: float) -> None:
-        line.show(lambda: f"mapping '{world.name}': {part:.0%} of the route driven")
+        line.show(lambda: f"mapping '{world.name}': {part:.0%} of the route has been driven")
 
     try:
         occupancy = survey(world, seed=options.seed, on_progress=show_progress)
@@ -180,7 +180,7 @@ def _robots_text(robots: Sequence[Placement]) -> str:
 
 
 def _wait_for_signal(simulation: "Simulation", signals: StopSignals) -> int:
-    """Wait for a signal that stops the process; raise the simulation's error if the simulation fails first."""
+    """Wait for a signal to stop the process. If the simulation fails first, raise its error."""
     while not signals.wait(_CHECK_SEC):
         if simulation.failure is not None:
             raise simulation.failure

@@ -1,4 +1,4 @@
-"""`sar-sim sweep`: the success rate of a mission in the simulator, from many runs."""
+"""`sar-sim sweep`: run a mission many times in the simulator to measure its success rate."""
 
 import argparse
 import itertools
@@ -51,7 +51,7 @@ def add_sim_sweep(parser: CommandParser) -> None:
     add("tree", type=TREE, metavar="TREE", help=FILE_HELP)
     text = f"a world in which the mission runs; may be repeated (default {DEFAULT_WORLD})"
     add("--world", action="append", type=WORLD, metavar="W", help=text)
-    text = f"the faults of a run, each as for --fault of sar-run, or {_NO_FAULTS}; may be repeated, to compare several mixes of faults"
+    text = f"the faults of a run, each in the notation of sar-run --fault, or {_NO_FAULTS}; may be repeated to compare several sets of faults"
     add("--fault", action="append", metavar="'SPEC SPEC'", help=text)
     add_varied_parameters(parser, "ROS parameter")
     add("--params", type=YAML_FILE, metavar="FILE", help="a ROS 2 parameter file")
@@ -86,12 +86,15 @@ def sweep_missions(options: argparse.Namespace) -> int:
         return options.output, shlex.join(["sh", str(options.output)])
 
     budget = budget_of(options, patience_sec=0.0, clock=time.monotonic)
-    kind = "a command that repeats the failure, with the fewest faults"
+    kind = "a command that repeats the failure with as few faults as possible"
     return run_sweep(list(rows), 1, mission_threads, write, kind, options, budget)
 
 
 def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweepRow, SimulatedRuns]]":
-    """Check all worlds and faults, then yield a row for each combination, with the object that executes its runs."""
+    """Check all worlds and faults.
+
+    Then yield, for each combination, a row and the object that executes its runs.
+    """
     from sar_compiler.analysis.sweep import SweepRow
     from sar_compiler.sim.simulated_runs import SimulatedRuns
 
@@ -126,7 +129,7 @@ def _check(options: argparse.Namespace, worlds: list[str], mixes: list[str]) -> 
 
 
 def _run_options(options: argparse.Namespace) -> Iterator[str]:
-    """Yield the options to pass on to `sar-run`."""
+    """Yield the options that are passed on to `sar-run`."""
     yield from ("--speed", f"{options.speed:g}")
     if options.params is not None:
         yield from ("--params", str(options.params))

@@ -44,8 +44,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "a scenario file, or a folder of scenario files; may be repeated (default: every leaf has its usual outcome)"
     add("--scenario", action="append", default=[], type=YAML_FILE, metavar="S.yaml", help=text)
     add_tree_id(parser, "tick")
-    add("--ticks", type=count, metavar="N", help="stop after N ticks, which does not count as a failure")
-    text = "end when this condition on facts, keys, 'root', 'tick' and 'time' is true (default: when the root has succeeded or failed)"
+    add("--ticks", type=count, metavar="N", help="stop after N ticks; stopping in this way is not a failure")
+    text = "end when this condition is true; it can use facts, keys, 'root', 'tick' and 'time' (default: when the root has succeeded or failed)"
     add("--until", type=script, metavar="SCRIPT", help=text)
     text = "the seed of a scenario's random choices (default 0)"
     add("--seed", type=seed, default=0, metavar="N", help=text)
@@ -61,7 +61,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def simulate_file(arguments: argparse.Namespace) -> int:
-    """Run the scenarios, and return the exit status: 0 if all expectations are met, otherwise 1; 130 after Ctrl-C.
+    """Run the scenarios, and return the exit status.
+
+    The exit status is 0 if all expectations are met, 130 after Ctrl-C, and otherwise 1.
 
     Raises:
         TreeError: If the tree has errors.
@@ -88,7 +90,9 @@ def simulate_file(arguments: argparse.Namespace) -> int:
 
 
 def scenario_files(paths: "list[Path]") -> "list[Path | None]":
-    """Return the scenario files in the paths; without paths, return `[None]`, which is a run without a scenario.
+    """Return the scenario files in the given paths.
+
+    Without paths, the result is `[None]`, which stands for one run without a scenario.
 
     Raises:
         ScenarioFolderError: If a folder contains no scenario file.
@@ -151,7 +155,7 @@ def _play(
 
 
 def _typo_message(until: "Script", simulated: "SimulatedTree") -> str | None:
-    """Return a message about the typo in the argument of `--until`, or None if there is no typo."""
+    """Return a message about a typo in the argument of `--until`; None if there is no typo."""
     from sar_compiler.analysis.leaf_vocabulary import names_of, typos
     from sar_compiler.analysis.simulate.scenario_files import OWN
 
@@ -163,7 +167,10 @@ def _typo_message(until: "Script", simulated: "SimulatedTree") -> str | None:
 
 
 def _trace_failure(run: "ScenarioRun") -> "list[Failure]":
-    """Compare a run's trace with the trace file that the scenario names, if any; return the failure, if any."""
+    """Compare a run's trace with the scenario's trace file.
+
+    The result contains a failure if they differ. It is empty if they are equal or the scenario names no file.
+    """
     from sar_compiler.analysis.simulate.scenario_run import Failure
     from sar_compiler.analysis.trace_view import trace
     from sar_compiler.checks.golden import compare_golden
@@ -196,7 +203,7 @@ def _print(
 
 
 def script(text: str) -> "Script":
-    """Parse the condition of `--until`."""
+    """Parse the condition that `--until` specifies."""
     from sar_compiler.runtime.script import parse
     from sar_compiler.runtime.tokens import ScriptError
 

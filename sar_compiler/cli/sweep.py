@@ -1,4 +1,7 @@
-"""`sar-compile sweep`: the success rate of a tree in many simulated runs. `sar-sim sweep` shares this code."""
+"""`sar-compile sweep`: simulate many runs of a tree to measure its success rate.
+
+`sar-sim sweep` shares this code.
+"""
 
 import argparse
 import contextlib
@@ -57,7 +60,7 @@ class TooManyRowsError(SarError):
 
 
 def require_rows(*counts: int) -> None:
-    """Check that the varied values have at most `MAX_ROWS` combinations; *counts* are the numbers of values.
+    """Check that there are at most `MAX_ROWS` combinations; *counts* are the numbers of varied values.
 
     Raises:
         TooManyRowsError: If there are more combinations.
@@ -65,7 +68,9 @@ def require_rows(*counts: int) -> None:
     rows = math.prod(counts)
     if rows > MAX_ROWS:
         many = " x ".join(f"{each:,}" for each in counts if each > 1)
-        raise TooManyRowsError(f"{many} = {rows:,} combinations, more than {MAX_ROWS:,}: vary fewer values")
+        raise TooManyRowsError(
+            f"{many} = {rows:,} combinations, but at most {MAX_ROWS:,} are allowed: vary fewer values"
+        )
 
 
 class NothingRandomError(SarError):
@@ -126,7 +131,7 @@ def sweep_file(arguments: argparse.Namespace) -> int:
 
 
 def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweepRow, ScenarioRuns]]":
-    """Yield a row for each combination, with the object that executes its runs, after checking the combination."""
+    """Check each combination, and yield its row together with the object that executes its runs."""
     from sar_compiler.analysis.simulate.scenario_files import read_scenario
     from sar_compiler.analysis.sweep import SweepRow
     from sar_compiler.analysis.sweep_runs import ScenarioRuns, change_scenario, content_of
@@ -168,7 +173,7 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweepRow, ScenarioRu
 def _combinations(
     arguments: argparse.Namespace,
 ) -> Iterator[tuple[float, Mapping[str, str], Mapping[str, Mapping[str, object]]]]:
-    """Yield for each combination the probability of unusual outcomes, the row's labels, and the changes to the scenario."""
+    """Yield a probability of unusual outcomes, row labels and scenario changes for each combination."""
     axes = [("parameters", each) for each in arguments.vary] + [("facts", each) for each in arguments.set]
     for unusual in arguments.unusual:
         for values in itertools.product(*(listed for _, (_, listed) in axes)):
@@ -180,7 +185,7 @@ def _combinations(
 
 
 Variation = tuple[str, list[tuple[str, object]]]
-"""The name of a varied parameter or fact, and its values, each as text and as data."""
+"""The name of a varied parameter or fact, and its values. Each value is given as text and as data."""
 
 FailureFile = tuple[Path, str]
 """The file to which a sweep's smallest failure was written, and the command that repeats this failure."""
@@ -198,11 +203,11 @@ def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) ->
     add = parser.add_argument
     text = f"run each combination at most N times (default {runs})"
     add("--runs", type=count, default=runs, metavar="N", help=text)
-    text = f"stop the runs of a row when the half-width of the row's confidence interval is at most W (default {half_width:g}; 0: never)"
+    text = f"stop the runs of a combination when the half-width of its confidence interval is at most W (default {half_width:g}; 0: never)"
     add("--half-width", type=probability, default=half_width, metavar="W", help=text)
     text = "the confidence level of the Wilson intervals (default 0.95)"
     add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
-    text = "exit with 0 if the lower bound of every interval is at least RATE (default: if no run failed)"
+    text = "exit with status 0 if the lower bound of every interval is at least RATE (default: exit with 0 if no run failed)"
     add("--at-least", type=probability, metavar="RATE", help=text)
     text = "the seed of the first run of each combination; each further run uses the next integer (default 0)"
     add("--seed", type=seed, default=0, metavar="N", help=text)
@@ -242,7 +247,9 @@ def run_sweep(
     arguments: argparse.Namespace,
     budget: Budget,
 ) -> int:
-    """Execute the runs of the rows, print the table (also after Ctrl-C or a spent budget), return the exit status.
+    """Execute the runs of all rows, print the table, and return the exit status.
+
+    The table is also printed after Ctrl-C and when the budget is spent.
 
     Args:
         rows: The rows.

@@ -47,7 +47,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_mission(parser)
     add("--strict", action="store_true", help="exit with 1 also for warnings")
     trial = parser.add_mutually_exclusive_group()
-    text = "for SEC seconds, search the runs of each file for errors raised in ticks (default: search with a fixed amount of work)"
+    text = "search the possible runs of each file for errors raised in ticks, for at most SEC seconds (default: a fixed amount of work)"
     trial.add_argument("--deep", type=seconds, metavar="SEC", help=text)
     trial.add_argument("--no-deep", action="store_true", help="do not search for errors raised in ticks")
     add_budget(parser)
@@ -56,7 +56,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--fix", action="store_true", help="first fix typos in the files")
     text = "print one file with all suggestions applied, including guesses, instead of the findings; no file is changed"
     add("--print-fixed", action="store_true", help=text)
-    text = "in the formats text and github, report every location of a finding, not only the first location of each cause"
+    text = "with --format text or github, report every location of a finding instead of only the first location for each cause"
     add("--all", action="store_true", help=text)
     text = "the output format: text for people (default), json for scripts, sarif for code scanning, or github for annotations in GitHub Actions"
     add("--format", choices=FORMATS, default=_TEXT, help=text)
@@ -64,7 +64,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _validate(arguments: argparse.Namespace) -> int:
-    """Print the findings about files, after Ctrl-C the findings so far, and return the exit status."""
+    """Print the findings about files, and return the exit status. After Ctrl-C, print the findings so far."""
     if not arguments.files[1:] and arguments.format == _TEXT:
         require_tree_file(arguments.files[0], or_folder=True)
     if arguments.print_fixed:
@@ -119,7 +119,7 @@ def _status(arguments: argparse.Namespace, findings: "Sequence[Diagnostic]") -> 
 
 
 def _print_fixed(arguments: argparse.Namespace) -> int:
-    """Print a file with all suggestions applied, and return the exit status: 1 if errors are left, otherwise 0.
+    """Print a file with all suggestions applied; return 1 if errors are left, otherwise 0.
 
     Raises:
         SarError: If the argument is not a single file, or cannot be read.
@@ -148,7 +148,7 @@ def _print_findings(
     fixable: int = 0,
     fixes: "Sequence[tuple[Diagnostic, TextFix]]" = (),
 ) -> None:
-    """Print findings, the files without findings, and the numbers of findings, checked files and fixable findings."""
+    """Print findings, files without findings, and the numbers of findings, files and possible fixes."""
     form = arguments.format
     if form == _TEXT:
         shown = findings if arguments.all else _group_by_cause(findings)

@@ -51,7 +51,9 @@ def add_options(parser: CommandParser) -> None:
 
 
 def add_search_options(parser: argparse.ArgumentParser, use: str) -> None:
-    """Add the options of commands that search all runs of a tree: the tree, the initial state, and the output format.
+    """Add the options of commands that search all runs of a tree.
+
+    The options select the tree, the initial state and the output format.
 
     Args:
         parser: The command's parser.
@@ -69,7 +71,7 @@ def add_search_options(parser: argparse.ArgumentParser, use: str) -> None:
 
 
 def verify_file(arguments: argparse.Namespace) -> int:
-    """Verify the tree of a file, or compare its verdicts with another tree's, and print the results, even after Ctrl-C.
+    """Verify a tree or compare its verdicts with another tree's, and print the results, even after Ctrl-C.
 
     Returns:
         0 if all properties are proved, 1 if a property does not hold or is undecided, 130 after Ctrl-C. With `--against`:
@@ -168,7 +170,7 @@ def _print_verdicts(text: str, form: str) -> None:
 
 
 def parse_facts(pairs: "list[tuple[str, str]]") -> "Document | None":
-    """Parse the facts that `--set` names; None if there are none."""
+    """Parse the facts given with `--set`; None if no facts are given."""
     if not pairs:
         return None
     from sar_compiler.documents.yaml_files import parse_yaml
@@ -196,7 +198,7 @@ class SearchProgress:
         self.begin("")
 
     def begin(self, prefix: str) -> None:
-        """Start the search of a tree; *prefix* precedes all output about the tree, to distinguish several trees."""
+        """Start the search of a tree; *prefix* precedes each line about the tree, to tell trees apart."""
         self._prefix, self._started, self._broken = prefix, time.monotonic(), 0
 
     def close(self) -> None:
@@ -205,7 +207,10 @@ class SearchProgress:
         self._line.clear()
 
     def show(self, progress: "Progress") -> None:
-        """Update the progress line if an update is due, and report properties that were violated since the last call."""
+        """Update the progress line if an update is due.
+
+        Report the properties violated since the last call.
+        """
         if self._is_closed:
             return
         is_new = self._line.is_possible and len(progress.broken) > self._broken

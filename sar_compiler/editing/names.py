@@ -1,4 +1,7 @@
-"""The locations of the name of a tree, of a blackboard key, or of a node to which other nodes refer."""
+"""The locations of a name in files.
+
+The name belongs to a tree, to a blackboard key, or to a node to which other nodes refer.
+"""
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -56,7 +59,7 @@ class NamedThing(NamedTuple):
 
 
 class _PointedAttribute(NamedTuple):
-    """The attribute value at an offset: the element, the attribute's name, and the index of the character in the value."""
+    """An attribute value that contains an offset: its element, its attribute and the index in the value."""
 
     element: Element
     attribute: str
@@ -124,7 +127,10 @@ def _find_bound(tree: ProjectTree, element: Element) -> tuple[BoundNode | None, 
 
 
 def _affected_files(tree: ProjectTree, beside: Iterable[ProjectTree]) -> list[TreeFile]:
-    """Return the file, the files that it includes, all files of its set, and the files that include it."""
+    """Return the files that renaming in a file may affect.
+
+    These are the file, the files that it includes, all files of its set, and the files that include it.
+    """
     own, tree_set = real_path(tree.path), tree.project.tree_set
     users = (each.forest for each in beside if own in map(_real_path, each.forest.files))
     forests = (*users, *(tree_set.forests.values() if tree_set else ()), tree.forest)
@@ -175,7 +181,7 @@ def _named_key(tree: ProjectTree, files: Sequence[TreeFile], owner: BoundTree, k
     inner = (use.element for use in owner.uses)
     refusal = ""
     if key.startswith(ROOT_SIGN):
-        refusal = "all trees can use a key of the root, and it may be a mission parameter"
+        refusal = "a key of the root can be used by all trees, and may be a mission parameter"
     elif any(each.attributes.get(AUTOREMAP) == "true" for each in (*users, *inner)):
         refusal = f"with {AUTOREMAP}, keys with the same name in other trees refer to the same entry"
     elif accesses.is_open:
@@ -199,7 +205,10 @@ def _spots_of_access(access: KeyAccess) -> Iterator[NameLocation]:
 
 
 def _key_locations(node: BoundNode, key: str) -> Iterator[NameLocation]:
-    """Yield the locations of a key in a node's attributes: in braces, or as the value of a port for key names."""
+    """Yield the locations of a key in a node's attributes.
+
+    The key is in braces, or is the value of a port for key names.
+    """
     element = node.element
     for attribute, text in element.attributes.items():
         parameter = node.spec.parameters.get(attribute)
@@ -237,7 +246,7 @@ def check_renaming(thing: NamedThing) -> None:
 
 
 def rename_edits(thing: NamedThing, name: str) -> list[tuple[NameLocation, str]]:
-    """Return the locations of a name, each with the new name.
+    """Return the locations of a name, each together with the new name.
 
     Raises:
         EditError: If the name cannot be changed, or the new name is invalid or already exists.

@@ -83,7 +83,7 @@ class EditedFile:
         return next(index for index, each in enumerate(self.elements) if each is element)
 
     def siblings(self, number: int, last: int | None = None) -> Siblings:
-        """Return the siblings from one element to the last one, which is by default the same element.
+        """Return the siblings from one element to another. Without the other, return only the one element.
 
         Raises:
             EditError: If the first element is the root element, or the last element is not a later sibling.
@@ -113,7 +113,9 @@ class EditedFile:
 
 
 def move(file: EditedFile, element: int, parent: int, index: int) -> list[TextEdit]:
-    """Move an element to an index among another element's children. The index refers to the unchanged file.
+    """Move an element to an index among the children of another element.
+
+    The index refers to the file before the move.
 
     Raises:
         EditError: If the moved element contains the other element.
@@ -178,7 +180,7 @@ def duplicate(file: EditedFile, element: int) -> list[TextEdit]:
 
 
 def extract(file: EditedFile, element: int, tree: str) -> list[TextEdit]:
-    """Move an element into a new tree, and replace it by a `SubTree` node with the same keys.
+    """Move an element to a new tree, and replace it by a `SubTree` node that passes the same keys.
 
     Raises:
         EditError: If the tree already exists, or the element uses private keys.
@@ -193,7 +195,7 @@ def extract(file: EditedFile, element: int, tree: str) -> list[TextEdit]:
         raise EditError(message)
     keys = set(_keys(moved))
     if private := sorted(key for key in keys if key.startswith("_")):
-        message = f"the private key '{private[0]}' cannot be shared with a subtree. Rename it first"
+        message = f"the private key '{private[0]}' cannot be shared with a subtree. Rename the key first"
         raise EditError(message)
     remap = {_AUTOREMAP: "true"} if keys or any(_scripts(moved)) else {}
     call = synthetic_element(SUBTREE_TAG, {"ID": tree, **remap})
@@ -270,7 +272,10 @@ def edits_of(tree_file: TreeFile, operation: str, /, **arguments: Any) -> list[T
 
 
 def _without_brackets(tree_file: TreeFile, operation: str, arguments: Mapping[str, Any]) -> EditedFile:
-    """Return the file with an operation's elements on separate lines: in YAML, they may be in brackets."""
+    """Return the file with an operation's elements on separate lines.
+
+    In a YAML file, the elements may be in brackets, which are removed.
+    """
     given = [arguments.get(each) for each in ("element", "parent", "last")]
     numbers = [each for each in given if isinstance(each, int)] if operation != set_attribute.__name__ else []
     file = EditedFile(tree_file)
@@ -287,7 +292,7 @@ def _without_brackets(tree_file: TreeFile, operation: str, arguments: Mapping[st
 
 
 def _separate_elements(file: EditedFile, element: Element, operation: str) -> Iterator[Element]:
-    """Yield an element, and the other elements that must be on separate lines for an operation on the element."""
+    """Yield the elements that must be on separate lines before an operation on an element."""
     yield element
     if operation == inline.__name__:
         for tree in file.tree_file.trees:
@@ -300,7 +305,7 @@ def _separate_elements(file: EditedFile, element: Element, operation: str) -> It
 
 def _require_index(parent: Element, index: int) -> None:
     if not 0 <= index <= len(parent.children):
-        message = f"{index} is not a position among the children of <{parent.tag}>, which has {len(parent.children)} children"
+        message = f"{index} is not a position among the {len(parent.children)} children of <{parent.tag}>"
         raise EditError(message)
 
 
@@ -318,7 +323,7 @@ def _scripts(element: Element) -> Iterator[str]:
 
 
 def _ports(call: Element, tree: Element, around: Element) -> dict[str, str]:
-    """Return the replacement of each key in braces, for replacing a `SubTree` node by its tree's content.
+    """Return the value that replaces each key in braces when a tree's content replaces a `SubTree` node.
 
     Raises:
         EditError: If the node has a condition, or a key would have another meaning in the calling tree.
@@ -336,13 +341,13 @@ def _ports(call: Element, tree: Element, around: Element) -> dict[str, str]:
         outer = set(_keys(around)) | set(re.findall(r"[A-Za-z_]\w*", " ".join(_scripts(around))))
         clash = next(iter(sorted(own & outer)), None)
     if clash is not None:
-        message = f"the key '{clash}' has another meaning outside of <{call.tag}>. Rename it first"
+        message = f"the key '{clash}' has another meaning outside of <{call.tag}>. Rename the key first"
         raise EditError(message)
     return {f"{{{name}}}": value for name, value in changed.items()}
 
 
 def _with_ports(lines: Snippet, ports: Mapping[str, str]) -> list[SnippetLine]:
-    """Return lines with keys in braces replaced."""
+    """Return lines in which each key in braces is replaced by the value of the port."""
     return [each._replace(text=_KEY.sub(lambda key: ports.get(key[0], key[0]), each.text)) for each in lines]
 
 
@@ -364,7 +369,7 @@ _WRAPPERS = ("Sequence", "Fallback", "Inverter")
 
 
 def refactorings_at(tree_file: TreeFile, number: int) -> list[Refactoring]:
-    """Return the operations at an element that need no further arguments."""
+    """Return the operations that are possible at an element without further arguments."""
     file = EditedFile(tree_file)
     element = file.element(number)
     try:

@@ -27,7 +27,10 @@ class TextEdit(NamedTuple):
 
 
 def apply_edits(text: str, edits: Iterable[TextEdit]) -> str:
-    """Return a string with edits applied. Their offsets refer to the original string, and no two edits overlap."""
+    """Return a string with edits applied.
+
+    The edits' offsets refer to the original string, and edits never overlap.
+    """
     parts, done = [], 0
     for edit in sorted(edits):
         parts += [text[done : edit.start], edit.text]
@@ -36,7 +39,7 @@ def apply_edits(text: str, edits: Iterable[TextEdit]) -> str:
 
 
 def edit_between(old: str, new: str) -> list[TextEdit]:
-    """Return the smallest edit that changes one text into another, or no edit if both are equal."""
+    """Return the smallest edit that changes one text into another; the result is empty if both are equal."""
     if old == new:
         return []
     most = min(len(old), len(new))
@@ -92,5 +95,5 @@ def cut_lines(text: str, indent: str, fixed: Iterable[int] = ()) -> list[Snippet
 
 
 def join_lines(lines: Snippet, end: str) -> str:
-    """Return lines as text, with a line end after each line except the last."""
+    """Join lines into a text, with a line end after each line except the last."""
     return end.join(each.text for each in lines)

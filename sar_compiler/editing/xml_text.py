@@ -170,7 +170,10 @@ class XmlText:
         return [TextEdit(start, extent.closing, f"{end}{text}{outer}")]
 
     def delete_element(self, element: Element) -> list[TextEdit]:
-        """Return the edits that remove an element with its comments; a parent without other content gets an empty tag."""
+        """Return the edits that remove an element and its comments.
+
+        A parent that has no other content becomes an empty tag.
+        """
         block = self._block(element)
         parent = self._parents[element.offset]
         around = self._extents[parent.offset]
@@ -218,7 +221,7 @@ class XmlText:
         return _ElementBlock(self._with_comments(line), extent.start, rest.end(), indent, has_lines=True)
 
     def _with_comments(self, line: int) -> int:
-        """Return the start of the comments on the lines directly above a line; the line's start if there are none."""
+        """Return the start of the comments directly above a line; without comments, the start of the line."""
         while line:
             end = line - (2 if self._text.endswith("\r\n", 0, line) else 1)
             while self._text[end - 1] in _BLANK:
@@ -233,7 +236,10 @@ class XmlText:
         return line
 
     def _cut(self, start: int, end: int, indent: str) -> Snippet:
-        """Return a part of the text as lines; the indentation of lines that begin in an attribute's value is fixed."""
+        """Return a part of the text as lines.
+
+        Lines that begin inside an attribute's value keep their indentation.
+        """
         fixed = []
         for element in self._inside(start, end):
             for _, (*_, first, last) in self._source.spans.attributes(element):

@@ -131,7 +131,7 @@ class _ExtentReader:
 
     @staticmethod
     def _collection_end(event: Any, end: int) -> int:
-        """Return the offset after a collection; a block collection ends with its content."""
+        """Return the offset after a collection. A block collection ends where its content ends."""
         return _end(event) if _start(event) < _end(event) else end
 
 
@@ -149,7 +149,7 @@ class YamlText:
         self._extents = _ExtentReader(self._text).found
 
     def outermost_flow(self, element: Element) -> Element | None:
-        """Return the outermost element in brackets among an element and its ancestors; None if there is none."""
+        """Return the outermost element in brackets that is an element or its ancestor; None without brackets."""
         ancestor: Element | None = element
         found = None
         while ancestor is not None:
@@ -158,7 +158,7 @@ class YamlText:
         return found
 
     def expand(self, element: Element) -> list[TextEdit]:
-        """Return the edits that rewrite an element without brackets."""
+        """Return the edits that rewrite an element in brackets so that it has no brackets."""
         extent = self._extents[element.offset]
         dash = "- " if element.offset in self._parents else ""
         lines = [SnippetLine(each) for each in node_lines(element, "", dash)]
@@ -213,7 +213,7 @@ class YamlText:
         return self._add(parent, extent, max(extent.values.values(), default=extent.end), children)
 
     def _add(self, element: Element, extent: _NodeExtent, offset: int, lines: Snippet) -> list[TextEdit]:
-        """Return the edits that add lines to the content of an element, after the line that contains an offset."""
+        """Return the edits that add lines to an element's content, below the line that contains an offset."""
         if extent.content is None:
             column = self._source.position_of(self._source.spans.tag(element)[0])[1] + 1
             colon = [] if extent.has_content else [TextEdit(extent.tag_end, extent.tag_end, ":")]
@@ -223,7 +223,10 @@ class YamlText:
         return [self._line_at(self._next_line(offset), " " * column, lines)]
 
     def delete_element(self, element: Element) -> list[TextEdit]:
-        """Return the edits that remove an element, its comments and, if no child is left, the key `children`."""
+        """Return the edits that remove an element and its comments.
+
+        If no child is left, the edits also remove the key `children`.
+        """
         parent = self._parents[element.offset]
         key = self._extents[parent.offset].children
         start = self._start(element)
@@ -267,12 +270,12 @@ class YamlText:
         return self._source.offset(self._source.position_of(offset)[0], 1)
 
     def _next_line(self, offset: int) -> int:
-        """Return the start of the line that follows the line with an offset."""
+        """Return the start of the line that follows the line containing an offset."""
         rest = _REST_OF_LINE.match(self._text, offset)
         return rest.end() if rest is not None else len(self._text)
 
     def _dash(self, element: Element) -> tuple[int, str]:
-        """Return the start of the line with an element's dash, and the indentation of this line.
+        """Return the start of the line that contains an element's dash, and the line's indentation.
 
         Raises:
             EditError: If the element is not on a separate line.
@@ -308,7 +311,10 @@ class YamlText:
         return end
 
     def _line_at(self, offset: int, indent: str, lines: Snippet) -> TextEdit:
-        """Return the edit that inserts lines at a line's start, or at the end of a file without a final line end."""
+        """Return the edit that inserts lines at the start of a line.
+
+        The line may be the end of a file without a final line end.
+        """
         text, end = indent + self._join(lines, indent), self._source.line_end
         is_start = not offset or LINE_END.match(self._text, offset - 1) is not None
         return TextEdit(offset, offset, f"{text}{end}" if is_start else f"{end}{text}")

@@ -1,1 +1,1 @@
-"""Specs of controls, decorators and leaves: registration, binding to tree files, schemas and models."""
+"""Specs of controls, decorators and leaves: their registration, binding to tree files, schemas and models."""

@@ -1,4 +1,4 @@
-"""The view of a node that attribute rules receive, and the collection of findings."""
+"""The view of a node that attribute rules receive, and a collector of findings."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
@@ -57,7 +57,7 @@ class NodeView(Protocol):
 
 
 def file_of(element: Element, seen_from: Element) -> str:
-    """Return ` of FILE` for an element's file; an empty string if *seen_from* is in the same file."""
+    """Return ` of FILE` for an element's file; empty if *seen_from* is in the same file."""
     return "" if element.source is seen_from.source else f" of {element.source.path}"
 
 

@@ -22,7 +22,7 @@ _ALIASES = {
     "size_t": "uint64_t",
 }
 _NORMAL = frozenset({"", "bool", TEXT, ANY, STATUS, REAL, INT, LONG, UNSIGNED_INT})
-"""Names in normal form, which most types have."""
+"""Type names that are already in normal form, as most type names are."""
 _STD = r"\bstd::(?=(?:u?int\d+_t|size_t)\b)"
 _TEXT_IN_FULL = r"std::basic_string<char(?:,std::char_traits<char>)?(?:,std::allocator<char>)?>"
 _ALLOCATOR = r",std::allocator<[^<>]*(?:<[^<>]*>[^<>]*)*>"
@@ -32,7 +32,7 @@ _INTEGER_WORDS = rf"{_WORD}(?: {_WORD})*"
 
 @functools.lru_cache(maxsize=1024)
 def normalize(name: str) -> str:
-    """Return the normal form of a C++ type name; an empty string for the type of ports that accept any value.
+    """Return the normal form of a C++ type name; empty for the type of ports that accept any value.
 
     Aliases and compiler-specific spellings have the same normal form. For example, `uint32_t` becomes `unsigned int`, and
     `std::__cxx11::basic_string<char, ...>` becomes `std::string`.

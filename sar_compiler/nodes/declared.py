@@ -44,11 +44,13 @@ _PLAIN_FIELDS = ("tag", "kind", "effects", "facts", "reads", "writes", "doc")
 
 
 class UndeclarableError(SarError):
-    """An error about a leaf whose spec cannot be written as JSON."""
+    """The spec of a leaf cannot be written as JSON."""
 
 
 def declared_leaves(path: Path) -> list[NodeSpec]:
-    """Load the leaf specs for a module's `SPECS` from a file that `sar-compile nodes --format specs` has written.
+    """Load the leaf specs for a module's `SPECS` from a file.
+
+    `sar-compile nodes --format specs` writes such files.
 
     Args:
         path: The file, in the package of the leaves.
@@ -106,7 +108,7 @@ def _as_text(value: object) -> object:
 
 
 def _type_as_data(value_type: ValueType) -> object:
-    """Return the name of a value type; for a type with a plausible range, a list of the name and the range.
+    """Return the name of a value type. If the type has a plausible range, return a list with both.
 
     Raises:
         TypeError: If the name alone does not identify the type.

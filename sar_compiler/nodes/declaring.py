@@ -124,7 +124,7 @@ def leaf_spec(  # noqa: PLR0913 - the declarations of a leaf
 
 
 def attribute(keyword: str, kind: object, doc: str, default: object = ...) -> Parameter:
-    """Return a parameter whose value is fixed when the tree is compiled.
+    """Return a parameter whose value is already fixed when the tree is compiled.
 
     Args:
         keyword: The name in the constructor. The attribute's name lacks a trailing `_`.

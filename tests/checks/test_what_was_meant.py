@@ -364,5 +364,5 @@ def test_nearly_its_own_name_is_meant_by_no_other_word():
 def test_a_tag_that_is_the_id_of_a_tree_is_told_as_a_subtree():
     text = SUBTREE.format(main="<Rest/>", rest="<NavigateToBase/>")
     [finding] = [each for each in check(forest_of(text), default_registry()) if each.code == "unknown-node"]
-    assert finding.message == "there is no node 'Rest', only a tree of this name"
+    assert finding.message == "there is no node 'Rest', but there is a tree of this name"
     assert (finding.suggestion, finding.hint) == (None, 'write <SubTree ID="Rest"/>')

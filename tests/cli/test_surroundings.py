@@ -156,4 +156,4 @@ def test_sar_run_runs_one_of_several_trees_by_its_id():
     assert typed("sar-run two.xml --tree ToFailure > out.txt")[0] == 1
     status, error = typed("sar-run two.xml > out.txt")
     assert status == 2
-    assert "(ToSuccess, ToFailure), but does not name the main tree" in error
+    assert "(ToSuccess, ToFailure), but does not say which is the main tree" in error

@@ -165,7 +165,7 @@ def test_runs_that_would_all_be_the_same_are_refused(capsys):
         (["--scenario", "no.yaml"], "cannot read no.yaml"),
         (
             ["--vary", TRIES, "--set", ATS],
-            "101 x 100 = 10,100 combinations, more than 10,000: vary fewer values",
+            "101 x 100 = 10,100 combinations, but at most 10,000 are allowed: vary fewer values",
         ),
     ],
 )

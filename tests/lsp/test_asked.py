@@ -230,7 +230,9 @@ def test_a_key_that_others_share_is_not_offered_for_renaming(editor, tmp_path):
     path = tmp_path / "tree.xml"
     write(path, '<BehaviorTree ID="Main">', '<Script code="@k := 1; @k = 2"/>', "</BehaviorTree>")
     editor.open(path)
-    with pytest.raises(JsonRpcException, match="cannot be renamed: all trees can use a key of the root"):
+    with pytest.raises(
+        JsonRpcException, match="cannot be renamed: a key of the root can be used by all trees"
+    ):
         name_to_change(editor, path, at(path, "@k", 1))
 
 
@@ -238,7 +240,9 @@ def test_a_key_that_others_share_is_not_renamed(editor, tmp_path):
     path = tmp_path / "tree.xml"
     write(path, '<BehaviorTree ID="Main">', '<Script code="@k := 1; @k = 2"/>', "</BehaviorTree>")
     editor.open(path)
-    with pytest.raises(JsonRpcException, match="cannot be renamed: all trees can use a key of the root"):
+    with pytest.raises(
+        JsonRpcException, match="cannot be renamed: a key of the root can be used by all trees"
+    ):
         renamed(editor, path, at(path, "@k", 1), "other")
 
 

@@ -312,7 +312,7 @@ def test_a_reference_that_is_not_written_is_told_at_the_node():
 def test_the_name_of_a_node_that_behaviortree_cpp_refuses_is_told():
     (note,) = converted("<my.Node/>")[1]
     assert (note.code, note.severity) == ("no-counterpart", Severity.WARNING)
-    assert note.hint == "register it under a name without '.'"
+    assert note.hint == "register the node under a name without '.'"
 
 
 def test_a_decorator_that_is_called_like_a_kind_of_node_is_written_in_the_explicit_form():

@@ -123,7 +123,7 @@ def test_a_circle_is_told_by_the_names_of_its_trees():
         tree("Main", '<SubTree ID="B"/>'), tree("B", '<SubTree ID="C"/>'), tree("C", '<SubTree ID="B"/>')
     )
     (finding,) = check(forest_of(text), REGISTRY)
-    assert finding.message == "the trees contain each other: B -> C -> B"
+    assert finding.message == "these trees contain each other: B -> C -> B"
 
 
 def test_of_a_long_circle_only_the_ends_are_told():

@@ -170,8 +170,10 @@ def test_of_several_trees_the_one_to_execute_is_asked_for_with_their_names(folde
     for command in ("simulate", "verify"):
         assert main([command, "two.xml"]) != 0
         err = capsys.readouterr().err
-        assert "error[no-main-tree]: the file has 2 trees (A, B), but does not name the main tree" in err
-        assert 'name it with --tree A, or write main_tree_to_execute="A"' in err
+        assert (
+            "error[no-main-tree]: the file has 2 trees (A, B), but does not say which is the main tree" in err
+        )
+        assert 'select the main tree with --tree A, or write main_tree_to_execute="A"' in err
         assert main([command, "two.xml", "--tree", "A"]) == 0
 
 
@@ -196,7 +198,8 @@ def test_a_groot2_project_is_named_as_such(folder, capsys):
     write(folder, "Project.btproj", PROJECT.format('<include path="a.xml"/><include path="b.xml"/>', ""))
     assert main(["simulate", "Project.btproj"]) == 1
     assert (
-        "this Groot2 project has 2 trees (a, b), but does not name the main tree" in capsys.readouterr().err
+        "this Groot2 project has 2 trees (a, b), but does not say which is the main tree"
+        in capsys.readouterr().err
     )
     assert main(["simulate", "--tree", "a", "Project.btproj"]) == 0
 

@@ -267,7 +267,7 @@ def test_a_file_without_trees_executes_the_only_one_that_it_includes():
 def test_a_file_that_does_not_say_which_of_several_included_trees_to_execute_is_a_finding():
     write("main.xml", include("more.xml"))
     write("more.xml", A, B)
-    with pytest.raises(TreeError, match=r"2 trees .*, but does not name the main tree"):
+    with pytest.raises(TreeError, match=r"2 trees .*, but does not say which is the main tree"):
         find_main_tree(load())
 
 

@@ -1,4 +1,4 @@
-"""Binding of an element's attributes to values, blackboard keys and conditions."""
+"""Binding of an element's attributes to values, to blackboard keys and to conditions."""
 
 import re
 from collections.abc import Callable, Collection, Sequence
@@ -48,13 +48,19 @@ AUTOREMAP = "_autoremap"
 """The attribute of a `SubTree` that remaps every key to the outer key of the same name."""
 
 NOTES = ("_description", "_uid", "_fullpath", "_collapsed", "_favorite", "_hardcoded", "_subtreeOnly")
-"""The notes of BehaviorTree.CPP and editors that schemas list. Any attribute that begins with `_` can be a note."""
+"""The notes of BehaviorTree.CPP and of editors that schemas list.
+
+Any attribute that begins with `_` can be a note.
+"""
 _TEXT_NOTES = frozenset(
     {*NOTES, "_comment", "_note", "_notes", "_todo", "_doc", "_label", "_title", "_color", "_style"}
 )
 """Notes that may contain any text; other notes are checked for conditions."""
 _LIKE_CONDITION = r"_(?:(?:skip|fail|failure|success|while|on|post)[A-Z]\w*|(?:(?:only|run|do)_?)?[iI]f|unless|when|(?:pre|post)?_?[cC]onditions?)"
-"""A regular expression for notes that are probably intended as conditions: `_skipWhen`, but not `_skip_list`."""
+"""A regular expression for notes that are probably meant as conditions.
+
+It matches `_skipWhen`, but not `_skip_list`.
+"""
 _DECORATORS = {
     "timeout": "<Timeout>",
     "delay": "<Delay>",
@@ -68,7 +74,7 @@ _DECORATORS = {
     "forcesuccess": "<ForceSuccess>",
     "forcefailure": "<ForceFailure>",
 }
-"""For each name of a note, the decorator that the author of such a note probably intended."""
+"""For certain names of notes, the decorator that the author of the note probably wanted to use."""
 _LIKE_DECORATOR = r"(?i)_((?:timeout|delay|repeat|retry|retries|attempts|invert|negate|run_?once|force_?(?:success|failure)))"
 _NEGATED = frozenset({"_if", "_onlyIf", "_only_if", "_runIf", "_run_if", "_doIf", "_do_if", "_when"})
 """Notes for conditions under which a node runs. The condition in `_skipIf` is the opposite: the node does not run."""
@@ -123,7 +129,10 @@ class AttributeBinder:
                 self._require(bound, parameter, other_variants)
 
     def common(self, bound: BoundNode, name: str) -> bool:
-        """Bind an attribute if every node may have it; return False for any other attribute."""
+        """Bind an attribute that every node may have, and return True.
+
+        For any other attribute, return False.
+        """
         if name == ONESHOT:
             bound.oneshot = self.convert(bound.element, name, ONESHOT_TYPE)
         elif name in CONDITIONS:
@@ -156,7 +165,7 @@ class AttributeBinder:
         self._collector.add("unknown-attribute", message, element, name=name, **advice)
 
     def _has_condition(self, text: str) -> bool:
-        """Return whether an ignored attribute's text is a key of the tree, or a script that compares or assigns."""
+        """Return whether an ignored attribute contains a tree's key, or a script that compares or assigns."""
         script = _read_condition(text)
         # Several words that happen to parse as several statements are prose, not a script.
         if script is None or len(script.statements) != 1:
@@ -172,14 +181,14 @@ class AttributeBinder:
         )
 
     def typo_in_note(self, name: str) -> str | None:
-        """Return the attribute that was probably intended by a name that begins with `_`; None for a note."""
+        """Return the attribute for which a name beginning with `_` is probably a typo; None for a note."""
         if name not in self._option_errors:
             self._option_errors[name] = typo_in_note(name, self._collector.guesses)
         return self._option_errors[name]
 
     def report_former_name(self, element: Element, name: str, today: str) -> str:
         """Report an attribute of BehaviorTree.CPP 3, and return its current name."""
-        message = f"<{element.tag}> has no attribute '{name}', which is from BehaviorTree.CPP 3"
+        message = f"<{element.tag}> has no attribute '{name}'; this attribute is from BehaviorTree.CPP 3"
         self._collector.add("unknown-attribute", message, element, name=name, suggestion=today)
         return today
 
@@ -188,7 +197,7 @@ class AttributeBinder:
         return bool(name in element.attributes and self.convert(element, name, _BOOL_TYPE))
 
     def _is_unclosed(self, element: Element, name: str) -> bool:
-        """Report a key that lacks one of its braces; return False if the text is not such a key."""
+        """Report a key that lacks one of its braces. Return False if the text is not such a key."""
         suggestion = complete_key_braces(element.attributes[name])
         if suggestion is not None:
             message = f"{name}: a key needs two braces, but '{element.attributes[name]}' has one"
@@ -196,7 +205,7 @@ class AttributeBinder:
         return suggestion is not None
 
     def convert(self, element: Element, name: str, value_type: ValueType, *, takes_keys: bool = False) -> Any:
-        """Convert an attribute's text to a value; if the text is invalid, report this and return None."""
+        """Convert an attribute's text to a value. If the text is invalid, report it and return None."""
         try:
             return value_type.convert(element.attributes[name])
         except ConversionError as error:
@@ -212,14 +221,14 @@ class AttributeBinder:
             return None
 
     def _intended_key(self, text: str) -> str | None:
-        """Return the key, in braces, that was probably intended by an invalid value; None if no key was intended."""
+        """Return the key, in braces, that was probably meant by an invalid value; None if no key was meant."""
         match = re.fullmatch(_NAME_OF_KEY, text)
         if match is None or not (match["sign"] or match["name"] in self._known_keys()):
             return None
         return f"{{{match['name']}}}"
 
     def _check_key_name(self, element: Element, name: str, value_type: ValueType, key: str) -> None:
-        """Report a key in braces whose name the attribute does not accept."""
+        """Report a key in braces if the attribute does not accept the name of the key."""
         try:
             value_type.convert(key)
         except ConversionError as error:
@@ -239,7 +248,7 @@ class AttributeBinder:
         if not may_be_text and self._is_unclosed(bound.element, name):
             return
         if parameter.direction is _OUTPUT and not parameter.required and text.strip(" ") in ("", "{}"):
-            message = f"{name}: the output has no effect, because it has no key"
+            message = f"{name}: the output has no effect, because no key is given"
             advice = Advice(suggestion="", hint=f'remove {name}, or write {name}="{{key}}"')
             self._collector.add("ignored-attribute", message, bound.element, name=name, **advice)
             return
@@ -260,13 +269,16 @@ class AttributeBinder:
         bound.values = {**bound.values, name: value}
 
     def _constant_to_write(self, bound: BoundNode, name: str, text: str) -> None:
-        """Report a constant for a port that the node also writes, unless the port's direction is only guessed."""
+        """Report a constant for a port that the node also writes.
+
+        If the port's direction is only guessed, report nothing.
+        """
         if bound.spec.provenance is not Provenance.FROM_USE:
             message = f"{name}: the node also writes this port, but '{text}' is not a key, so writing raises an error"
             cause = Cause(
                 "nodes also write these ports, but the ports contain a string instead of a key", name
             )
-            hint = f'write {name}="{{key}}", and set the key earlier'
+            hint = f'write {name}="{{key}}", and set this key in an earlier node'
             advice = Advice(hint=hint, severity=Severity.WARNING, common_cause=cause)
             self._collector.add("wrong-value", message, bound.element, value=name, **advice)
 
@@ -285,7 +297,7 @@ class AttributeBinder:
     def _report_unknown(
         self, bound: BoundNode, name: str, other_variants: Sequence[NodeSpec], *, is_only: bool
     ) -> str | None:
-        """Report an unknown attribute of a node; return the attribute that was probably intended."""
+        """Report an unknown attribute of a node, and return the attribute that was probably meant."""
         element, spec = bound.element, bound.spec
         former = [
             each.former_attributes[name] for each in (spec, *other_variants) if name in each.former_attributes
@@ -303,7 +315,9 @@ class AttributeBinder:
         if name.startswith("_"):
             near = self.typo_in_note(name)
             if near == name:
-                message = f"<{bound.spec.tag}> has no attribute '{name}', only <{SUBTREE_TAG}> has it"
+                message = (
+                    f"<{bound.spec.tag}> has no attribute '{name}'; only <{SUBTREE_TAG}> has this attribute"
+                )
                 near = None
         else:
             free = [other for other in known if other not in element.attributes]
@@ -327,9 +341,9 @@ class AttributeBinder:
         return missing[0]
 
     def _report_unlisted(self, bound: BoundNode, name: str, message: str, near: str | None) -> None:
-        """Report an attribute that the model does not list, and bind it as a port unless it is probably misspelt."""
+        """Report an attribute that the model does not list, and bind it as a port unless it is likely a typo."""
         severity = bound.spec.provenance.severity_of_unlisted(is_near=near is not None)
-        hint = "if the node has this port, add it to the description"
+        hint = "if the node has this port, add the port to the node's description"
         advice = Advice(suggestion=near, hint=hint, severity=severity)
         self._collector.add("unknown-attribute", message, bound.element, name=name, **advice)
         if near is None:
@@ -339,7 +353,7 @@ class AttributeBinder:
 
 
 def _in_unit_of_name(error: ConversionError, name: str, text: str, value_type: ValueType) -> ConversionError:
-    """Return the error for a number whose unit differs from the attribute's unit; suggest a converted number."""
+    """Return the error for a number whose unit differs from the attribute's, with a converted number."""
     unit = unit_of_key(name)
     meant = convert_with_unit(text, unit) if unit else None
     try:
@@ -352,7 +366,10 @@ def _in_unit_of_name(error: ConversionError, name: str, text: str, value_type: V
 
 
 def convert_to_attribute_unit(name: str, text: str, spec: NodeSpec) -> str | None:
-    """Return a hint that replaces an attribute by one with another unit (`msec="5000"` for `sec="5"`), or None."""
+    """Return a hint that replaces an attribute by one in another unit; None if no such attribute exists.
+
+    For example, the hint for `sec="5"` is `msec="5000"`.
+    """
     written = unit_suffix(name)
     numbers = {
         p.name: convert_with_unit(f"{text}{written}", unit) for p in spec.attributes if (unit := _unit_of(p))
@@ -367,7 +384,7 @@ def _unit_of(parameter: Parameter) -> str:
 
 
 def typo_in_note(name: str, guesses: Guesses) -> str | None:
-    """Return the attribute that was probably intended by a name that begins with `_`; None for a note."""
+    """Return the attribute for which a name beginning with `_` is probably a typo; None for a note."""
     return None if name in NOTES else guesses.nearest(name, [*CONDITIONS, AUTOREMAP, ONESHOT])
 
 
@@ -381,18 +398,21 @@ def _read_condition(text: str) -> Script | None:
 
 
 def _is_explicit(bound: BoundNode) -> bool:
-    """Return whether a node is in explicit form, even if its ID equals the tag: `<Condition ID="Condition"/>`."""
+    """Return whether a node is in explicit form.
+
+    The ID may equal the tag: `<Condition ID="Condition"/>` is in explicit form.
+    """
     tag = bound.element.tag
     return tag != bound.spec.tag or (bound.spec.is_only_described and tag in KIND_TAGS)
 
 
 def intended_condition(name: str) -> str | None:
-    """Return the condition that a name without the leading underscore probably means; None for other names."""
+    """Return the condition whose leading underscore a name probably lacks; None for other names."""
     return next((known for known in CONDITIONS if known[1:].lower() == name.lower()), None)
 
 
 def complete_key_braces(text: str) -> str | None:
-    """Return a key with both braces for a text with only one of the braces; None for other texts."""
+    """Return the key in a text that lacks one of its braces, with both braces; None for other texts."""
     if text[:1] not in "{ " and text[-1:] not in "} ":
         return None
     match = re.fullmatch(_UNCLOSED, text)

@@ -39,21 +39,21 @@ from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TA
 _KEYS = r"(?a)\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:="
 
 OF_ANY = ("ID", "name", ONESHOT)
-"""Attributes that nodes of several libraries have, so they do not indicate a node's library."""
+"""Attributes that nodes of several libraries have. They therefore do not indicate the library of a node."""
 _UNKNOWN = "there are no nodes of these names"
 _REMAP = "remap"
 _UNKNOWN_HINT = (
     "list the known nodes with sar-compile nodes, or add a module with --nodes or a palette with --model"
 )
 _LIKE_UNUSED = 0.9
-"""The minimum similarity of an unknown tag to a suggested tag that the file does not use."""
+"""The minimum similarity between an unknown tag and a suggested tag that the file does not use."""
 
 _Vocabulary = tuple[Registry, NodeModels, dict[str, list[NodeSpec]], dict[str, str | None]]
-"""The registry and the models of a file, the specs of its tags, and the tags intended by unknown tags."""
+"""The registry and the models of a file, the specs of its tags, and for each unknown tag the intended tag."""
 
 
 class BoundForest(NamedTuple):
-    """The bound trees of a forest, with the findings.
+    """The bound trees of a forest, together with the findings of the binding.
 
     Attributes:
         trees: The trees, in the order of the files, followed by the used trees of other files of the set.
@@ -141,7 +141,10 @@ def _characters(forest: Forest) -> int:
 
 
 def _sorted_findings(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return the distinct findings, sorted by file, line and column, without the findings about palettes."""
+    """Return the distinct findings about the forest's files, sorted by file, line and column.
+
+    Findings about palettes are left out.
+    """
     order = {id(tree_file.source): number for number, tree_file in enumerate((*forest.files, *forest.others))}
     unique = [finding for finding in dict.fromkeys(findings) if id(finding.source) in order]
     return tuple(sorted(unique, key=lambda f: (order[id(f.source)], f.span.line, f.span.column)))
@@ -228,7 +231,7 @@ class Binder:
         return tree
 
     def _tree_of(self, element: Element) -> BoundTree:
-        """Return the bound tree of a `BehaviorTree` element; if it is not bound yet, schedule its binding."""
+        """Return the bound tree of a `BehaviorTree` element. If it is not bound yet, schedule its binding."""
         tree = self._trees.get(id(element))
         if tree is None:
             name = element.attributes.get("ID", f"{TREE_TAG}_{len(self._trees) + 1}")
@@ -240,7 +243,7 @@ class Binder:
         element = tree.element
         children = self._children_without_remaps(element, tree.name)
         if not children:
-            self._collector.add("missing-child", f"<{TREE_TAG}> is empty, but needs a node", element)
+            self._collector.add("missing-child", f"<{TREE_TAG}> is empty, but must contain a node", element)
             return
         for extra in children[1:]:
             message = f"<{TREE_TAG}> can have only one child, so this node is not allowed"
@@ -294,7 +297,10 @@ class Binder:
         return bound
 
     def _is_node_intended(self, element: Element, tag: str, variants: Sequence[NodeSpec]) -> bool:
-        """Return whether a tag that is also the name of a kind, such as `Condition`, refers to a node of that name."""
+        """Return whether a tag refers to a node of this name, although the tag is also the name of a kind.
+
+        For example, `Condition` is both the name of a kind and of a py_trees node.
+        """
         if "ID" not in element.attributes:
             return tag in self._registry
         return element.tag != tag or any(
@@ -322,7 +328,7 @@ class Binder:
             self._level -= 1
 
     def _index_node(self, bound: BoundNode) -> None:
-        """Add a node to the lists of nodes with rare features. They spare the rules a search of all nodes."""
+        """Add a node to the lists of nodes with rare features, so that rules need not search all nodes."""
         tree, spec = self._current, bound.spec
         if bound.keys:
             tree.keyed.append(bound)
@@ -347,13 +353,15 @@ class Binder:
         self._collector.add("wrong-kind", message, element, suggestion=kind, severity=severity)
 
     def _report_unknown(self, element: Element, tag: str) -> BoundNode | None:
-        """Report an unknown tag, and continue with the tag that was probably intended."""
+        """Report an unknown tag, and continue with the tag that was probably meant."""
         self._current.unknown_names.add(element.attributes.get("name", tag))
         near = self._intended_tag(element, tag)
         if near == tag:  # py_trees' decorator by its tag, not a condition in explicit form
             near = None
         if element.tag == TREE_TAG:
-            self._collector.add("unknown-node", f"a <{TREE_TAG}> is not allowed inside another", element)
+            self._collector.add(
+                "unknown-node", f"a <{TREE_TAG}> is not allowed inside another <{TREE_TAG}>", element
+            )
         elif element.tag in (INCLUDE_TAG, MODEL_TAG):
             hint = f"move it directly into <{ROOT_TAG}>"
             message = f"<{element.tag}> is not allowed in a tree"
@@ -383,7 +391,7 @@ class Binder:
         """Report another library's node that has the name of a py_trees node."""
         needed = " and ".join(f"'{each.name}'" for each in spec.required_attributes)
         message = f"<{spec.tag}> of py_trees needs {needed}, so this node is probably from another library"
-        hint = "describe this node in a palette (--model). The palette takes precedence over py_trees"
+        hint = "describe this node in a palette (--model), which takes precedence over py_trees"
         self._collector.add("unknown-node", message, element, hint=hint)
         for child in element.children:
             self._node(child)
@@ -393,11 +401,11 @@ class Binder:
         message = f"there is no node '{tag}'{self._former_name(tag, near)}"
         if tag in self._forest.known_ids:
             hint = f'write <{SUBTREE_TAG} ID="{tag}"/>'
-            return f"{message}, only a tree of this name", None, hint, "these are trees, not nodes"
+            return f"{message}, but there is a tree of this name", None, hint, "these are trees, not nodes"
         from sar_compiler.nodes.language.other_engines import REPLACEMENTS
 
         if other := REPLACEMENTS.get(tag):
-            hint = f"{other.hint}. If it is your own node, add its module (--nodes) or palette (--model)"
+            hint = f"{other.hint}. If this is your own node, add the node's module (--nodes) or palette (--model)"
             return f"{message}, which is known from {other.engine}", None, hint, f"these are like <{tag}>"
         if known := palettes_containing(tag):
             names = " or ".join(known)
@@ -410,7 +418,7 @@ class Binder:
         return message, near, _UNKNOWN_HINT, _UNKNOWN
 
     def _children_without_remaps(self, element: Element, tree_id: str) -> Sequence[Element]:
-        """Report each `<remap>` of BehaviorTree.CPP 3, and return the remaining children."""
+        """Report each `<remap>` of BehaviorTree.CPP 3, and return the other children."""
         if not any(child.tag == _REMAP for child in element.children) or self._variants(_REMAP):
             return element.children
         where = "this" if element.tag == SUBTREE_TAG else "each"
@@ -420,7 +428,7 @@ class Binder:
                 for name, default in (("internal", "INNER"), ("external", "OUTER"))
             )
             message = f"<{_REMAP}> belongs to BehaviorTree.CPP 3: since version 4, keys are attributes of <{SUBTREE_TAG}>"
-            hint = f'delete it, and write {where} use of the tree as <{SUBTREE_TAG} ID="{tree_id}" {inner}="{{{outer}}}"/>'
+            hint = f'delete this element, and write {where} use of the tree as <{SUBTREE_TAG} ID="{tree_id}" {inner}="{{{outer}}}"/>'
             self._collector.add("unknown-node", message, child, hint=hint)
         return [child for child in element.children if child.tag != _REMAP]
 
@@ -438,7 +446,7 @@ class Binder:
         self._collector.add("missing-attribute", message, element, span, hint=f'write {what}: ID="..."')
 
     def _intended_tag(self, element: Element, tag: str) -> str | None:
-        """Return the tag that was probably intended by an unknown tag."""
+        """Return the tag that was probably meant by an unknown tag."""
         if "ID" in element.attributes and tag == element.tag and tag not in KIND_TAGS:
             explicit = self._guesses.nearest(tag, sorted(KIND_TAGS))
             if explicit is not None:
@@ -449,12 +457,15 @@ class Binder:
         return self._meant[tag]
 
     def _similar_tag(self, tag: str) -> str | None:
-        """Return the tag that is similar to an unknown tag; a tag that the file does not use must be almost equal."""
+        """Return the tag that is similar to an unknown tag.
+
+        A tag that the file does not use must be almost equal to it.
+        """
         near = self._guesses.nearest(tag, self._tags if tag != SUBTREE_TAG else self._tags[:-1])
         return near or self._guesses.nearest(tag, list(self._registry.tags), _LIKE_UNUSED)
 
     def _former_name(self, tag: str, today: str | None) -> str:
-        """Return the end of a sentence about a tag of BehaviorTree.CPP 3; empty for other tags."""
+        """Return the end of a message about a tag of BehaviorTree.CPP 3; empty for other tags."""
         spec = subtree() if today == SUBTREE_TAG else self._registry.get(today or "")
         former = spec is not None and tag in spec.former_tags and spec.semantics.counterpart.built_in
         return " any more, only in BehaviorTree.CPP 3" if former else ""
@@ -475,7 +486,7 @@ class Binder:
 
     @functools.cached_property
     def _tags(self) -> list[str]:
-        """The tags that may be intended by an unknown tag."""
+        """The tags that an unknown tag may stand for."""
         elements = (element for tree in self._forest.iterate() for element in tree.iterate())
         used = {
             element.attributes.get("ID", element.tag) if element.tag in KIND_TAGS else element.tag
@@ -499,7 +510,9 @@ class Binder:
             self._collector.add("missing-child", message, element, hint="put one node into it")
         elif not count:
             message = f"<{tag}> has no children"
-            self._collector.add("empty-control", message, element, hint="put nodes into it, or delete it")
+            self._collector.add(
+                "empty-control", message, element, hint="put nodes into this element, or delete it"
+            )
         elif count < least:
             message = f"<{tag}> needs {_count_in_words(least, most)}, but has {count}"
             self._collector.add("missing-child", message, element)
@@ -535,7 +548,7 @@ class Binder:
         else:
             trees = self._forest.known_ids
             message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
-            hint = f"known trees: {join_with_commas(trees)}. Add trees of other files with <include> or [project] trees in sar.toml"
+            hint = f"known trees: {join_with_commas(trees)}. To add trees of other files, use <include>, or trees under [project] in sar.toml"
             cause = None if near else Cause("there are no such trees", tree_id)
             advice = Advice(suggestion=near, hint=hint, common_cause=cause)
             self._collector.add("unknown-tree", message, element, value="ID", **advice)
@@ -582,7 +595,7 @@ class Binder:
 
 
 def _best_variant(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeSpec:
-    """Return the spec of a tag that fits the written attributes best.
+    """Return the spec of a tag whose parameters fit the written attributes best.
 
     In case of a tie, the first written attribute decides.
     """
@@ -597,7 +610,10 @@ def _best_variant(variants: list[NodeSpec], element: Element, guesses: Guesses) 
 
 
 def is_node_of_other_library(element: Element, variants: Sequence[NodeSpec], guesses: Guesses) -> bool:
-    """Return whether an element has several attributes, none of which is similar to an attribute of its tag's specs."""
+    """Return whether no attribute of an element resembles an attribute of the tag's specs.
+
+    The result is False for an element with fewer than two attributes.
+    """
     written = [name for name in element.attributes if name not in OF_ANY and not name.startswith("_")]
     known = {name for spec in variants for name in spec.parameters}
     return len(written) > 1 and not any(

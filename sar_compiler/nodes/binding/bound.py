@@ -105,7 +105,7 @@ class BoundNode:
         return self.spec.semantics.reactive or self.value("memory") is False
 
     def scripts(self) -> Iterator[tuple[str, Script]]:
-        """Yield the attributes with scripts (conditions and values), each with its script."""
+        """Yield the attributes that contain scripts (as conditions or values), each with its script."""
         if self.conditions:
             yield from self.conditions.items()
         for attribute, value in self.values.items():
@@ -235,14 +235,14 @@ class SkipAnalysis:
 
 
 def is_skippable_itself(bound: BoundNode) -> bool:
-    """Return whether a node can be skipped independently of its children."""
+    """Return whether a node can be skipped even if none of its children is."""
     if bound.spec.skips_by_itself and _can_have_required_value(bound):
         return True
     return bool(bound.conditions) and any(condition in bound.conditions for condition in _CONDITIONS)
 
 
 def _can_have_required_value(bound: BoundNode) -> bool:
-    """Return whether the attribute that controls skipping may have the value required for skipping."""
+    """Return whether a node's attribute may have the value for which the node can be skipped."""
     if bound.spec.skipping.only_if is None:
         return True
     name, value = bound.spec.skipping.only_if
@@ -278,5 +278,9 @@ def _report_children(bound: BoundNode, skipping: SkipAnalysis, collector: Findin
         if skipping.can_be_skipped(child):
             message = f"'{child.name}' can be skipped, which <{bound.element.tag}> treats as an interruption"
             advice = bound.spec.skipping.advice
-            hint = f"write {advice} instead" if advice else "let the child succeed or fail instead"
+            hint = (
+                f"write {advice} instead"
+                if advice
+                else "let the child succeed or fail instead of being skipped"
+            )
             collector.add("skip-misread", message, child.element, hint=hint)

@@ -40,7 +40,7 @@ class TreeInstance:
             yield key, text if key in self.texts else literal_value(text)
 
     def target_of(self, bound: BoundNode, name: str) -> "tuple[TreeInstance, BoundNode] | None":
-        """Return the node to which a reference resolves, and the node's instance; None without a reference."""
+        """Return the node to which a reference resolves, with the node's instance; None without a reference."""
         target = bound.references.get(name)
         return (self, target) if target is not None else self.references.get((bound, name))
 
@@ -58,7 +58,10 @@ class TreeInstance:
             yield from instance.iterate()
 
     def in_place(self) -> "Iterator[tuple[TreeInstance, BoundNode]]":
-        """Yield each `demanding` node and its instance; the nodes of a subtree follow the `SubTree` node."""
+        """Yield each `demanding` node with its instance.
+
+        The nodes of a subtree follow their `SubTree` node.
+        """
         for bound in self.tree.demanding:
             yield self, bound
             if bound in self.inner:
@@ -91,7 +94,7 @@ class _SubtreeExpander:
         self._count = 0
 
     def fill(self, instance: TreeInstance) -> None:
-        """Create the instances within an instance, and number the nodes in the order of the file."""
+        """Create the instances inside an instance, and number the nodes in the order of the file."""
         names: set[str] = set()
         for bound in instance.tree.nodes:
             self._count += 1
@@ -112,7 +115,7 @@ class _SubtreeExpander:
             self.fill(inner)
 
     def resolve(self, top: TreeInstance) -> None:
-        """Resolve open references to nodes of the enclosing trees."""
+        """Resolve the open references, whose nodes are in enclosing trees."""
         reported: set[tuple[BoundNode, str]] = set()
         for instance in top.iterate():
             for bound, parameter in instance.tree.open_references:
@@ -142,7 +145,7 @@ class _SubtreeExpander:
     def _report_circle(
         self, instance: TreeInstance, bound: BoundNode, found: BoundNode, outer: TreeInstance
     ) -> None:
-        """Report a reference to a node that can only be created after the instance that contains the reference."""
+        """Report a reference to a node that can be created only after the instance with the reference."""
         places = {each.place for each in instance.chain() if each.around is outer}
         passed, waiting = set(), [found]
         while waiting:

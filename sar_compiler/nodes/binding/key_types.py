@@ -45,7 +45,7 @@ class EntryType(NamedTuple):
     parameter: Parameter | None
 
     def label(self, seen_from: Element) -> str:
-        """Return the type and its port for a message about *seen_from*: `int for value of 'LoopInt' (line 4)`."""
+        """Return an entry's type and port for a message, such as `int for value of 'LoopInt' (line 4)`."""
         return f"{self.cpp or 'of any type'} for {port_label(self.name, self.bound, seen_from)}"
 
 
@@ -54,7 +54,7 @@ EntryTypes = Mapping[tuple[Scope, str], EntryType]
 
 
 def report_key_types(top: TreeInstance, collector: FindingCollector) -> EntryTypes:
-    """Report the ports of an expanded tree that cannot share a key; return the types of the tree's entries.
+    """Report the ports of an expanded tree that cannot share a key, and return the types of the entries.
 
     The first port in the order of the expanded tree, or a constant that is passed to a subtree, determines the type of an
     entry. A port for any value or for a string leaves the type open.
@@ -94,10 +94,11 @@ def port_label(name: str, bound: BoundNode, seen_from: Element) -> str:
 def unknown_conversion(
     element: Element, attribute: str, span: Span, cpp: str, meant: str | None = None
 ) -> Diagnostic:
-    """Return the finding about a string for a type that may have no conversion from strings in C++."""
+    """Return the finding about a string for a type to which C++ may be unable to convert strings."""
     message = f"{attribute}: BehaviorTree.CPP reads a string as {cpp} only if {cpp} is an enumeration, or C++ code defines convertFromString<{cpp}>"
     cause = Cause(
-        "strings are read as these types, which must be enumerations or have a convertFromString", cpp
+        "strings are read as these types, so each type must be an enumeration or have a convertFromString",
+        cpp,
     )
     advice = Advice(severity=Severity.INFO, common_cause=cause)
     if meant is not None:
@@ -111,7 +112,9 @@ def cpp_type(parameter: Parameter, version: Version) -> str:
 
 
 def fits(value_type: ValueType, value: object) -> bool:
-    """Return whether a port can read a value: any string, or a number if the port is numeric.
+    """Return whether a port can read a value.
+
+    The value is a string or, if the port is numeric, a number.
 
     For other ports, the C++ types determine whether a number can be converted.
     """
@@ -129,7 +132,7 @@ def fits(value_type: ValueType, value: object) -> bool:
 
 
 def _may_share(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> bool:
-    """Return whether a port may share the key of an earlier port; if it may not, report the conflict."""
+    """Return whether a port may share the key of an earlier port, and report a conflict."""
     assert later.parameter is not None  # noqa: S101 - a constant is always first
     if first.parameter is not None and not can_share_key(first.parameter, later.parameter):
         _report_type_conflict(first, later, key, collector)
@@ -144,7 +147,10 @@ def _may_share(first: EntryType, later: EntryType, key: str, collector: FindingC
 
 
 def can_share_key(first: Parameter, later: Parameter) -> bool:
-    """Return whether sar_compiler lets a port share an earlier port's key; every type can be read from a string."""
+    """Return whether sar_compiler lets a port share an earlier port's key.
+
+    Any port can read a string.
+    """
     known, other = first.value_type.python, later.value_type.python
     return other is None or known in _TEXTS or known is other
 
@@ -178,12 +184,15 @@ def _report_btcpp_type_conflict(
 
 
 def btcpp_severity(btcpp: Version | None) -> Severity:
-    """Return the severity of errors that only BehaviorTree.CPP reports: error if a version is configured."""
+    """Return the severity of errors that only BehaviorTree.CPP reports.
+
+    The severity is error if a version of BehaviorTree.CPP is configured.
+    """
     return Severity.ERROR if btcpp is not None else Severity.WARNING
 
 
 def _report_constant(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> None:
-    """Report a port that cannot read a constant only because of the constant's type."""
+    """Report a port that could read a constant's text, but not a value of the constant's type."""
     assert later.parameter is not None  # noqa: S101 - a constant is always first
     written = first.bound.remapping.constants[first.name]
     is_read = later.parameter.direction is not Direction.OUTPUT

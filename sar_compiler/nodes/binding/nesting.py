@@ -17,17 +17,18 @@ MAX_NODES = 300_000
 """The maximum number of nodes in a tree with its subtrees expanded."""
 
 MAX_LEVELS = 600
-"""The maximum depth of a tree with its subtrees expanded, in levels; each condition and `oneshot` adds a level.
+"""The maximum depth, in levels, of a tree with its subtrees expanded.
 
-This is the depth of a file with 200 nested elements. py_trees needs a stack frame for each level, and Python allows 1,000.
+Each condition and each `oneshot` adds a level. A file with 200 nested elements has this depth. Python allows
+1,000 stack frames, and py_trees needs one for each level.
 """
 
 _LONGEST_CIRCLE = 8
-"""The maximum number of trees that a message shows of a cycle. The middle of a longer cycle is left out."""
+"""The maximum number of trees of a cycle that a message shows. The middle of a longer cycle is left out."""
 
 
 def cut_cycles(trees: Iterable[BoundTree], collector: FindingCollector) -> None:
-    """Report every `SubTree` that refers to a tree around it, and remove the reference."""
+    """Report every `SubTree` that refers to an enclosing tree, and remove the reference."""
     done: set[BoundTree] = set()
     for tree in trees:
         if tree not in done:
@@ -53,7 +54,7 @@ def check_size_limits(main: BoundTree, collector: FindingCollector, others: int 
         sizes[tree] = len(tree.nodes) + sum(sizes[each] for each in inner)
         bounds[tree] = tree.nesting + tree.wrappers + max((bounds[each] for each in inner), default=0)
     if sizes[main] + others > MAX_NODES:
-        what = "the tree has" if sizes[main] > MAX_NODES else "the trees up to this one have"
+        what = "the tree has" if sizes[main] > MAX_NODES else "this tree and the trees before it have"
         message = f"with subtrees expanded, {what} more than {MAX_NODES:,} nodes"
         collector.add("too-many-nodes", message, main.element)
         return None
@@ -64,14 +65,14 @@ def check_size_limits(main: BoundTree, collector: FindingCollector, others: int 
         message = (
             f"with subtrees expanded, the tree '{main.name}' is {heights[main]} levels deep at this node"
         )
-        hint = f"reduce it to {MAX_LEVELS} levels, the maximum that can be ticked and halted"
+        hint = f"reduce the depth to {MAX_LEVELS} levels; deeper trees cannot be ticked and halted"
         collector.add("too-deep", message, node.element, hint=hint)
         return None
     return sizes[main]
 
 
 def _heights(trees: Iterable[BoundTree]) -> dict[BoundTree, int]:
-    """Return the depth of each tree in levels; *trees* must contain inner trees before the trees that use them."""
+    """Return the depth of each tree in levels. Inner trees must precede the trees that use them."""
     heights: dict[BoundTree, int] = {}
     for tree in trees:
         heights[tree] = max((level + _depth(node, heights) for node, level in _levels(tree, 0)), default=0)
@@ -97,13 +98,13 @@ def _detach(node: BoundNode, path: list[BoundTree], collector: FindingCollector)
     names = [tree.name for tree in path[path.index(node.subtree) :]] + [node.subtree.name]
     if len(names) > _LONGEST_CIRCLE:
         names[_LONGEST_CIRCLE // 2 : -_LONGEST_CIRCLE // 2] = ["..."]
-    message = f"the trees contain each other: {' -> '.join(names)}"
+    message = f"these trees contain each other: {' -> '.join(names)}"
     collector.add("recursive-tree", message, node.element, value="ID")
     node.subtree = None
 
 
 def trees_in(main: BoundTree) -> list[BoundTree]:
-    """Return a tree and the trees that it uses, each after its subtrees."""
+    """Return a tree and the trees that it uses, each tree after its own subtrees."""
     order: dict[BoundTree, None] = {}
     waiting = [main]
     while waiting:
@@ -117,7 +118,7 @@ def trees_in(main: BoundTree) -> list[BoundTree]:
 
 
 def _levels(tree: BoundTree, above: int) -> Iterator[tuple[BoundNode, int]]:
-    """Yield the nodes of a tree in file order, each with its deepest level."""
+    """Yield the nodes of a tree in file order, each with its level."""
     waiting = [(tree.root, above)] if tree.root is not None else []
     while waiting:
         node, above = waiting.pop()
@@ -156,7 +157,7 @@ def invalid_id_part(name: str) -> str | None:
 
 
 def is_btcpp_node_id(tree_id: str, registry: Registry) -> bool:
-    """Return whether BehaviorTree.CPP rejects a tree ID because a node has the same ID."""
+    """Return whether BehaviorTree.CPP rejects a tree ID because a node has this ID, too."""
     return tree_id == SUBTREE_TAG or (tree_id in registry and not is_library_tag(tree_id))
 
 
@@ -190,7 +191,7 @@ def tree_id_fault(tree_id: str) -> TreeIdFault | None:
 
 
 class UnknownTreeError(TreeError):
-    """An error about a requested tree that the file does not have; the file itself may be correct."""
+    """A requested tree is not in the file. The file itself may be correct."""
 
 
 def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
@@ -223,9 +224,9 @@ def _missing_tree(forest: Forest, tree_id: str | None) -> Diagnostic:
         hint = 'add a <BehaviorTree ID="...">'
         return root.finding("no-tree", "the file has no tree", hint=hint)
     what = "this Groot2 project" if is_groot2_project(forest.main) else "the file"
-    message = f"{what} has {count} trees ({join_with_commas(ids)}), but does not name the main tree"
+    message = f"{what} has {count} trees ({join_with_commas(ids)}), but does not say which is the main tree"
     first = ids[0] if ids else "..."
     from shlex import quote
 
-    hint = f'name it with --tree {quote(first)}, or write main_tree_to_execute="{first}"'
+    hint = f'select the main tree with --tree {quote(first)}, or write main_tree_to_execute="{first}"'
     return root.finding("no-main-tree", message, hint=hint)

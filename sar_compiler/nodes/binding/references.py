@@ -21,14 +21,14 @@ class ReferenceCandidates:
         self._called: dict[str | None, dict[str, dict[BoundNode, None]]] = {}
 
     def candidates(self, parameter: Parameter) -> Collection[BoundNode]:
-        """Return the nodes that a reference may name."""
+        """Return the nodes that a reference may name, given the parameter that holds the reference."""
         target = parameter.target_path
         if target not in self._fitting:
             self._fitting[target] = {node: None for node in self._nodes if node.spec.is_class_of(parameter)}
         return self._fitting[target]
 
     def names(self, parameter: Parameter | None = None) -> Mapping[str, Collection[BoundNode]]:
-        """Return the nodes that a reference may name, by node name; without a parameter, return all nodes."""
+        """Return the nodes that a reference may name, by node name. Without a parameter, return all nodes."""
         target = parameter.target_path if parameter is not None else None
         if target not in self._called:
             by_name = self._called[target] = {}
@@ -65,7 +65,7 @@ class ReferenceCandidates:
 
 
 def resolve_references(tree: BoundTree, collector: FindingCollector) -> None:
-    """Resolve the references in a tree; references to nodes outside of the tree stay open."""
+    """Resolve the references in a tree. References to nodes outside of the tree stay unresolved."""
     referring = tree.referring
     if not referring:
         return
@@ -79,7 +79,7 @@ def resolve_references(tree: BoundTree, collector: FindingCollector) -> None:
 def report_missing_reference(
     bound: BoundNode, parameter: Parameter, within: list[ReferenceCandidates]
 ) -> None:
-    """Report a reference to a node that is in none of the visible trees."""
+    """Report a reference to a node that no visible tree contains."""
     element, what, collector = bound.element, parameter.target_name, within[0].collector
     named = element.attributes.get(parameter.name)
     where = "this tree" if len(within) == 1 else "this tree or an enclosing tree"

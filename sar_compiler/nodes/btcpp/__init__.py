@@ -15,7 +15,7 @@ class Version(NamedTuple):
 
 
 VERSIONS = {str(version): version for version in (Version(4, 8), Version(4, 9), Version(4, 10))}
-"""The known versions; 4.8 means 4.8.0 to 4.8.3, because 4.8.4 checks names in the same way as 4.9."""
+"""The known versions. Version 4.8 means 4.8.0 to 4.8.3, because 4.8.4 checks names in the same way as 4.9."""
 OLDEST, NEWEST = min(VERSIONS.values()), max(VERSIONS.values())
 
 
@@ -36,15 +36,21 @@ NAMES = VersionChange(Version(4, 9), "4.8.4")
 QUOTES = VersionChange(Version(4, 9), "4.9.0")
 """Rejects strings in double quotation marks in scripts."""
 ORDER = Version(4, 9)
-"""Evaluates sums, products, and `|` with `^` in scripts from the left; older versions read `a - b + c` as `a - (b + c)`."""
+"""Evaluates sums and products, and `|` and `^`, from the left in scripts.
+
+Older versions read `a - b + c` as `a - (b + c)`.
+"""
 OPERATORS = Version(4, 9)
 """Allows mixed operators, chained `?:` and chained assignments in scripts; `&&` binds stronger than `||`."""
 STATEMENTS = Version(4, 9)
-"""Allows two statements of a script without a `;` between them, which older versions require."""
+"""Allows two statements of a script without a `;` between them. Older versions require the `;`."""
 NUMBERS = VersionChange(Version(4, 9), "4.9.1")
-"""Reads a constant for a subtree as a number if it looks like one; older versions read it as a string."""
+"""Reads a constant for a subtree as a number if it looks like one. Older versions read it as a string."""
 LISTS = VersionChange(Version(4, 9), "4.9.0")
-"""Accepts a list from another port as the queue of a loop, because the queue has no type; older versions reject the port."""
+"""Accepts a list from another port as the queue of a loop, because the queue has no type.
+
+Older versions reject the port.
+"""
 
 BUILT_IN = frozenset(
     {

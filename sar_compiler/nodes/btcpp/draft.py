@@ -33,14 +33,17 @@ class NodeDraft:
     def literal(
         self, name: str, wanted: type[T], notes: FindingCollector, value_type: ValueType | None = None
     ) -> T | None:
-        """Return an attribute's value; if it cannot be converted, add a note, keep the node and return None."""
+        """Return an attribute's value.
+
+        If the text cannot be converted, add a note, keep the node, return None.
+        """
         text = self.attributes[name]
         try:
             if blackboard_key(text, name) is None:
                 value = (value_type or require_value_type(wanted)).convert(text)
                 assert isinstance(value, wanted)  # noqa: S101 - the type is known here
                 return value
-            message = f"{name}: '{text}' has no value before the run, but the conversion needs its value"
+            message = f"{name}: '{text}' has no value before the run, but the conversion of the node needs the value"
             hint = f"write the value in place of '{text}'"
             notes.add("no-counterpart", message, self.element, value=name, hint=hint)
         except ConversionError as error:

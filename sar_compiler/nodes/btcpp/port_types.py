@@ -1,4 +1,4 @@
-"""Rules of BehaviorTree.CPP for the C++ types of ports: which ports may share a key, and which values they can read.
+"""Rules of BehaviorTree.CPP for the C++ types of ports: which types can share a key, and which can be read.
 
 BehaviorTree.CPP compares types twice. When it creates a tree, the first node that names a key gives the entry its type
 (`src/xml_parsing.cpp`, `createNodeFromXML`), and a port of another type is rejected. When it ticks the tree, a value is
@@ -35,7 +35,7 @@ _OLD_REAL = r"(?i)\s*[+-]?(\.?\d|inf|nan)"
 
 
 def may_share(first: str, later: str) -> bool:
-    """Return whether BehaviorTree.CPP creates a tree in which ports of two types share a key.
+    """Return whether BehaviorTree.CPP accepts a tree in which ports of two types share a key.
 
     A port without a type matches every other port. A port for strings matches every later port. Unknown types are compared
     by name. `Pose` may be short for `geometry_msgs::msg::Pose`.
@@ -48,7 +48,7 @@ def may_share(first: str, later: str) -> bool:
 
 
 def is_same(first: str, second: str) -> bool:
-    """Return whether two type names are equal, except that one of them may lack the namespace."""
+    """Return whether two type names are equal. The names may differ in that one lacks the namespace."""
     return first == second or first.endswith(f"::{second}") or second.endswith(f"::{first}")
 
 
@@ -63,7 +63,7 @@ def is_number(cpp: str) -> bool:
 
 
 def is_whole(cpp: str) -> bool:
-    """Return whether BehaviorTree.CPP treats the values of a type as integers, including bools."""
+    """Return whether BehaviorTree.CPP treats the values of a type as integers. This includes bools."""
     return cpp in _INTEGERS or cpp == "bool"
 
 
@@ -73,7 +73,7 @@ def is_loop_queue(name: str) -> bool:
 
 
 def can_be_read(written: str, port: str, version: Version) -> bool:
-    """Return whether a port may read values of another type. Single values may still be invalid.
+    """Return whether a port may read values of another type, although some of these values may be invalid.
 
     Args:
         written: The normalised type of the value.
@@ -144,7 +144,7 @@ def _is_pointer(cpp: str) -> bool:
 
 
 def can_replace(written: str, held: str) -> bool:
-    """Return whether a port can overwrite another type's value in an entry that has no type from a port.
+    """Return whether a port can overwrite another type's value in an entry whose type no port determines.
 
     Args:
         written: The normalised type of the port that writes.
@@ -164,7 +164,7 @@ def can_be_copied(written: str, entry: str) -> bool:
 
 
 def type_of_constant(text: str, version: Version) -> str:
-    """Return the C++ type of an entry with a subtree's constant; empty for a string, which leaves the type open."""
+    """Return the C++ type that a subtree's constant gives an entry; empty for a string, which gives none."""
     value = literal_value(text) if version >= NUMBERS.since else text
     if isinstance(value, float):
         return REAL

@@ -40,14 +40,14 @@ def reactive(draft: NodeDraft, notes: FindingCollector) -> None:
 
 
 def rewrite_running(draft: NodeDraft, _notes: FindingCollector) -> None:
-    """Write `Running` as a succeeding node inside a decorator that never ends."""
+    """Rewrite `Running` as a succeeding node inside a decorator that never ends."""
     element = draft.element
     draft.tag = "KeepRunningUntilFailure"
     draft.children = [Element("AlwaysSuccess", {}, (), element.source, *element.position)]
 
 
 def oneshot(draft: NodeDraft, notes: FindingCollector) -> None:
-    """Write `OneShot` as `RunOnce` if its policy is `ON_COMPLETION`."""
+    """Rewrite `OneShot` as `RunOnce` if the policy of `OneShot` is `ON_COMPLETION`."""
     if "policy" not in draft.attributes:
         return
     try:
@@ -61,7 +61,7 @@ def oneshot(draft: NodeDraft, notes: FindingCollector) -> None:
 
 
 def retry(draft: NodeDraft, notes: FindingCollector) -> None:
-    """Write `Retry` as `RetryUntilSuccessful`."""
+    """Rewrite `Retry` as `RetryUntilSuccessful`."""
     if _times(draft, "num_failures", "num_attempts", 1, notes):
         draft.tag = "RetryUntilSuccessful"
         message = "Retry waits for the next tick before each attempt, but RetryUntilSuccessful may continue in the same tick"
@@ -77,7 +77,7 @@ def repeat(draft: NodeDraft, notes: FindingCollector) -> None:
 
 
 def _times(draft: NodeDraft, name: str, other: str, below_1: int, notes: FindingCollector) -> bool:
-    """Rename an attribute with a number of repetitions; return whether the number could be converted."""
+    """Rename an attribute that contains a number of rounds; return whether the number could be converted."""
     if name not in draft.attributes:
         return False
     text = draft.attributes[name]
@@ -98,7 +98,7 @@ def timeout(draft: NodeDraft, notes: FindingCollector) -> None:
 
 
 def timer(draft: NodeDraft, notes: FindingCollector) -> None:
-    """Write `Timer` as `Sleep`."""
+    """Rewrite `Timer` as `Sleep`."""
     draft.attributes.setdefault("duration", "5.0")
     if _milliseconds(draft, 0, notes):
         draft.tag = "Sleep"

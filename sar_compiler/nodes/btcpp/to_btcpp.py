@@ -38,7 +38,7 @@ from sar_compiler.tree.model import (
 )
 
 _QUEUES = {("LoopInt", "queue"): "std::vector<int>"}
-"""The port types for which BehaviorTree.CPP and this project declare different types."""
+"""The port types that BehaviorTree.CPP and this project declare differently."""
 
 
 def to_btcpp(
@@ -119,7 +119,7 @@ class _BtcppConverter:
 
     def _section(self, element: Element) -> Element:
         if element.tag == INCLUDE_TAG:
-            hint = "convert it too, and include the result"
+            hint = "convert the included file, too, and include the result"
             self.notes.add("not-converted", "the included file is not converted", element, hint=hint)
         if element.tag != TREE_TAG:
             return element
@@ -159,7 +159,7 @@ class _BtcppConverter:
         return is_built_in([subtree()] if tag == SUBTREE_TAG else self._registry.variants(tag))
 
     def _rewrites(self, tag: str) -> Iterator[Rewrite]:
-        """Yield the rewrites for BehaviorTree.CPP that the specs of a tag declare."""
+        """Yield the rewrites for BehaviorTree.CPP that are declared in the specs of a tag."""
         for spec in self._registry.variants(tag):
             if spec.semantics.counterpart.rewrite is not None:
                 yield spec.semantics.counterpart.rewrite
@@ -174,12 +174,12 @@ class _BtcppConverter:
         return NodeDraft(element, tag, attributes, explicit)
 
     def _durations(self, tag: str) -> dict[str, str]:
-        """Return the unit of plain numbers for each duration attribute of a tag."""
+        """Return, for each duration attribute of a tag, the unit of numbers without a unit."""
         attributes = (each for spec in self._registry.variants(tag) for each in spec.attributes)
         return {each.name: each.value_type.unit for each in attributes if each.value_type.unit}
 
     def _units_of_keys(self, tree_file: TreeFile) -> dict[str, str]:
-        """Return the unit of plain numbers for each key that an attribute reads as a duration."""
+        """Return, for each key that an attribute reads as a duration, the unit of numbers without a unit."""
         units: dict[str, str] = {}
         for element in tree_file.root.iterate():
             tag = element.attributes.get("ID", "") if element.tag in KIND_TAGS else element.tag
@@ -190,7 +190,10 @@ class _BtcppConverter:
         return units
 
     def _subtree(self, element: Element) -> NodeDraft:
-        """Report durations with units that are passed to a subtree, where BehaviorTree.CPP reads them as strings."""
+        """Report durations with units that are passed to a subtree.
+
+        BehaviorTree.CPP reads them as strings.
+        """
         for name, text in element.attributes.items():
             if name in self._units and parse_milliseconds(text) is not None:
                 message = f"{name}: BehaviorTree.CPP has no units and would read '{text}' as another number"
@@ -227,7 +230,7 @@ class _BtcppConverter:
         refused = invalid_id_part(draft.tag)
         if refused and not draft.explicit and self._btcpp >= NAMES.since:
             message = f"BehaviorTree.CPP rejects the node '{draft.tag}'"
-            hint = f"register it under a name without {refused}"
+            hint = f"register the node under a name without {refused}"
             self.notes.add("no-counterpart", message, draft.element, hint=hint)
         if draft.kept or not specs:
             return
@@ -365,5 +368,5 @@ def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
 
 
 def _copy(element: Element) -> Element:
-    """Copy an element without its location in a file."""
+    """Copy an element and its content, but not its location in a file."""
     return synthetic_element(element.tag, element.attributes, map(_copy, element.children), element.text)
