@@ -165,7 +165,7 @@ def handed_over(keyword: str, target: type | str, doc: str, *, required: bool = 
 
 
 def reference(keyword: str, path: str, doc: str) -> Parameter:
-    """Return a parameter for another leaf of the tree, which the tree file names.
+    """Return a parameter for another leaf of the tree. The tree file contains the name of this leaf.
 
     Args:
         keyword: The parameter's name.
@@ -176,7 +176,7 @@ def reference(keyword: str, path: str, doc: str) -> Parameter:
 
 
 SCOPE = handed_over(
-    "scope", "sar_compiler.runtime.blackboard:Scope", "The scope in which keys are looked up."
+    "scope", "sar_compiler.runtime.blackboard:Scope", "The scope in which the node's keys are looked up."
 )
 ENUMS = handed_over("enums", "sar_compiler.runtime.variables:Enums", "The named constants and their numbers.")
 CLOCK = handed_over("clock", "sar_compiler.runtime.clock:Clock", "The clock that measures the time.")

@@ -1,4 +1,4 @@
-"""Discovery of installed Python modules, excluding those in a tree file's folder.
+"""Discovery of installed Python modules. Modules in the folder of a tree file are not installed.
 
 A checkout and the current folder contain only data for this module, because a check of other people's trees must not
 run their code. However, `sys.path` may contain these folders, through an empty part of `PYTHONPATH` or `python -m`, and
@@ -63,7 +63,7 @@ def entry_points(group: str, checkout: Path | None = None) -> list[EntryPoint]:
 
 
 def ignored_entry_points(group: str, checkout: Path | None = None) -> list[tuple[EntryPoint, str]]:
-    """Return the entry points that are found only in the checkout or the current folder, each with its folder."""
+    """Return the entry points that are found only in the checkout or current folder, with this folder."""
     installed = _installed_folders(checkout)
     found = [
         (entry_point, entry or os.curdir)
@@ -87,7 +87,10 @@ def pass_over(entries: Iterable[str]) -> None:
 
 
 def allow_current_folder() -> None:
-    """Allow imports of modules that the user names from the current folder; installed modules take precedence."""
+    """Allow imports from the current folder, for modules that the user names.
+
+    Installed modules take precedence.
+    """
     with suppress(OSError):  # the folder may have been deleted
         for entry in (*_passed_over, str(Path.cwd())):
             if entry not in sys.path:
@@ -95,7 +98,7 @@ def allow_current_folder() -> None:
 
 
 def has_entry_point(module: str, group: str, checkout: Path | None = None) -> bool:
-    """Return whether a module's installed package has an entry point of a group, without importing it.
+    """Check, without importing a module, whether its installed package has an entry point of a group.
 
     Other modules are not meant to be imported at the request of a file. Importing them could run any code.
 
@@ -147,7 +150,10 @@ def import_installed(module: str, checkout: Path | None = None) -> ModuleType:
 
 
 def _entry_points(group: str, path: Iterable[str]) -> dict[tuple[str, str], EntryPoint]:
-    """Return the entry points of a group by distribution and name; the first of several equal distributions is used."""
+    """Return the entry points of a group by distribution and name.
+
+    If several distributions are equal, the first is used.
+    """
     found: dict[tuple[str, str], EntryPoint] = {}
     seen: set[str] = set()
     for name, text in _metadata(path, "entry_points.txt"):
@@ -194,7 +200,7 @@ def _parse_group(text: str, group: str) -> Iterator[EntryPoint]:
 
 
 def _installed_folders(checkout: Path | None) -> list[str]:
-    """Return the folders of `sys.path` with installed packages."""
+    """Return the folders of `sys.path` that contain installed packages."""
     strange, outside = _current_folders(), checkout.resolve() if checkout else None
     sourced = [Path(part).resolve() for part in _parts("AMENT_PREFIX_PATH") if Path(part).is_absolute()]
 
@@ -209,7 +215,10 @@ def _installed_folders(checkout: Path | None) -> list[str]:
 
 @functools.cache
 def _resolve(folder: str) -> Path:
-    """Return the path of a folder with links resolved; cached, because each part of the path takes a system call."""
+    """Return a folder's path with links resolved.
+
+    The result is cached, because each part of the path takes a system call.
+    """
     return Path(folder).resolve()
 
 
@@ -222,7 +231,7 @@ def _current_folders() -> set[Path]:
 
 
 def _trusted_folders() -> Iterator[Path]:
-    """Yield the folders of the interpreter's packages, and of this package."""
+    """Yield the folders that contain the interpreter's packages, and the folder of this package."""
     yield _OWN_FOLDER
     packages = *site.getsitepackages(), site.getusersitepackages()
     yield from map(_resolve, (*packages, os.path.dirname(os.__file__)))  # noqa: PTH120
@@ -244,7 +253,7 @@ def _restrict_imports(checkout: Path | None) -> Iterator[None]:
 
 
 def _importable(checkout: Path | None) -> list[str]:
-    """Return the folders of `sys.path` with installed packages, including those of editable installations."""
+    """Return the folders of `sys.path` that contain installed packages, and those of editable installations."""
     installed = _installed_folders(checkout)
     origins = (origin for _, origin in _metadata(installed, "direct_url.json"))
     edited = [folder for origin in origins if (folder := _editable_folder(origin)) is not None]

@@ -20,7 +20,7 @@ _COUNT = r"([0-9]+(\.[0-9]*)?|\.[0-9]+)"
 WITH_UNIT = rf"{_COUNT}(ms|s|min)"
 """A regular expression for durations with a unit."""
 DURATION = rf"{WITH_UNIT}?"
-"""A regular expression for durations, including plain numbers in a default unit."""
+"""A regular expression for durations. Plain numbers, which are in a default unit, are durations, too."""
 HOW_LONG = "write a number with ms, s or min, for example 500ms, 1.5s or 2min"
 
 _MILLISECONDS = {"ms": 1, "s": 1000, "min": 60_000}
@@ -33,7 +33,10 @@ _DURATIONS = {
     "h": ("60", "min"),
 }
 _DIGITS = 5
-"""The number of significant digits to which an infinite decimal is rounded: 90 degrees are 1.5708 radians."""
+"""The number of significant digits to which an infinite decimal is rounded.
+
+For example, 90 degrees are 1.5708 radians.
+"""
 # More digits than a finite decimal has after a conversion between units; radians are infinite decimals.
 _MOST_DIGITS = 20
 LONGEST = 100
@@ -47,7 +50,7 @@ _SPACED = r"([+\-]?[0-9.,][0-9.,_eE+\-]*?)\s*([^\W\d_]+(?:/[^\W\d_]+)?|[°%])"
 
 
 class PlausibleRange(NamedTuple):
-    """The plausible numbers for an attribute or a unit. Other numbers may be valid as well.
+    """The range of plausible numbers for an attribute or a unit. Numbers outside of the range may be valid.
 
     Attributes:
         least: The smallest plausible number.
@@ -138,7 +141,7 @@ _UNIT_OF_KEY = {key: unit for unit, keys in _KEYS.items() for key in keys.split(
 
 
 def unit_of_key(key: str) -> str:
-    """Return the unit of a numeric parameter (`rad` for `initial_pose.yaw`); an empty string if it has no unit."""
+    """Return the unit of a numeric parameter, such as `rad` for `initial_pose.yaw`; empty without a unit."""
     name = key.rpartition(".")[2]
     return _UNIT_OF_KEY.get(name) or (unit_suffix(name) if "_" in name else "")
 
@@ -162,7 +165,10 @@ class ImplausibleNumber(NamedTuple):
 
 
 def find_implausible_number(number: float, unit: str) -> ImplausibleNumber | None:
-    """Explain why a number is implausible in a unit; return None if it is plausible, or the unit is unknown."""
+    """Explain why a number is implausible in a unit.
+
+    The result is None if the number is plausible or the unit is unknown.
+    """
     known = UNITS.get(unit)
     if known is None or number in known.usual:
         return None
@@ -177,7 +183,10 @@ def find_implausible_number(number: float, unit: str) -> ImplausibleNumber | Non
 
 
 def convert_mistaken(text: str, unit: str) -> str:
-    """Return a hint for a number in a wrong unit: `90 degrees are 1.5708 rad: write 1.5708`; empty if none is likely."""
+    """Return a hint for a number that is probably in a wrong unit; empty if no wrong unit is likely.
+
+    A hint is, for example, `90 degrees are 1.5708 rad: write 1.5708`.
+    """
     known = UNITS.get(unit)
     if known is None or not known.mistaken[0] or (plain := intended_plain_number(text)) is None:
         return ""
@@ -190,7 +199,7 @@ def convert_mistaken(text: str, unit: str) -> str:
 
 
 def parse_milliseconds(text: str) -> "Decimal | None":
-    """Convert a duration with a unit to milliseconds; return None for any other text."""
+    """Convert a duration with a unit to milliseconds. Return None for any other text."""
     match = re.fullmatch(WITH_UNIT, text) if len(text) <= LONGEST else None
     if match is None:
         return None
@@ -200,13 +209,16 @@ def parse_milliseconds(text: str) -> "Decimal | None":
 
 
 def convert_duration(text: str, unit: str) -> str:
-    """Convert a duration with a unit to a plain number in another unit; return any other text unchanged."""
+    """Convert a duration to a plain number in another unit. Return a text without a unit unchanged."""
     milliseconds = parse_milliseconds(text) if unit in _MILLISECONDS else None
     return text if milliseconds is None else _plain_text(milliseconds / _MILLISECONDS[unit])
 
 
 def intended_number(text: str) -> str | None:
-    """Convert a number in another notation (`1,5`, `1_000`, `0x10`) to a plain number; return None if it is ambiguous."""
+    """Convert a number in another notation (`1,5`, `1_000`, `0x10`) to a plain number.
+
+    The result is None if the number is ambiguous.
+    """
     text = text.strip()
     if len(text) > LONGEST or re.fullmatch(_AMBIGUOUS, text):
         return None
@@ -220,13 +232,19 @@ def intended_number(text: str) -> str | None:
 
 
 def intended_integer(text: str) -> str | None:
-    """Convert an integer in another notation (`1e3`, `2.0`) to a plain integer; return None for any other text."""
+    """Convert an integer in another notation (`1e3`, `2.0`) to a plain integer.
+
+    The result is None for any other text.
+    """
     plain = intended_plain_number(text)
     return plain if plain is not None and "." not in plain else None
 
 
 def intended_plain_number(text: str) -> str | None:
-    """Convert a number to a plain number without an exponent; return None if it is ambiguous, or not a number."""
+    """Convert a number to a plain number without an exponent.
+
+    The result is None if the text is ambiguous or not a number.
+    """
     number = intended_number(text)
     if number is None:
         return None
@@ -237,7 +255,10 @@ def intended_plain_number(text: str) -> str | None:
 
 
 def intended_duration(text: str) -> str | None:
-    """Convert a duration in another notation (`5 sec`, `1,5s`, `2h`) to a valid duration; return None for any other text."""
+    """Convert a duration in another notation (`5 sec`, `1,5s`, `2h`) to a valid duration.
+
+    The result is None for any other text.
+    """
     match = re.fullmatch(_SPACED, text.strip()) if len(text) <= LONGEST else None
     spelt = _DURATIONS.get(UNIT_OF.get(match[2].lower(), "")) if match is not None else None
     number = intended_number(match[1]) if match is not None else None
@@ -264,7 +285,7 @@ def number_hint(text: str, unit: str = "") -> str | None:
     if unit:
         return f"write only the number, in {unit_name(unit)}"
     if re.match(r"\s*" + REAL + r"\s*[^\W\d]", text[:LONGEST]):
-        return "write only the number, in the unit that the node's documentation gives"
+        return "write only the number, in the unit that the node's documentation states"
     return None
 
 
@@ -274,7 +295,9 @@ def unit_name(unit: str) -> str:
 
 
 def convert_with_unit(text: str, unit: str) -> str | None:
-    """Convert a number, possibly with a unit (`90deg`), to a plain number in *unit*; return None if this is impossible.
+    """Convert a number with or without a unit (`90deg`) to a plain number in *unit*.
+
+    The result is None if this is impossible.
 
     An infinite decimal is rounded to five significant digits.
     """
@@ -288,7 +311,10 @@ def convert_with_unit(text: str, unit: str) -> str | None:
 
 
 def _conversion_factor(spelt: str, unit: str) -> "Fraction | None":
-    """Return the conversion factor between two units; None for different quantities or an unknown unit."""
+    """Return the conversion factor between two units.
+
+    The result is None if the units measure different quantities or one of them is unknown.
+    """
     from fractions import Fraction
 
     spelt = UNIT_OF.get(spelt, spelt)
@@ -302,7 +328,7 @@ def _conversion_factor(spelt: str, unit: str) -> "Fraction | None":
 
 
 def _round(value: "Fraction") -> str:
-    """Return a number with all its digits, or rounded if it is an infinite decimal."""
+    """Return a number with all its digits. An infinite decimal is rounded."""
     from decimal import Decimal
 
     short = Decimal(value.numerator) / Decimal(value.denominator)

@@ -32,10 +32,16 @@ BITS = {"SUCCESS": S, "FAILURE": F, "RUNNING": R, "SKIPPED": K}
 WORD_OF = {bit: word for word, bit in BITS.items()}
 RESULTS = (S, F, R, K)
 ALLOWED, SURE = False, True
-"""The values of *sure*: collect all results that a tick may have, or only those that certainly occur in some run."""
+"""The values of *sure*.
+
+ALLOWED collects all results that a tick may have. SURE collects only the results that occur in some run.
+"""
 
 Number: TypeAlias = Callable[["NodeView"], float | None]
-"""A function that reads a number from a node's attributes; it returns None if the number is known only at runtime."""
+"""A function that reads a number from a node's attributes.
+
+It returns None if the number is known only at runtime.
+"""
 Possible: TypeAlias = Callable[["NodeView", Sequence[int], bool], int]
 
 # The maximum number of children of which all combinations of results are enumerated; with more, they are estimated.
@@ -43,7 +49,7 @@ _MOST_COUNTED = 12
 
 
 def bit_of(status: "Status | int") -> int:
-    """Convert a status to an outcome set; INVALID stands for SKIPPED. A set is returned unchanged."""
+    """Convert a status to an outcome set, and return an outcome set unchanged. INVALID stands for SKIPPED."""
     return status if isinstance(status, int) else BITS.get(status.name, K)
 
 
@@ -73,7 +79,7 @@ def unknown(_bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
 
 
 def in_order(goes_on: int, *, pauses: bool = False, keeps_place: bool = False) -> Possible:
-    """Return the function for a node that ticks its children in order.
+    """Return a function that computes the outcome set of a node that ticks its children in order.
 
     Args:
         goes_on: The result after which the next child is ticked: `S` for a sequence, `F` for a selector.
@@ -93,7 +99,9 @@ def _sequential_outcomes(
 
 
 def _before_restarts(bound: "NodeView", children: Sequence[int]) -> Sequence[int]:
-    """Return the children's sets; the set is empty if an earlier sibling may interrupt the child in each tick.
+    """Return the outcome sets of children.
+
+    The set of a child is empty if an earlier sibling may interrupt the child in each tick.
 
     A leaf can end in any tick. A branch of several nodes may have to run for some ticks first. In these ticks, a reactive
     node resets the children after the branch, so these children may never end.
@@ -127,7 +135,10 @@ def branches(_bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
 
 
 def selection(bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
-    """Return the outcome set of a `Switch`, which ticks the child whose case equals the variable, or the last child."""
+    """Return the outcome set of a `Switch`.
+
+    The node ticks the child whose case equals the variable, or else the last child.
+    """
     names = ("variable", *(f"case_{number}" for number in range(1, len(children))))
     variable, *cases = (bound.values.get(name) for name in names)
     if variable is None or None in cases:
@@ -137,7 +148,10 @@ def selection(bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
 
 
 def attempt(_bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the outcome set of a `TryCatch`, which ticks its last child after another child has failed, and then fails."""
+    """Return the outcome set of a `TryCatch`.
+
+    After a child has failed, the node ticks the last child, and then fails.
+    """
     *tried, caught = children
     found = _sequence(tried, sure, pauses=False, keeps_place=False)
     ends = (caught & R) | (F if caught & ~R else 0)
@@ -207,7 +221,7 @@ def _threshold(wanted: int, count: int) -> int:
 
 
 def _estimate(children: Sequence[int], sure: bool) -> int:
-    """Estimate the outcome set of a parallel with too many children to enumerate the combinations of their results."""
+    """Estimate the outcome set of a parallel whose children have too many combinations of results."""
     return intersection(children) & R if sure else ALL
 
 
@@ -234,7 +248,7 @@ def passing_results(_bound: "NodeView", children: Sequence[int], _sure: bool) ->
 
 
 def mapping_results(turns: dict[int, int]) -> Possible:
-    """Return the function for a decorator that replaces some results of its child."""
+    """Return a function that computes the outcome set of a decorator that replaces results of its child."""
     return partial(_mapped_results, tuple(turns.get(each, each) for each in RESULTS))
 
 
@@ -245,7 +259,7 @@ def _mapped_results(turned: tuple[int, ...], bound: "NodeView", children: Sequen
 
 
 def _sure_if_interrupted(bound: "NodeView", child: int) -> int:
-    """Return the certain results of a child that its decorator resets whenever it returns RUNNING.
+    """Return the certain results of a child that the decorator resets each time the child returns RUNNING.
 
     A leaf can end in any tick. A branch of several nodes may have to run for some ticks first.
     """
@@ -273,7 +287,10 @@ def guard(condition: str, bound: "NodeView", children: Sequence[int], sure: bool
 
 
 def rounds(count: Number, again: int, bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the outcome set of a decorator that ticks its child again after the result *again*, `count` times in all."""
+    """Return the outcome set of a decorator that repeats its child after the result *again*.
+
+    The child is executed at most `count` times.
+    """
     child, most = children[0], count(bound)
     if most is None:
         return child & ~again if sure else child | again | R
@@ -307,12 +324,12 @@ def loop(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
 
 
 def each_item(_bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the outcome set of py_trees' `ForEach`, whose list is never in the tree file."""
+    """Return the outcome set of py_trees' `ForEach`. The list of this node is never in the tree file."""
     return children[0] & (F | R) if sure else ALL
 
 
 def awaiting_results(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the outcome set of a decorator that runs until its child returns a given status, then succeeds."""
+    """Return the outcome set of a decorator that runs until its child returns a given status."""
     wanted = BITS.get(str(bound.value("status")))
     if wanted is None:
         return unknown(bound, children, sure)
@@ -321,7 +338,7 @@ def awaiting_results(bound: "NodeView", children: Sequence[int], sure: bool) -> 
 
 
 def queue_results(bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
-    """Return the outcome set of a leaf that lists its statuses in the attribute `queue`."""
+    """Return the outcome set of a leaf whose statuses are listed in the attribute `queue`."""
     queue, eventually = bound.value("queue"), bound.value("eventually")
     if not isinstance(queue, list) or "eventually" in bound.keys:
         return unknown(bound, (), sure)
@@ -341,13 +358,13 @@ def number(bound: "NodeView", name: str) -> float | None:
 
 
 def milliseconds(bound: "NodeView", name: str) -> float | None:
-    """Return the value of a constant attribute in milliseconds, converted to seconds; None for other attributes."""
+    """Return a constant attribute, which is in milliseconds, in seconds; None for other attributes."""
     value = number(bound, name)
     return None if value is None else value / 1000
 
 
 def _attribute_results(bound: "NodeView", attribute: str, default: int, sure: bool) -> int:
-    """Return the outcome set for the status in an attribute; *default* if the attribute is not written."""
+    """Return the outcome set for the status in an attribute. Without the attribute, return *default*."""
     if attribute not in bound.element.attributes:
         return default
     outcome = bound.values.get(attribute)
@@ -355,7 +372,7 @@ def _attribute_results(bound: "NodeView", attribute: str, default: int, sure: bo
 
 
 def constant_condition(condition: object) -> bool | None:
-    """Return the value of a condition that does not depend on its variables; None for other conditions."""
+    """Return the constant value of a condition; None if the value depends on the condition's variables."""
     return constant_truth(condition) if isinstance(condition, Script) else None
 
 

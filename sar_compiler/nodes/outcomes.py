@@ -11,14 +11,14 @@ from sar_compiler.runtime.tokens import ScriptError
 SELF = "self"
 """The placeholder for the leaf's own name."""
 NOBODY = "nobody"
-"""The text that replaces the name of a referenced node if the tree file omits the optional reference."""
+"""The text that replaces a referenced node's name if the tree file omits the optional reference."""
 _PLACEHOLDER = r"\{(\w+)\}"
 _FACT = r"([A-Za-z_]|\{\w+\})([A-Za-z0-9_]|\{\w+\})*"
 _NO_WORD = r"[^A-Za-z0-9_]"
 
 
 def outcomes_of(outcomes: Collection[str]) -> tuple[Outcome, ...]:
-    """Return the outcomes of a leaf that declares only statuses, or declares nothing."""
+    """Return the outcomes of a leaf that declares only statuses, or that declares nothing."""
     known = outcomes or ("SUCCESS", "FAILURE", "RUNNING")
     return tuple(Outcome(status) for status in STATUSES if status in known)
 
@@ -41,19 +41,25 @@ def fill_outcome(outcome: Outcome, names: Mapping[str, str]) -> Outcome:
 
 
 def fill_placeholders(text: str, names: Mapping[str, str]) -> str:
-    """Return a text with its placeholders replaced by identifiers; unknown placeholders stay unchanged."""
+    """Replace the placeholders in a text by identifiers. Unknown placeholders stay unchanged."""
     return re.sub(_PLACEHOLDER, lambda match: names.get(match[1], match[0]), text)
 
 
 def number_text(value: object) -> str:
-    """Return an integer as the replacement of a placeholder; negative numbers are in parentheses, in case a `-` precedes."""
+    """Return the text that replaces an integer's placeholder.
+
+    Negative numbers are in parentheses, because a `-` may precede the placeholder.
+    """
     return f"({value})" if str(value).startswith("-") else str(value)
 
 
 def find_script_error(
     outcome: Outcome, known: Iterable[str] = (SELF,), numbers: Iterable[str] = ()
 ) -> tuple[str, str, ScriptError] | None:
-    """Find an outcome's first script that cannot be parsed; return the field (`when` or `then`), the text and the error."""
+    """Find the first script of an outcome that cannot be parsed.
+
+    The result contains the field (`when` or `then`), the text and the error.
+    """
     # Each replacement is as long as its placeholder, so that locations in the error match those in the text.
     names = {name: f"x{name}x" for name in known}
     names |= {name: f"({'1' * len(name)})" for name in numbers}
@@ -74,7 +80,7 @@ class Identifiers:
         self._last: dict[str, int] = {}
 
     def make_unique(self, name: str) -> str:
-        """Return an identifier for a node: its name, with `_` for characters that identifiers may not contain.
+        """Return an identifier for a node's name, with `_` in place of characters that are not allowed.
 
         If an earlier node has this identifier, a number is appended: `Drive`, `Drive_2`.
         """

@@ -22,11 +22,11 @@ _NAME = r"[A-Za-z][\w-]+:[\w.-]*"
 
 
 class PaletteError(SarError):
-    """An error about a palette that does not exist or cannot be loaded."""
+    """A palette does not exist or cannot be loaded."""
 
 
 class KnownSpec(NodeSpec):
-    """The spec of another program's node. Its behaviour is known, not only its model."""
+    """The spec of another program's node. The behaviour of the node is known, not only its model."""
 
     provenance = Provenance.NAMED
     """The declared outcomes and semantics are known, not assumed."""
@@ -38,7 +38,7 @@ def is_palette_name(text: str) -> bool:
 
 
 def load_palettes(names: Iterable[str], checkout: Path | None = None) -> list[NodeSpec]:
-    """Return the node specs of palettes; if two versions of a palette are named, the first is used.
+    """Return the node specs of palettes. If two versions of a palette are named, the first is used.
 
     Args:
         names: Names with versions, such as `nav2:jazzy`.
@@ -60,7 +60,7 @@ def palettes_containing(tag: str) -> list[str]:
 
 
 def palette_attributes(palette: str, tag: str) -> frozenset[str] | None:
-    """Return the attributes of a tag in one of this package's palettes; None if the palette does not contain the tag."""
+    """Return the attributes of a tag in one of this package's palettes; None if no palette contains the tag."""
     return _attributes().get(palette, {}).get(tag)
 
 

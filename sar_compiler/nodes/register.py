@@ -136,7 +136,7 @@ def _child_count(tag: str, kind: Kind, count: object) -> tuple[int, int | None]:
     if count is None:
         return CHILD_COUNTS[kind]
     if kind is not Kind.CONTROL:
-        raise RegistrationError(f"<{tag}>: child_count is only for controls: remove it")
+        raise RegistrationError(f"<{tag}>: child_count is allowed only for controls: remove it")
     match count:
         case (int(least), int() | None as most) if 1 <= least <= (least if most is None else most):
             return least, most
@@ -149,7 +149,10 @@ _FUNCTIONS = ("possible", "gates", "rounds", "limit_sec", "wait_sec")
 
 
 class _UserFunction:
-    """A wrapper of a user's function in a `Semantics`. It checks the result, and errors name the node class."""
+    """A wrapper of a user's function in a `Semantics`.
+
+    The wrapper checks the function's result, and its errors name the node class.
+    """
 
     def __init__(self, whose: str, name: str, function: Callable[..., Any]) -> None:
         self._whose = whose
@@ -190,7 +193,7 @@ def _require_behaviour(tag: str, cls: object) -> None:
 
 
 def _outcomes(tag: str, outcomes: object) -> tuple[frozenset[str], tuple[Outcome, ...]]:
-    """Return the statuses, and the outcomes if at least one of them is an `Outcome`."""
+    """Return the statuses, and also the outcomes if at least one argument is an `Outcome`."""
     given = _members(tag, "outcomes", outcomes, "{Status.SUCCESS}")
     possible = tuple(_outcome(tag, each) for each in given)
     twice = [each.name for index, each in enumerate(possible) if each in possible[:index]]

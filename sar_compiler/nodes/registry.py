@@ -1,4 +1,4 @@
-"""The registry of tags, from which schemas, checks and the compiler are derived."""
+"""The registry of tags. Schemas, checks and the compiler are derived from it."""
 
 import functools
 import importlib
@@ -21,17 +21,17 @@ from sar_compiler.tree.model import SUBTREE_TAG
 ENTRY_POINTS = "sar_compiler.nodes"
 
 Named = str | ModuleType | type
-"""The leaves that a user names: the import path of a module, a module, or a class."""
+"""A module or class of leaves that a user names. A module can be given by its import path."""
 
 _REGISTERS = re.compile(r"^@(\w+\.)*register\(", re.MULTILINE)
 
 
 class RegistryError(SarError):
-    """An error about a module of leaves that cannot be loaded, or about two classes with the same tag."""
+    """A module of leaves cannot be loaded, or two classes have the same tag."""
 
 
 def is_marked(cls: type) -> bool:
-    """Return whether a class itself is registered; a subclass of a registered class is not."""
+    """Return whether a class itself is registered. A subclass of a registered class is not registered."""
     return MARK in vars(cls)
 
 
@@ -45,7 +45,7 @@ class Registry:
             self.add(spec)
 
     def add(self, spec: NodeSpec) -> None:
-        """Add the spec of a tag; a variant can be added to the other specs of its tag.
+        """Add the spec of a tag. A variant can be added to the existing specs of the tag.
 
         Raises:
             RegistryError: If the tag is already registered for another class.
@@ -59,16 +59,19 @@ class Registry:
         known.append(spec)
 
     def record_entry_point(self, tag: str, entry_point: str) -> None:
-        """Record that a tag comes from an installed entry point, not from the user."""
+        """Record that a tag was registered by an installed entry point instead of the user."""
         self._installed.setdefault(tag, entry_point)
 
     def tags_like(self, tags: Iterable[str]) -> list[str]:
-        """Return the tags to suggest for a file that uses *tags*. Unused installed modules are left out."""
+        """Return the tags to suggest for a file that uses *tags*.
+
+        Tags of installed modules that the file does not use are left out.
+        """
         used = {self._installed.get(tag) for tag in tags}
         return [tag for tag in self._specs if tag not in self._installed or self._installed[tag] in used]
 
     def add_module(self, module: ModuleType) -> int:
-        """Add the classes of a module that `register` has marked, and the module's `SPECS`; return the number of specs."""
+        """Add the registered classes and the `SPECS` of a module, and return the number of specs."""
         classes = [value for value in vars(module).values() if isinstance(value, type) and is_marked(value)]
         specs = [*(vars(cls)[MARK] for cls in classes), *getattr(module, "SPECS", ())]
         for spec in specs:
@@ -76,7 +79,7 @@ class Registry:
         return len(specs)
 
     def add_class(self, cls: type) -> None:
-        """Add a class that `register` has marked.
+        """Add a class that the decorator `register` has marked.
 
         Raises:
             RegistryError: If the class is not marked, or its tag is already registered for another class.
@@ -107,7 +110,7 @@ class Registry:
         return next(iter(self.variants(tag)), None)
 
     def variants(self, tag: str) -> list[NodeSpec]:
-        """Return all specs of a tag; the attributes of an element select one of them.
+        """Return all specs of a tag. The attributes of an element determine which of them applies.
 
         Raises:
             RegistrationError: If the constructor of one of the classes has a parameter that a tree file cannot express.
@@ -126,18 +129,18 @@ class Registry:
         return [spec for variants in self._specs.values() for spec in variants]
 
     def without_tags(self, tags: Collection[str]) -> "Registry":
-        """Return a registry without some tags."""
+        """Return a copy of the registry without the given tags."""
         left = Registry()
         left._specs = {tag: variants for tag, variants in self._specs.items() if tag not in tags}
         left._installed = self._installed
         return left
 
     def current_tag(self, former_tag: str) -> str | None:
-        """Return the current tag of a node that had another tag in an earlier version, or None."""
+        """Return the current tag of a node that formerly had another tag; None if there is no such node."""
         return next((spec.tag for spec in self.specs() if former_tag in spec.former_tags), None)
 
     def nearest(self, tag: str) -> str | None:
-        """Return the tag that was probably intended, or None."""
+        """Return the tag that was probably meant by an unknown tag, or None."""
         return nearest(tag, self._specs)
 
 
@@ -202,13 +205,13 @@ def subtree() -> NodeSpec:
 
 @functools.cache
 def language_variants(tag: str) -> Sequence[NodeSpec]:
-    """Return all specs of a tag among the built-in nodes."""
+    """Return all specs that the built-in nodes have for a tag."""
     return [each for each in language() if each.tag == tag]
 
 
 @functools.cache
 def is_library_tag(tag: str) -> bool:
-    """Return whether a tag is built-in, but not in BehaviorTree.CPP, such as the tags of py_trees nodes."""
+    """Return whether a tag is built-in but unknown to BehaviorTree.CPP, such as the tags of py_trees nodes."""
     specs = language_variants(tag)
     return bool(specs) and not any(spec.semantics.counterpart.built_in for spec in specs)
 
@@ -230,7 +233,7 @@ def _add_import(registry: Registry, name: str, source: str, load: Callable[[str]
 
 
 def _as_module(path: Path) -> str:
-    """Return a hint that replaces a file path by a module's import path."""
+    """Return a hint to write a module's import path instead of the path of its file."""
     try:
         here = path.resolve().relative_to(Path.cwd())
     except (OSError, ValueError):
@@ -242,7 +245,10 @@ def _as_module(path: Path) -> str:
 
 
 def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
-    """Yield the import paths of a package's modules that register leaves, found in the source text without an import."""
+    """Yield the import paths of a package's modules that register leaves.
+
+    The modules are not imported: their source text is searched.
+    """
     for folder in map(Path, getattr(package, "__path__", ())):
         for path in sorted(folder.rglob("*.py")):
             parts = path.relative_to(folder).with_suffix("").parts
@@ -253,7 +259,7 @@ def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
 
 
 def registered_leaves(package: str) -> "Registry":
-    """Return a registry of only the leaves that a module, or the modules of a package, register.
+    """Return a registry that contains only the leaves registered by a module or a package's modules.
 
     Args:
         package: The import path of the module or package, which the user names.
@@ -280,7 +286,10 @@ def _import(name: str, source: str, load: Callable[[str], ModuleType]) -> Module
 
 
 def _location_of(error: BaseException) -> str:
-    """Return `file:line:column: ` of an error in a user's module; empty if the module was not found."""
+    """Return the location of an error in a user's module, as `file:line:column: `.
+
+    The result is empty if the module was not found.
+    """
     if isinstance(error, SyntaxError) and error.filename:
         return f"{as_written(Path(error.filename))}:{error.lineno or 1}:{error.offset or 1}: "
     import traceback

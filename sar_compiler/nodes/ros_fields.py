@@ -1,4 +1,6 @@
-"""Parsing of ROS message fields in attributes of tree files: YAML in which `{key}` is a blackboard key.
+"""Parsing of ROS message fields in attributes of tree files.
+
+The fields are YAML, with `{key}` for a blackboard key.
 
 This module parses only the text, without ROS. `ros_interfaces` fills messages with the values.
 """
@@ -85,7 +87,7 @@ FieldValue: TypeAlias = KeyReference | Scalar | FieldList | MessageFields | Mess
 
 
 def keys_of(value: FieldValue) -> Iterator[str]:
-    """Yield the blackboard keys in a value, including repetitions."""
+    """Yield the blackboard keys in a value. A key that occurs repeatedly is yielded repeatedly."""
     if isinstance(value, KeyReference):
         yield value.name
     elif isinstance(value, FieldList):
@@ -97,7 +99,9 @@ def keys_of(value: FieldValue) -> Iterator[str]:
 
 
 def value_of(found: object, place: PlaceInText | None = None) -> FieldValue:
-    """Convert a blackboard value (a number, a string, a list, a mapping or a message) to a `FieldValue`.
+    """Convert a blackboard value to a `FieldValue`.
+
+    The value is a number, a string, a list, a mapping or a message.
 
     Args:
         found: The value.
@@ -144,7 +148,7 @@ def read_fields(text: str) -> MessageFields:
 
 
 def _compose_yaml(text: str) -> tuple[yaml.Node, int]:
-    """Return the parsed YAML of a text, and the number of characters added before the text."""
+    """Parse a text as YAML. Return the result and the number of characters added before the text."""
     # The text is first parsed unchanged, as in ROS. Without braces, `a: 1, b: 2` is not YAML.
     try:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
@@ -209,7 +213,7 @@ class _Reader:
         return Scalar(unmask(node.value), unmask(found) if isinstance(found, str) else found, place)
 
     def _key(self, node: yaml.MappingNode, place: PlaceInText) -> KeyReference | None:
-        """Return the key if a mapping has the form `{x}`; None for other mappings."""
+        """Return the key in a mapping of the form `{x}`; None for other mappings."""
         if len(node.value) != 1 or not node.flow_style:
             return None
         name, nothing = node.value[0]
@@ -259,7 +263,7 @@ class FieldPath:
 
 
 def read_path(text: str) -> FieldPath | None:
-    """Parse the path of a field; return None for an empty text.
+    """Parse the path of a field. Return None for an empty text.
 
     Raises:
         ConversionError: If the text is not a field path.
@@ -290,7 +294,7 @@ class Destinations:
 
 
 def read_destinations(text: str) -> Destinations:
-    """Parse fields with their keys: `error_code: {code}, error_msg: {message}`.
+    """Parse a list of fields with their keys, such as `error_code: {code}, error_msg: {message}`.
 
     Raises:
         ConversionError: If a field is invalid or has no key. The error contains the location.
@@ -312,7 +316,9 @@ def _destinations(fields: MessageFields, before: str) -> Iterator[tuple[FieldPat
         else:
             at = value.place if isinstance(value, (Scalar, FieldList)) else place
             raise ConversionError(
-                f"'{path}' needs a key to write to", hint=f"write {path}: {{key}}", place=at
+                f"'{path}' needs the key to which the field is written",
+                hint=f"write {path}: {{key}}",
+                place=at,
             )
 
 

@@ -36,7 +36,7 @@ from sar_compiler.tree.guessing import did_you_mean, nearest
 _LIBRARIES = "*__rosidl_typesupport_c*"
 """The end of the glob pattern for the library that rosidl generates in each Python package."""
 KINDS = {"action": "action", "srv": "service", "msg": "topic"}
-"""The noun for each kind of interface, by the middle part of a type's name."""
+"""The noun for each kind of interface. The kind is the middle part of a type's name."""
 _TIME, _HEADER = "builtin_interfaces/Time", "std_msgs/Header"
 _TYPE = re.compile(
     r"(?:sequence<)?(?P<base>[\w/]+)(?:<(?P<length>\d+)>)?(?:, (?P<most>\d+)>|(?P<any>>)|\[(?P<size>\d+)\])?",
@@ -55,7 +55,7 @@ ReadKey = Callable[[str], object]
 
 
 class InterfaceError(SarError):
-    """An error about a type that is not installed, or about a text that is not a valid field or value of a type.
+    """A ROS type is not installed, or a text is not a valid field or value of a type.
 
     Attributes:
         message: The description of the error.
@@ -135,7 +135,7 @@ def generated_type(kind: str, written: str) -> Any:
     raise InterfaceError(
         f"{written} is not installed",
         suggestion=near and f"{package}/{kind}/{near}",
-        hint=f"install a version of '{package}' that contains it",
+        hint=f"install a version of '{package}' that contains this type",
         is_certain=near is not None,
     )
 
@@ -157,7 +157,7 @@ def _is_generated(package: str) -> bool:
 
 
 def require_generated(package: str) -> None:
-    """Check that rosidl has generated a package, because modules of other packages must not be imported.
+    """Check that rosidl has generated a package. Modules of other packages must not be imported.
 
     Raises:
         InterfaceError: If the package is not installed, or rosidl has not generated it.
@@ -165,7 +165,7 @@ def require_generated(package: str) -> None:
     if not _is_generated(package):
         raise InterfaceError(
             f"there is no interface package '{package}' on this machine",
-            hint="source the workspace that contains it, and write the type as package/kind/Name, such as std_srvs/srv/Trigger",
+            hint="source the workspace that contains this package, and write the type as package/kind/Name, such as std_srvs/srv/Trigger",
             is_certain=False,
         )
 
@@ -201,7 +201,7 @@ class FieldType(NamedTuple):
 
     @property
     def value_label(self) -> str:
-        """The description of the expected value, or of an expected element of a list."""
+        """The description of the expected value; for a list, of an expected element."""
         whole = integer_range(self.base)
         if whole is not None:
             return f"{self.base}, an integer from {whole[0]} to {whole[-1]}"
@@ -232,7 +232,10 @@ def field_type(text: str) -> FieldType:
 
 @functools.cache
 def fields_of(cls: Any) -> dict[str, FieldType]:
-    """Return the types of a message's fields by name, without the placeholder field of an empty message."""
+    """Return the types of a message's fields by name.
+
+    The placeholder field of an empty message is left out.
+    """
     kinds: Mapping[str, str] = cls.get_fields_and_field_types()
     return {
         name: field_type(text)
@@ -256,7 +259,7 @@ def constants_of(cls: Any) -> dict[str, object]:
 
 @functools.cache
 def _package_constants(cls: Any) -> dict[str, object]:
-    """Return the constants of all messages in a package, except for ambiguous names."""
+    """Return the constants of all messages in a package. Ambiguous names are left out."""
     found: dict[str, object] = {}
     unclear: set[str] = set()
     with suppress(ImportError):
@@ -269,7 +272,7 @@ def _package_constants(cls: Any) -> dict[str, object]:
 
 
 def _constant(cls: Any, name: str) -> object:
-    """Return the value of a constant in a message class or its package; None if there is no such constant."""
+    """Return the value of a constant in a message class or in its package; None if no such constant exists."""
     owner, dot, last = name.rpartition(".")
     if dot:
         package, stroke, rest = owner.partition("/")
@@ -298,7 +301,7 @@ class MessageFiller:
         self._now = now or (lambda: (int(time.time()), 0))
 
     def fill(self, message: Any, fields: MessageFields, path: str = "") -> Any:
-        """Set fields of a message, and return it; fields that are not written keep their defaults.
+        """Set fields of a message, and return the message. Fields that are not written keep their defaults.
 
         Raises:
             InterfaceError: If a field does not exist, or its value is invalid.
@@ -323,7 +326,10 @@ class MessageFiller:
         return message
 
     def _known_value(self, value: FieldValue) -> FieldValue | None:
-        """Return a value; for a reference to a key, return the value of the key, or None if keys are not read."""
+        """Return a known value.
+
+        For a reference to a key, return the value of the key, or None if keys are not read.
+        """
         if not isinstance(value, KeyReference):
             return value
         return None if self._read_key is None else value_of(self._read_key(value.name), value.place)
@@ -347,7 +353,7 @@ class MessageFiller:
         return getattr(message, name) if None in known else found
 
     def _convert_single(self, owner: Any, kind: FieldType, value: FieldValue, where: str) -> Any:
-        """Convert a value to the type of a field that is not a list, or of an element of a list."""
+        """Convert a value to the type of a single field, or of an element in a list field."""
         if kind.is_message:
             return self._message(kind, value, where)
         found = _convert_scalar(type(owner), kind, value) if isinstance(value, Scalar) else None
@@ -407,7 +413,7 @@ def _type_error(
 
 
 def _convert_scalar(cls: Any, kind: FieldType, value: Scalar) -> Any:
-    """Convert a scalar to a number, a bool or a string for a field; return None if the value is invalid."""
+    """Convert a scalar to a field's number, bool or string; return None if the value is invalid."""
     base, found = kind.base, value.value
     if base in _TEXTS or base in _LETTERS:
         # The text is used as written, because YAML parses 007 as a number, and `on` as a bool.
@@ -482,7 +488,7 @@ def _unknown_field(
 
 
 def check_path(cls: Any, path: FieldPath) -> FieldType:
-    """Return the type of a field of a message class.
+    """Return the type that a field has in a message class.
 
     Raises:
         InterfaceError: If there is no such field.
@@ -509,7 +515,7 @@ def _element(kind: FieldType, name: str, number: int, path: FieldPath) -> FieldT
     if not kind.is_list:
         raise InterfaceError(f"'{name}' is {kind.text}, not a list", path.place, hint=f"write {name}")
     if number >= (kind.size or kind.most or math.inf):
-        raise InterfaceError(f"'{name}' is {kind.text}, which has no element {number}", path.place)
+        raise InterfaceError(f"'{name}' is {kind.text}, and has no element {number}", path.place)
     return FieldType(kind.base, kind.base, length=kind.length)
 
 
@@ -553,7 +559,7 @@ _WORDS = ("error_msg", "error_string", "error_message", "message", "reason", "st
 
 
 def reported_error(message: Any) -> str:
-    """Return the code and the text of the error in a result or response; an empty string if there is no error.
+    """Return the code and the text of the error in a result or response; empty if there is no error.
 
     A code of 0 is not an error.
     """

@@ -1,4 +1,7 @@
-"""Specs of leaves for any ROS action, service or topic, without Python code: `--model ros:jazzy`."""
+"""Specs of leaves for any ROS action, service or topic (`--model ros:jazzy`).
+
+The leaves need no Python code.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
@@ -30,7 +33,7 @@ from sar_compiler.tree.model import Element
 VERSIONS = ("jazzy",)
 _HERE = "sar_compiler.ros.leaves.attribute_leaves"
 _WRITES = KeyRole(AccessKind.WRITE)
-_SENDS = "The fields of the {0} as YAML: `{1}`. `{{key}}` inserts the value of a key. The attribute may also be a key that contains the whole {0}."
+_SENDS = "The fields of the {0} as YAML: `{1}`. `{{key}}` inserts the value of a key. The attribute may also be a key whose value is the whole {0}."
 _VALUE = output_port("value", object, "The key to which the value is written.", None)
 _SERVER = attribute("server_timeout_sec", Seconds, "Time to wait for the server, in seconds.", 10.0)
 _SCOPE = handed_over("scope", SCOPE.target_path, SCOPE.doc, required=False)
@@ -49,7 +52,7 @@ def _fields(keyword: str, of: str, example: str) -> Any:
 
 
 def _check(kind: str, **parts: str) -> Callable[[NodeView, FindingCollector], None]:
-    """Return a rule that checks the type, the fields and the values of a leaf if ROS is installed.
+    """Return a rule that checks a leaf's type, fields and values if ROS is installed.
 
     Args:
         kind: The kind of interface: `action`, `srv` or `msg`.
@@ -77,7 +80,7 @@ def _check(kind: str, **parts: str) -> Callable[[NodeView, FindingCollector], No
 
 
 def _find_fields_error(value: object, cls: Any) -> InterfaceError | None:
-    """Return the error in an attribute that contains fields of a message class; None if there is no error."""
+    """Return the error in an attribute with fields of a message class; None if the fields are valid."""
     try:
         if isinstance(value, MessageFields):
             MessageFiller().fill(cls(), value)
@@ -93,7 +96,7 @@ def _find_fields_error(value: object, cls: Any) -> InterfaceError | None:
 
 def _check_value(bound: NodeView, collector: FindingCollector) -> None:
     if bound.values.get("field") is not None and "value" not in bound.keys:
-        message = "field: add the attribute 'value' with the key to write to"
+        message = "field: add the attribute 'value' with the key to which the field is written"
         collector.add("missing-attribute", message, bound.element, hint='write value="{key}"')
 
 
@@ -187,7 +190,7 @@ _SPECS = (
         attribute(
             "waits",
             bool,
-            "If true, the leaf returns RUNNING while there is no message. If false, it returns FAILURE.",
+            "If true, the leaf returns RUNNING while there is no message. If false, the leaf returns FAILURE instead.",
             default=False,
         ),
         _SCOPE,
@@ -231,7 +234,7 @@ _SPECS = (
     ),
     leaf_spec(
         f"{_HERE}:RosTransform",
-        "Looks up the pose of a frame in another frame. Returns SUCCESS if `/tf` has the transforms, RUNNING while transforms are missing, and FAILURE after `timeout_sec`.",
+        "Looks up the pose of a frame in another frame. Returns SUCCESS if `/tf` contains the transforms, RUNNING while transforms are missing, and FAILURE after `timeout_sec`.",
         input_port("target_frame", str, "The reference frame, such as `map`."),
         input_port("source_frame", str, "The frame to locate, such as `base_link`."),
         attribute(

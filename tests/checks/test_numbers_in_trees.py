@@ -135,10 +135,10 @@ class Drive(py_trees.behaviour.Behaviour):
     [
         ('timeout_sec="20s"', "did you mean '20'?"),
         ('timeout_sec="500ms"', "did you mean '0.5'?"),
-        ('timeout_sec="2 V"', "write only the number, in the unit that the node's documentation gives"),
+        ('timeout_sec="2 V"', "write only the number, in the unit that the node's documentation states"),
         ('yaw="90 degrees"', "write 1.5708 if 'yaw' is in radians"),
         ('yaw="0,5"', "did you mean '0.5'?"),
-        ('speed="3m"', "write only the number, in the unit that the node's documentation gives"),
+        ('speed="3m"', "write only the number, in the unit that the node's documentation states"),
         ('yaw="180"', "180 degrees are 3.1416 rad: write 3.1416"),
         ('timeout_sec="1e7"', "10000000 ms are 10000 s: write 10000"),
     ],

@@ -327,7 +327,7 @@ def test_a_number_of_children_is_at_least_one(count):
 
 
 def test_a_number_of_children_is_for_controls():
-    with pytest.raises(RegistrationError, match="child_count is only for controls"):
+    with pytest.raises(RegistrationError, match="child_count is allowed only for controls"):
         register("Tag", kind=Kind.DECORATOR, child_count=(1, 1))
 
 

@@ -30,7 +30,7 @@ MISTAKES = {
     "of a message": ('<RosPublish topic="a" type="std_msgs/msg/Int8" message="data: 128"/>', "wrong-value", "128", "message: data is 128, but must be int8, an integer from -128 to 127"),
     "of a topic": ('<RosTopic topic="a" type="std_msgs/msg/Int8" field="date" value="{b}"/>', "wrong-value", "date", "field: there is no field 'date'"),
     "a type": ('<RosTopic topic="a" type="std_msgs/msg/Strin"/>', "unknown-interface", "std_msgs/msg/Strin", "type: std_msgs/msg/Strin is not installed"),
-    "no key for a field": (f'<RosService service="a" {BOOL} field="message"/>', "missing-attribute", "<RosService", "field: add the attribute 'value' with the key to write to"),
+    "no key for a field": (f'<RosService service="a" {BOOL} field="message"/>', "missing-attribute", "<RosService", "field: add the attribute 'value' with the key to which the field is written"),
 }  # fmt: skip
 ALWAYS = {
     "no YAML": (f'<RosService service="a" {BOOL} request="data: ["/>', "wrong-value", "[", "request: 'data: [' is not YAML"),

@@ -155,7 +155,7 @@ def test_what_is_suggested_for_a_number_is_accepted_and_keeps_its_digits(text, a
     ("annotation", "text", "hint"),
     [
         (int, "1,000", "the comma is ambiguous: write 1000, or 1.000"),
-        (int, "500ms", "write only the number, in the unit that the node's documentation gives"),
+        (int, "500ms", "write only the number, in the unit that the node's documentation states"),
         (Seconds, "2m", "write a number with ms, s or min, for example 500ms, 1.5s or 2min"),
     ],
 )

@@ -494,7 +494,7 @@ class TestPaths:
             ("pose.positon", "there is no field 'pose.positon'; did you mean 'position'?"),
             ("pose.position.x.y", "there is no field 'pose.position.x.y'; the type has no fields"),
             ("covariance.x", "'covariance.x': the field that contains 'x' is a list"),
-            ("covariance[36]", "'covariance' is double[36], which has no element 36"),
+            ("covariance[36]", "'covariance' is double[36], and has no element 36"),
             ("pose[0]", "'pose' is geometry_msgs/Pose, not a list; write pose"),
         ],
     )

@@ -46,7 +46,7 @@ def _try_catch_gates(bound: NodeView) -> Mapping[int, Gate]:
 def _sequential_control(
     tag: str, counterpart: Counterpart, *former_tags: str, is_sequence: bool, memory: bool | None
 ) -> NodeSpec:
-    """Return the spec of a sequence or selector; *memory* is the value that the tag implies, if it does."""
+    """Return the spec of a sequence or selector; *memory* is the value implied by the tag, or None."""
     if is_sequence:
         doc, stock_class, own_class = _SEQUENCE, "Sequence", "Sequence"
         means, rule = Semantics.sequence(), report_interruptions
@@ -174,7 +174,7 @@ SPECS = [
     stock(
         Kind.CONTROL,
         "Parallel",
-        "Ticks all its children in every tick. Fails when one of them fails.",
+        "Ticks all its children in every tick. Fails when one of its children fails.",
         attribute(
             "policy",
             PolicyName,
@@ -204,7 +204,7 @@ SPECS = [
     _own(
         "ParallelAll",
         "kernel.counting:ParallelAllNode",
-        "Waits for all children, then fails if too many of them have failed.",
+        "Waits until all children have ended, then fails if too many of them have failed.",
         input_port(
             "max_failures",
             int,

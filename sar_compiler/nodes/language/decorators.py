@@ -49,17 +49,17 @@ def _failures(bound: NodeView) -> float | None:
 
 
 def _timeout_limit(bound: NodeView) -> float | None:
-    """Return the limit of a Timeout in seconds; 0 in BehaviorTree.CPP means no limit."""
+    """Return the limit of a Timeout in seconds. A limit of 0 means no limit in BehaviorTree.CPP."""
     return milliseconds(bound, "msec") or (math.inf if number(bound, "msec") == 0 else None)
 
 
 def _with_rewrite(semantics: Semantics, rewrite: rewrites.Rewrite, *, built_in: bool = True) -> Semantics:
-    """Return semantics to which the node's rewrite for BehaviorTree.CPP is added."""
+    """Return semantics with a rewrite that converts the node for BehaviorTree.CPP."""
     return semantics._replace(counterpart=Counterpart(built_in, rewrite))
 
 
 def _results_after(turns: Mapping[int, int]) -> frozenset[str]:
-    """Return the statuses of a decorator that replaces some results of its child."""
+    """Return the statuses that a decorator can return, given the results of its child that it replaces."""
     return frozenset(WORD_OF[turns.get(each, each)] for each in (S, F, R))
 
 
@@ -71,7 +71,10 @@ def _stock_unless_skipping(
     possible: SkipPossibility = SkipPossibility.FROM_CHILD,
     repeats: int = 0,
 ) -> NodeSpec:
-    """Return the spec of a BehaviorTree.CPP decorator that uses a py_trees class unless its child can be skipped."""
+    """Return the spec of a BehaviorTree.CPP decorator implemented by a py_trees class.
+
+    Another class replaces the py_trees class if the child can be skipped.
+    """
     turned = tuple(WORD_OF[turns.get(each, each)] for each in (S, F, K))
     replacement = _own(tag, "kernel.turning:TurningNode", doc, fixed={"turned": turned})
     return _own(
@@ -118,7 +121,7 @@ def _loop(tag: str, kind: type, item: str, items: str, example: str) -> NodeSpec
     return _own(
         tag,
         "kernel.repeating:LoopNode",
-        f"Ticks its child once for each {item} of a queue.",
+        f"Ticks its child once for each {item} in a queue.",
         input_port(
             "queue",
             queue_of(tag, kind),
@@ -126,7 +129,9 @@ def _loop(tag: str, kind: type, item: str, items: str, example: str) -> NodeSpec
             "from a deque.",
         ),
         output_port("value", require_value_type(kind), f"The key to which each {items} is written.", None),
-        input_port("if_empty", _OUTCOME, "The status when no item is left.", ReturnedStatus.SUCCESS),
+        input_port(
+            "if_empty", _OUTCOME, "The status to return when no item is left.", ReturnedStatus.SUCCESS
+        ),
         fixed={"kind": kind},
         semantics=Semantics(outcome_sets.loop, keys={"queue": KeyRole(AccessKind.PEEK)}),
         skipping=SkipSupport(SkipPossibility.ALWAYS, only_if=("if_empty", ReturnedStatus.SKIPPED)),
@@ -252,7 +257,7 @@ PY_TREES = [
         Kind.DECORATOR,
         "Timeout",
         "sar_compiler.runtime.stock:Timeout",
-        "Fails if its child is still running after the time limit, measured on the mission's clock.",
+        "Fails if its child is still running after the time limit, which the mission's clock measures.",
         attribute("duration", SECONDS, "Time limit of the child, in seconds."),
         CLOCK,
         semantics=_with_rewrite(Semantics.limits_child("duration"), rewrites.timeout),
@@ -285,13 +290,13 @@ PY_TREES = [
     _stock(
         "Condition",
         "Runs until its child returns a given status, then succeeds.",
-        attribute("status", StatusName, "The status to wait for."),
+        attribute("status", StatusName, "The status that the child must return."),
         semantics=Semantics(outcome_sets.awaiting_results, steady=True),
         statuses=frozenset({"SUCCESS", "RUNNING"}),
     ),
     _stock(
         "Count",
-        "Returns the status of its child, and counts ticks and results.",
+        "Returns the status of its child, and counts the child's ticks and results.",
         semantics=Semantics.transparent(),
     ),
     _stock(
@@ -314,7 +319,7 @@ PY_TREES = [
     _stock("PassThrough", "Returns the status of its child.", semantics=Semantics.transparent()),
     _stock(
         "StatusToBlackboard",
-        "Writes its child's status to the blackboard in every tick, and returns the status.",
+        "Writes its child's status to the blackboard in every tick, and returns this status.",
         inout_port(
             "variable_name",
             VARIABLE,

@@ -33,19 +33,19 @@ _stock = partial(stock, Kind.ACTION)
 
 
 def _peeking_semantics(*ports: str, resumes: bool = False) -> Semantics:
-    """Return the semantics of a leaf that accepts unwritten keys in *ports*."""
+    """Return the semantics of a leaf that accepts keys without a value in the attributes *ports*."""
     return Semantics(keys=dict.fromkeys(ports, _PEEKS), resumes=resumes)
 
 
 def _as_in_btcpp(tag: str) -> Semantics:
-    """Return the semantics of a leaf that BehaviorTree.CPP has under another name."""
+    """Return the semantics of a leaf that exists in BehaviorTree.CPP under another name."""
     return Semantics(counterpart=Counterpart(rewrite=partial(rewrites.rename, tag)))
 
 
 def _question(
     tag: str, doc: str, *parameters: Parameter, asks: tuple[str, ...], made_by: str = ""
 ) -> NodeSpec:
-    """Return the spec of a py_trees condition about keys that may be unwritten."""
+    """Return the spec of a py_trees condition that accepts keys that no node has written."""
     return stock(
         Kind.CONDITION,
         tag,
@@ -66,7 +66,7 @@ _COMPARISON = (
     attribute(
         "operator",
         Comparison,
-        f"{_COMPARE} A string is never equal to a number, and the two cannot be ordered.",
+        f"{_COMPARE} A string is never equal to a number, and a string and a number cannot be ordered.",
     ),
     input_port("value", object, f"The value to compare with: {_CONSTANT}"),
 )
@@ -88,10 +88,12 @@ BEHAVIORTREE_CPP = [
         Kind.CONDITION,
         "ScriptCondition",
         "language_nodes:ScriptCondition",
-        "Runs a script, and succeeds if its value is true.",
+        "Runs a script, and succeeds if the value of the script is true.",
         # In BehaviorTree.CPP, this port has no type, so the number `1` can be passed to it through a subtree.
         input_port(
-            "code", CONDITION._replace(cpp=""), "The script. Its value must be true or false, 1 or 0."
+            "code",
+            CONDITION._replace(cpp=""),
+            "The script. The value of the script must be true or false, 1 or 0.",
         ),
         SCOPE,
         ENUMS,
@@ -199,7 +201,7 @@ PY_TREES = [
         "TickCounter",
         "Runs for a number of ticks, then completes. The count resets each time the node starts.",
         attribute("duration", int, "The number of ticks to run; 0 or less to complete at once."),
-        attribute("completion_status", StatusName, "The status to return after these ticks."),
+        attribute("completion_status", StatusName, "The status to return after the given number of ticks."),
         semantics=Semantics(outcome_sets.ticks_counted),
     ),
     _stock(
@@ -208,7 +210,7 @@ PY_TREES = [
         attribute(
             "weights",
             PROBABILITIES,
-            "The weights of success, failure and running, such as `2;1;1`. They are equal by default.",
+            "The weights of success, failure and running, such as `2;1;1`. The weights are equal by default.",
             None,
         ),
         semantics=Semantics(resumes=True),
@@ -301,11 +303,15 @@ PY_TREES = [
             "The comparisons, each a key, an operator and a value: `battery gt 20;speed lt 1.5`. If one of the keys has "
             "no value, the node fails.",
         ),
-        attribute("operator", Junction, "The operator that joins the results, from left to right."),
+        attribute(
+            "operator",
+            Junction,
+            "The operator that joins the results of the comparisons, from left to right.",
+        ),
         inout_port(
             "namespace",
             KEY,
-            "The prefix of the keys for the results: with `results`, they are written to `results/1`, `results/2` and so on.",
+            "The prefix of the keys to which the results are written. With `results`, the keys are `results/1`, `results/2` and so on.",
             None,
         ),
         made_by="check_values",

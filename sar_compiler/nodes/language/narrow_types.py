@@ -1,4 +1,4 @@
-"""Value types of attributes that are narrower than the annotations of the constructor parameters."""
+"""Value types of attributes that accept fewer values than the annotations of the constructor parameters."""
 
 import math
 import operator as operators
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 StatusName = Literal["SUCCESS", "FAILURE", "RUNNING"]
 """The statuses that a tick can return, without py_trees' INVALID."""
 PolicyName = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
-"""The names of py_trees' policies for the children of a Parallel that must succeed."""
+"""The names of py_trees' policies, which decide which children of a Parallel must succeed."""
 
 STATUS_NAME = require_value_type(StatusName)
 _PROBABILITIES = "write the weights of SUCCESS, FAILURE and RUNNING, for example 2;1;1"
@@ -48,7 +48,9 @@ def _variable(text: str) -> str:
 
 def _key(text: str) -> str:
     if "." in text:
-        raise ConversionError(f"'{text}' contains a dot, but this node cannot read attributes of objects")
+        raise ConversionError(
+            f"'{text}' contains a dot, but this node cannot read the attributes of an object"
+        )
     return _variable(text)
 
 
@@ -87,7 +89,7 @@ def _probabilities(text: str) -> list[float]:
 
 
 def queue_of(name: str, kind: type) -> ValueType:
-    """Return the value type of a loop's queue, which is a literal or an entry with a value of any type.
+    """Return the value type of a loop's queue. The queue is a literal, or an entry with any value.
 
     Args:
         name: The loop's tag.
@@ -109,7 +111,7 @@ VARIABLE = ValueType("variable", "a key, or key.attribute", _variable, names_key
 KEY = ValueType("key.name", "a key", _key, names_key=True)
 """The type for the name of a blackboard key."""
 ANY_ENTRY = ANYTHING._replace(cpp=ANY)
-"""The type for a value of any type, which a node of BehaviorTree.CPP reads unchanged."""
+"""The type for a value of any type, which a node of BehaviorTree.CPP does not convert."""
 NTH = ValueType("nth", "an integer other than 0", _nth, python=int, cpp="int", example="1")
 """The type for a period in ticks."""
 PROBABILITIES = ValueType(
@@ -152,7 +154,7 @@ _LEAST_CHECKS = 2
 
 
 class WrittenComparison(NamedTuple):
-    """A comparison as written in a file: `battery gt 20`."""
+    """A comparison as it is written in a file, such as `battery gt 20`."""
 
     variable: str
     comparison: str
@@ -203,7 +205,10 @@ def constant(port: Input[object]) -> object:
 
 
 class _KeyValue:
-    """The current value of a key, for an expression that py_trees builds only once."""
+    """The current value of a key.
+
+    An expression that py_trees builds only once can use this value in each tick.
+    """
 
     def __init__(self, port: Input[object]) -> None:
         self._port = port

@@ -15,7 +15,7 @@ EMPTY_QUEUE = "queue: the list of statuses is empty (write for example RUNNING;S
 
 
 def report_excessive_counts(bound: NodeView, collector: FindingCollector) -> None:
-    """Report attributes with numbers of children that exceed the number of children in the file."""
+    """Report attributes whose number of children exceeds the number of children in the file."""
     there = len(bound.element.children)
     for name in bound.counts:
         wanted = bound.values.get(name)
@@ -47,7 +47,7 @@ def report_empty_queue(bound: NodeView, collector: FindingCollector) -> None:
 
 
 def report_policy(bound: NodeView, collector: FindingCollector) -> None:
-    """Report attributes that conflict with the policy of a Parallel, and selected children that do not exist."""
+    """Report attributes that conflict with a Parallel's policy, and selected children that do not exist."""
     element, policy = bound.element, bound.values.get("policy")
     if policy is None:  # a key, or an invalid value
         return
@@ -77,9 +77,9 @@ def _report_names(bound: NodeView, written: str, collector: FindingCollector) ->
 
 
 def policy_conflict(policy: object, synchronise: object, *, is_selected: bool) -> tuple[str, str] | None:
-    """Return the attribute that conflicts with a policy, and the reason; None if there is no conflict."""
+    """Return the attribute that conflicts with a policy, and the reason; None without a conflict."""
     if is_selected and policy != "SuccessOnSelected":
-        return "selected", f"requires the policy SuccessOnSelected, not {policy}"
+        return "selected", f"requires the policy SuccessOnSelected instead of {policy}"
     if synchronise and policy == "SuccessOnOne":
         return "synchronise", "has no effect with SuccessOnOne, so remove it"
     return None
@@ -120,7 +120,7 @@ def language_spec(
     semantics: Semantics = _PLAIN,
     **more: Any,
 ) -> NodeSpec:
-    """Return the spec of a built-in node; tags in `BUILT_IN` are also nodes of BehaviorTree.CPP.
+    """Return the spec of a built-in node. The nodes with tags in `BUILT_IN` also exist in BehaviorTree.CPP.
 
     *path* is the import path of the node's class in py_trees, or its path below `sar_compiler.runtime`.
     """

@@ -85,4 +85,7 @@ REPLACEMENTS = {
         Concurrence='write <Parallel success_count="-1" failure_count="1">',
     ),
 }
-"""The replacements for other engines' nodes, by tag. `former_tags` of a spec contains the node's names in BehaviorTree.CPP 3."""
+"""The replacements for nodes of other engines, by tag.
+
+The names that nodes had in BehaviorTree.CPP 3 are in `former_tags` of a spec.
+"""

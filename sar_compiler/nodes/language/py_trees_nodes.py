@@ -79,7 +79,10 @@ class ScopedClient(Client):
         return value
 
     def set(self, name: str, value: Any, overwrite: bool = True) -> bool:
-        """Write an entry, or an attribute of the object in the entry; both count as one write of the entry."""
+        """Write an entry, or an attribute of the object in the entry.
+
+        Both count as one write of the entry.
+        """
         with self._on_blackboard(name):
             written = bool(super().set(name, value, overwrite))
             if written:
@@ -88,7 +91,7 @@ class ScopedClient(Client):
         return written
 
     def unset(self, key: str) -> bool:
-        """Remove an entry; return whether it existed."""
+        """Remove an entry, and return whether the entry existed."""
         with self._on_blackboard(key):
             removed = bool(super().unset(key))
         self._entry(key).remove()
@@ -96,7 +99,10 @@ class ScopedClient(Client):
 
     @contextlib.contextmanager
     def _on_blackboard(self, name: str) -> Iterator[None]:
-        """Copy an entry temporarily to py_trees' blackboard if the entry's own board counts its writes."""
+        """Copy an entry to py_trees' blackboard for the duration of a block.
+
+        This is done only if the entry's own board counts its writes.
+        """
         entry = self._entry(name)
         if not entry.board.is_numbered or entry.name in Blackboard.storage:
             yield
@@ -114,7 +120,7 @@ class ScopedClient(Client):
 
 
 class StockNodeKeys:
-    """The keys that one stock node uses.
+    """The keys that one py_trees node uses.
 
     Args:
         scope: The scope in which the keys are looked up.
@@ -125,7 +131,7 @@ class StockNodeKeys:
         self._entries: dict[str, Entry] = {}
 
     def variable(self, port: Input[object]) -> str:
-        """Return py_trees' name for a key, or for an attribute of the object in it (`battery.percentage`).
+        """Return py_trees' name for a key or an attribute, such as `percentage` of the object in `battery`.
 
         Args:
             port: The port with the key: `key` or `{key}`.
@@ -138,7 +144,7 @@ class StockNodeKeys:
         return self._name(_text(port))
 
     def number_keys(self, port: Input[object], count: int) -> str:
-        """Return py_trees' name for a namespace with the keys `1`, `2` and so on; see `variable`."""
+        """Return py_trees' name for the namespace that contains the keys `1`, `2` and so on; see `variable`."""
         folder = _text(port)
         for number in range(1, count + 1):
             key = f"{folder}/{number}"
@@ -146,7 +152,10 @@ class StockNodeKeys:
         return f"/{folder}"
 
     def connect_to(self, behaviour: B) -> B:
-        """Connect a stock node to the tree's keys. The node must have been created with these names."""
+        """Connect a py_trees node to the tree's keys.
+
+        The node must have been created with the names that this object returned.
+        """
         for attribute, client in list(vars(behaviour).items()):
             if isinstance(client, Client):
                 scoped = ScopedClient(client, self._entries)
@@ -284,7 +293,10 @@ def check_values(
 
 
 def _written_name(child: Behaviour) -> str:
-    """Return a child's name as written in the file, without the wrappers of `oneshot` and conditions."""
+    """Return a child's name as written in the file.
+
+    The wrappers that `oneshot` and conditions add to the child have other names.
+    """
     if isinstance(child, Conditions):
         return child.decorated.name
     if isinstance(child, decorators.OneShot):

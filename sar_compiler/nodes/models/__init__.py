@@ -37,13 +37,16 @@ _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 METADATA_TAG = "MetadataFields"
 ENUM_TAG = "Enum"
-"""The tag for a named constant of the C++ program, with its number if known; BehaviorTree.CPP ignores it."""
+"""The tag for a named constant of the C++ program.
+
+The element contains the constant's number if it is known. BehaviorTree.CPP ignores the element.
+"""
 _SCRIPT = r"code|if|case_\d+|_(?:(?:failure|success|skip)If|while|on(?:Success|Failure|Halted)|post)"
 _NAME = r"(?<![\w'{@.])[A-Za-z_]\w*(?![\w'}])"
 _KEY = r"\{(\w+)\}|\b(\w+)\s*(?::=|[-+*/]?=(?!=))"
 _QUOTED = r"'[^']*'"
 FROM_USE = {"made": "from use"}
-"""The marker of a model that is derived from the use of a node, with guessed types and directions."""
+"""The marker of a model that is derived from the uses of a node. Its types and directions are guessed."""
 LIBRARY = {"library": "py_trees"}
 """The marker of a py_trees node's model, which distinguishes the node from a user's node with the same name."""
 # The assumed outcomes of a leaf that is only described.
@@ -90,7 +93,7 @@ class NodeModel(NamedTuple):
 
     @property
     def is_of_py_trees(self) -> bool:
-        """Whether the model describes a py_trees node, according to a marker that `sar-compile` has written."""
+        """Whether the model describes a py_trees node, according to a marker written by `sar-compile`."""
         return self._has_note(LIBRARY)
 
     @property
@@ -141,7 +144,7 @@ class NodeModels(NamedTuple):
 
 
 def read_models(files: Iterable[TreeFile], collector: FindingCollector) -> NodeModels:
-    """Read the models in files; if several models describe a node, the first is used.
+    """Read the models in files. If several models describe a node, the first model is used.
 
     Models in files that the user did not name are not compared with other models.
     """
@@ -172,7 +175,7 @@ def enums_file(numbers: Mapping[str, int]) -> TreeFile:
 
 
 def _read_enum(element: Element, enums: dict[str, int | None], collector: FindingCollector) -> None:
-    """Add a named constant; the first number for a name is used."""
+    """Add a named constant. If the name has several numbers, the first number is used."""
     name, written = element.attributes.get("ID", ""), element.attributes.get("value")
     if not (name.isidentifier() and name.isascii()):
         message = f"this <{ENUM_TAG}> needs an ID: a name of letters, digits and _"
@@ -201,7 +204,7 @@ def _descriptions(files: Iterable[TreeFile]) -> Iterator[Element]:
 
 
 def undescribed_tags(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) -> set[str]:
-    """Return the tags in files that neither a model in the same file nor a palette describes."""
+    """Return the tags in files that are described neither by a model in the same file nor by a palette."""
     tags: set[str] = set()
     for tree_file in files:
         described = {*map(_described_name, _descriptions([tree_file]))}
@@ -264,7 +267,7 @@ def _described_name(description: Element) -> str:
 
 
 def _report_second_model(first: NodeModel, second: NodeModel, collector: FindingCollector) -> None:
-    """Report two models of the same node with different content, or two models of the same subtree in one file."""
+    """Report different models of the same node, or several models of the same subtree in one file."""
     same_file = second.element.source is first.element.source
     if first.content == second.content and not (second.kind is None and same_file):
         return
@@ -363,14 +366,17 @@ def _report_typo(
     collector: FindingCollector,
     hint: str | None = None,
 ) -> None:
-    """Report a wrong or missing attribute in a model; in the model of a subtree, this is an error."""
+    """Report a wrong or missing attribute in a model. In the model of a subtree, this is an error."""
     of_subtree = "missing-attribute" if attribute is None else "wrong-value"
     code = of_subtree if kind is None else "wrong-model"
     collector.add(code, message, element, value=attribute, hint=hint)
 
 
 def _used_port(port: Port) -> Parameter:
-    """Return the parameter for a port that is known only from its use. It accepts any type and direction."""
+    """Return the parameter for a port that is known only from its uses.
+
+    The port accepts values of any type and any direction.
+    """
     return any_port(port.name, port.element.text)
 
 
@@ -393,7 +399,7 @@ _COMPARED = (bool, int, float, str, list)
 
 
 def compare_models(models: NodeModels, registry: Registry, collector: FindingCollector) -> None:
-    """Report models that contradict the registry, and defaults that the described ports do not accept.
+    """Report models that contradict the registry, and defaults that their ports do not accept.
 
     The findings are warnings, because BehaviorTree.CPP does not read the models of nodes.
     """
@@ -434,12 +440,12 @@ def _compare_port(model: NodeModel, port: Port, parameter: Parameter, collector:
 
 
 def _written_type(parameter: Parameter) -> ValueType:
-    """Return the value type of an attribute in a tree file, where a reference is a string."""
+    """Return the value type of an attribute in a tree file. References are strings there."""
     return _TEXT if parameter.value_type is NO_VALUE else parameter.value_type
 
 
 def _types_fit(said: ValueType, real: ValueType) -> bool:
-    """Return whether the type in a model fits a port's type, regardless of the size of integers."""
+    """Return whether the type in a model fits a port's type. The size of integers is ignored."""
     if real.python not in _COMPARED:
         return True
     return said.cpp == real.cpp if list in (said.python, real.python) else said.python is real.python

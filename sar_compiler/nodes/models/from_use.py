@@ -27,7 +27,7 @@ from sar_compiler.tree.model import (
 _KEY = re.compile(r"\{(@?[^{}\s]+)\}")
 _MADE_BY_SCRIPT = re.compile(r"(?<![\w@])(@?[A-Za-z_]\w*)\s*:?=(?!=)", re.ASCII)
 _SCRIPTS = (*CONDITIONS, "code", "if")
-"""The attributes whose texts are scripts, in the nodes of BehaviorTree.CPP."""
+"""The attributes of BehaviorTree.CPP's nodes that contain scripts."""
 _TEXTS = re.compile(r"'[^']*'|\"[^\"]*\"")
 _CAPITALS = re.compile(r"(?<![\w@])[A-Z][A-Z0-9_]*(?!\w)")
 _NOT_NODES = (SUBTREE_TAG, TREE_TAG, INCLUDE_TAG, MODEL_TAG)
@@ -91,7 +91,10 @@ class _NodeUse:
 
     @property
     def kind(self) -> str:
-        """The kind of the node, inferred from its uses; a leaf that may be an action or a condition is an action."""
+        """The kind of the node, inferred from its uses.
+
+        A leaf that may be an action or a condition is regarded as an action.
+        """
         fitting = [kind for kind, _ in self.kinds.most_common() if Kind(kind).takes(self.children)]
         guess = {0: Kind.ACTION, 1: Kind.DECORATOR}.get(self.children, Kind.CONTROL)
         return fitting[0] if fitting else str(guess.value)
@@ -109,7 +112,7 @@ class UndescribedNodes:
         self._keys: set[str] = set()
 
     def add(self, tree_file: TreeFile, palettes: Iterable[TreeFile], registry: Registry) -> None:
-        """Collect the nodes and trees in a file that are neither registered nor described in the file or in a palette."""
+        """Collect the nodes and trees in a file that are neither registered nor described by any model."""
         models = read_models([tree_file, *palettes], FindingCollector())
         described = models.nodes
         self._trees.update(models.subtrees, (tree.attributes.get("ID", "") for tree in tree_file.trees))
@@ -133,7 +136,10 @@ class UndescribedNodes:
                 before.update(_keys_of(node))
 
     def models(self, only: str | None = None) -> Element:
-        """Return the `TreeNodesModel` of the collected nodes, sorted by name; if *only* is given, of this node only."""
+        """Return the `TreeNodesModel` of the collected nodes, sorted by name.
+
+        If *only* is given, the result describes only this node.
+        """
         used = [(tag, self._used[tag]) for tag in sorted(self._used) if only in (None, tag)]
         # Ports of subtrees are not guessed, because every use would have to set a port without a default.
         trees = [
@@ -161,7 +167,7 @@ class UndescribedNodes:
 
 
 def _types_of_keys(nodes: Iterable[Element], models: NodeModels, registry: Registry) -> Mapping[str, str]:
-    """Return the C++ types of the keys in known ports of a tree, except for strings."""
+    """Return the C++ types of the keys in known ports of a tree. Strings are left out."""
     types: dict[str, str] = {}
     for node in nodes:
         tag = node.attributes.get("ID", "") if node.tag in KIND_TAGS else node.tag

@@ -1,4 +1,4 @@
-"""Writer of the `TreeNodesModel` for BehaviorTree.CPP and Groot2.
+"""Writer of the section `TreeNodesModel` for BehaviorTree.CPP and Groot2.
 
 `nodes.models` reads the same format.
 """
@@ -16,7 +16,7 @@ from sar_compiler.tree.xml_writer import write_xml
 
 
 def palette(specs: Iterable[NodeSpec]) -> str:
-    """Return a file for Groot2 with the `TreeNodesModel` of all nodes that are not built into BehaviorTree.CPP."""
+    """Return a file for Groot2 that describes all nodes that are not built into BehaviorTree.CPP."""
     return palette_of(describe(specs))
 
 
@@ -26,7 +26,7 @@ def palette_of(models: Element) -> str:
 
 
 def describe(specs: Iterable[NodeSpec]) -> Element:
-    """Return the `TreeNodesModel` of nodes, without those that are built into BehaviorTree.CPP."""
+    """Return the `TreeNodesModel` of nodes. Nodes that are built into BehaviorTree.CPP are left out."""
     by_tag: dict[str, list[NodeSpec]] = {}
     for spec in specs:
         by_tag.setdefault(spec.tag, []).append(spec)
@@ -37,7 +37,7 @@ def describe(specs: Iterable[NodeSpec]) -> Element:
 
 
 def is_built_in(specs: Sequence[NodeSpec]) -> bool:
-    """Return whether a node is built into BehaviorTree.CPP, so that Groot2 needs no model of it."""
+    """Return whether a node is built into BehaviorTree.CPP. Groot2 needs no model of such a node."""
     return any(spec.semantics.counterpart.built_in for spec in specs)
 
 

@@ -65,7 +65,7 @@ def type_of_port(name: str) -> ValueType:
 
 
 def port_type(name: str, value_type: ValueType) -> ValueType:
-    """Return the value type of a port, with the unit and the bounds that `nodes.yaml` lists for the port's name."""
+    """Return the value type of a port, with the unit and bounds that `nodes.yaml` has for its name."""
     unit, bounds = _units().get(name), _bounds().get(name)
     if unit is not None and value_type.python is float:
         label = f"a number of {unit_name(unit)}"
@@ -116,7 +116,7 @@ def _milliseconds(text: str) -> int:
 
 
 def _fields(first: int, each: int, label: str, text: str) -> object:
-    """Check the number of fields between the semicolons of a text.
+    """Check the number of fields in a text, in which semicolons separate the fields.
 
     Args:
         first: The number of fields that are not repeated.
@@ -144,7 +144,8 @@ def _reject_text(label: str, text: str) -> object:
     if text.startswith(JSON):
         return ANYTHING.convert(text)
     raise ConversionError(
-        f"'{text}' is not {label}: a value of this type cannot be written as text", hint="write a {key}"
+        f"expected {label}, but got the text '{text}'; a value of this type cannot be written as text",
+        hint="write a {key}",
     )
 
 
@@ -271,7 +272,9 @@ def _parameter(match: "re.Match[str]", *, required: bool) -> Parameter:
 
 
 class _FreeNode(NamedTuple):
-    """A control or decorator that works without Nav2, because it depends only on its children and on time.
+    """A control or decorator that works without Nav2.
+
+    The node depends only on its children and on time.
 
     Attributes:
         node: The class in the kernel; empty for a node with a stand-in.

@@ -10,7 +10,7 @@ _ENDS = S | F | K
 
 
 def _sequential_results(children: Sequence[int], passed: int, goes_on: int) -> tuple[int, bool]:
-    """Return the results that a node passes on, and whether its last child can end.
+    """Return the results that a node passes on, and whether each child can have a result in *goes_on*.
 
     Args:
         children: The outcome sets of the children.
@@ -38,7 +38,7 @@ def recovery(bound: NodeView, children: Sequence[int], sure: bool) -> int:
 
 
 def pipeline(bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the outcome set of a node that ticks all children up to the furthest child reached in each tick."""
+    """Return the outcome set of a node that, in each tick, ticks all children up to the furthest one reached."""
     if sure:
         # A branch is not reset between ticks, so it is unknown whether the children after it can end.
         leaves = [child.is_leaf for child in bound.children]
@@ -115,15 +115,18 @@ def pausing_results(_bound: NodeView, children: Sequence[int], sure: bool) -> in
 
 
 def periodic(own: int, _bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the outcome set of a decorator that ticks its child at intervals and can return the results *own* itself."""
+    """Return the outcome set of a decorator that ticks its child at intervals.
+
+    The decorator itself can return the results *own*.
+    """
     return children[0] | own | (0 if sure else R)
 
 
 def once_until_reset(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the outcome set of a decorator that fails after its child has ended, until the decorator is reset."""
+    """Return the outcome set of a decorator that fails, after its child has ended, until it is reset."""
     return children[0] | (F if not sure and children[0] & (S | F) else 0)
 
 
 def recovery_gates(_bound: NodeView) -> Mapping[int, Gate]:
-    """Return the gate of the recovery child, which is ticked if the main child fails."""
+    """Return the gate of the recovery child, which is ticked only after the main child has failed."""
     return {1: Gate((0,), F)}

@@ -1,4 +1,4 @@
-"""Nodes of Nav2, and selection of their log lines that explain a failure."""
+"""Names of Nav2's nodes, and selection of the lines in their logs that explain a failure."""
 
 import re
 from collections.abc import Iterable
@@ -11,7 +11,10 @@ NAVIGATOR = NAV2_NODES[-1]
 """The lifecycle node whose actions drive the robot."""
 
 DRIVING_NODES = (*NAV2_NODES, "planner_server", "controller_server", "behavior_server")
-"""The nodes needed for driving. If one is inactive or silent, a goal that fails may still be reachable."""
+"""The nodes needed for driving.
+
+If one of these nodes is inactive or silent, a goal that fails may still be reachable.
+"""
 
 MANAGER = "lifecycle_manager_navigation"
 """The lifecycle manager that brings Nav2 up."""
@@ -69,7 +72,7 @@ class LoggedLine(NamedTuple):
 
     @property
     def rank(self) -> int | None:
-        """The rank of the line as an explanation of a failure, 0 for the best; None if it explains no failure."""
+        """The rank of the line as an explanation of a failure: 0 is best, None explains no failure."""
         if _EMPTY.search(self.text):
             return None
         if _SECONDARY.search(self.text):
@@ -81,7 +84,10 @@ class LoggedLine(NamedTuple):
 
 
 def quote_lines(lines: Iterable[LoggedLine]) -> str:
-    """Quote the lines that best explain a failure: `controller_server: "Failed to make progress"`; empty without such lines."""
+    """Quote the lines that best explain a failure, such as `controller_server: "Failed to make progress"`.
+
+    The result is empty if no line explains a failure.
+    """
     ranked = [(rank, each) for each in lines if (rank := each.rank) is not None]
     best = min((rank for rank, _ in ranked), default=None)
     quoted = [f'{each.who}: "{_first_line(each.text)}"' for rank, each in ranked if rank == best]
@@ -89,6 +95,6 @@ def quote_lines(lines: Iterable[LoggedLine]) -> str:
 
 
 def _first_line(text: str) -> str:
-    """Return the first line of a text, shortened."""
+    """Return the first line of a text, shortened if it is long."""
     first = text.strip().partition("\n")[0]
     return first if len(first) <= _LONGEST else f"{first[: _LONGEST - 1]}…"
