@@ -199,7 +199,7 @@ def add_varied_parameters(parser: CommandParser, noun: str) -> None:
 
 
 def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) -> None:
-    """Add the options that `sar-compile sweep` and `sar-sim sweep` share; *runs* and *half_width* are defaults."""
+    """Add the options of `sar-compile sweep` and `sar-sim sweep`; *runs* and *half_width* are defaults."""
     add = parser.add_argument
     text = f"run each combination at most N times (default {runs})"
     add("--runs", type=count, default=runs, metavar="N", help=text)

@@ -105,7 +105,10 @@ class FindingCollector:
         span: Span | None = None,
         **about: "Unpack[FindingDetails]",
     ) -> None:
-        """Report content that BehaviorTree.CPP rejects since a version, if the trees target that version or a newer one."""
+        """Report content that BehaviorTree.CPP rejects since a version.
+
+        Nothing is reported if the trees target an older version.
+        """
         if self.version >= change.since:
             refused = f", which BehaviorTree.CPP rejects since {change.release}"
             older = f'declare an older version in sar.toml: [language] btcpp = "{OLDEST}"'

@@ -241,10 +241,13 @@ _SPECS = (
             "max_age_sec", Seconds, "Maximum age of the transforms, in seconds of the node's clock.", 5.0
         ),
         attribute("timeout_sec", Seconds, "Maximum time to wait for the transforms, in seconds.", 5.0),
-        *(output_port(axis, float, f"The key to write {axis} to, in metres.", None) for axis in "xyz"),
-        output_port("yaw", float, "The key to write the rotation about z to, in radians.", None),
         *(
-            output_port(f"q{each}", float, f"The key to write the quaternion's {each} to.", None)
+            output_port(axis, float, f"The key to which the coordinate {axis} is written, in metres.", None)
+            for axis in "xyz"
+        ),
+        output_port("yaw", float, "The key to which the rotation about z is written, in radians.", None),
+        *(
+            output_port(f"q{each}", float, f"The key to which the quaternion's {each} is written.", None)
             for each in "xyzw"
         ),
         uses=(Use.transforms(),),

@@ -27,7 +27,10 @@ class Order(Enum):
     """The order in which a node ticks its children."""
 
     IN_ORDER = "in order"
-    """One child after the other, as long as each returns `Semantics.goes_on` or is skipped."""
+    """One child after the other.
+
+    The next child is ticked if the child returns a result in `Semantics.goes_on` or is skipped.
+    """
     TOGETHER = "together"
     """All children in every tick, until enough of them have ended."""
     CHOSEN = "chosen"
@@ -35,7 +38,7 @@ class Order(Enum):
 
 
 class Gate(NamedTuple):
-    """The results of siblings that are required before a child is ticked.
+    """The results that siblings must have returned before a child is ticked.
 
     Attributes:
         children: The indices of the siblings; at least one of them must have had one of the results.
@@ -54,17 +57,20 @@ class AccessKind(Enum):
     """Read if the key has a value. The key need not have been written."""
     WRITE = "write"
     CHANGE = "change"
-    """Written by an operator such as `=` in a script; the key must have been written before, or a port must use it."""
+    """Written by an operator such as `=` in a script.
+
+    The key must have been written before, or a port must use it.
+    """
     BOTH = "both"
-    """Used by a port with both directions; the node may read first or write first."""
+    """Used by a port that is both an input and an output. The node may read or write first."""
     FIXED = "fixed"
-    """Read when the tree is compiled; the key is a mission parameter or has a constant value."""
+    """Read when the tree is compiled. The key is a mission parameter or has a constant value."""
     NONE = "none"
-    """Neither read nor written, but removed."""
+    """Removed, but neither read nor written."""
 
 
 class KeyRole(NamedTuple):
-    """A node's access to a port's key, if this access differs from the port's direction.
+    """A node's access to the key of a port, if the access differs from the port's direction.
 
     Attributes:
         kind: The kind of access.
@@ -77,7 +83,7 @@ class KeyRole(NamedTuple):
     indirect: bool = False
 
 
-NO_HINT = "register a node of that name in C++"
+NO_HINT = "register a node of this name in C++"
 """The default remedy for a node without a counterpart."""
 
 
@@ -199,7 +205,9 @@ class Semantics(NamedTuple):
 
     @classmethod
     def restarts_child(cls, after: "Status | int", rounds: Number | str) -> "Semantics":
-        """Return the semantics of a decorator that restarts its child after a certain result, and then returns RUNNING.
+        """Return the semantics of a decorator that restarts its child after a certain result.
+
+        The decorator then returns RUNNING.
 
         Args:
             after: The result, as a status or outcome set: SUCCESS for a decorator that repeats, FAILURE for a retry.
@@ -234,13 +242,13 @@ class Semantics(NamedTuple):
         return self.order is Order.IN_ORDER and self.goes_on == F
 
     def always_ends_with_child(self, bound: "NodeView") -> bool:
-        """Return whether the node ticks its child in each run, and cannot succeed before the child has ended."""
+        """Return whether the node ticks its child in each run, and succeeds only after the child has ended."""
         if not self.steady or self.possible is None:
             return False
         return self.possible(bound, [R], ALLOWED) in (R, R | F)
 
     def end_results(self, bound: "NodeView") -> int:
-        """Return the outcome set of the single child's results after which the node can end."""
+        """Return the results of a single child after which the node can end, as an outcome set."""
         if self.possible is None:
             return outcome_sets.ALL
         ends = (outcome for outcome in RESULTS if self.possible(bound, [outcome], ALLOWED) & ~R)
@@ -248,7 +256,7 @@ class Semantics(NamedTuple):
 
 
 def _rounds_in(attribute: str, bound: "NodeView") -> float | None:
-    """Return the number of rounds in an attribute in BehaviorTree.CPP's notation, in which -1 means no limit."""
+    """Return the number of rounds that an attribute contains. In BehaviorTree.CPP, -1 means no limit."""
     count = outcome_sets.number(bound, attribute)
     if count is None:
         return None

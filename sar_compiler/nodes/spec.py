@@ -1,4 +1,4 @@
-"""The spec of a node, from `register`, a constructor or a model."""
+"""The spec of a node. A spec is derived from `register`, from a constructor or from a model."""
 
 import functools
 import importlib
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 class RegistrationError(SarError):
-    """An error about a class that cannot be registered for a tag."""
+    """A class cannot be registered for a tag."""
 
 
 def path_of(thing: Any) -> str:
@@ -59,11 +59,17 @@ _KERNEL = "sar_compiler.runtime.kernel."
 MARK = "__node_spec__"
 """The attribute of a registered class that contains its spec."""
 Rule: TypeAlias = "Callable[[NodeView, FindingCollector], None]"
-"""A function that reports conflicts between attributes of a node that are valid individually."""
+"""A function that reports conflicts between attributes of a node.
+
+Each of these attributes is valid by itself.
+"""
 
 
 class Kind(str, Enum):
-    """The kind of a node, in BehaviorTree.CPP's terms (and its element names for the explicit form)."""
+    """The kind of a node, as in BehaviorTree.CPP.
+
+    The kinds are also the element names of the explicit form.
+    """
 
     CONTROL = "Control"
     DECORATOR = "Decorator"
@@ -76,14 +82,14 @@ class Kind(str, Enum):
         return self in (Kind.ACTION, Kind.CONDITION)
 
     def takes(self, children: int) -> bool:
-        """Return whether BehaviorTree.CPP accepts a node of this kind with a number of children."""
+        """Return whether a node of this kind may have a given number of children in BehaviorTree.CPP."""
         if self is Kind.CONTROL:
             return children > 0
         return children == (0 if self.is_leaf else 1)
 
 
 class Direction(str, Enum):
-    """The direction of a port's values, in the terms of a `TreeNodesModel`."""
+    """The direction in which a port passes values, in the terms of a `TreeNodesModel`."""
 
     INPUT = "input_port"
     OUTPUT = "output_port"
@@ -97,7 +103,7 @@ class Direction(str, Enum):
 
 
 class SkipPossibility(Enum):
-    """Whether a tick of a node can be skipped."""
+    """The cases in which a tick of a node can be skipped."""
 
     NEVER = "never"
     FROM_CHILD = "from a child"
@@ -109,13 +115,13 @@ class ParameterRole(Enum):
     """The role of a constructor parameter."""
 
     NAME = "name"
-    """The node's name: the attribute `name`, by default the tag."""
+    """The name of the node, which is the attribute `name` or, without this attribute, the tag."""
     ATTRIBUTE = "attribute"
-    """An attribute of the tag with a value."""
+    """An attribute of the tag that contains a value."""
     REFERENCE = "reference"
     """An attribute of the tag that names another node of the tree."""
     CONTEXT = "context"
-    """An object provided by the mission; not written in the file."""
+    """An object that the mission provides and that is not written in the file."""
     CHILD = "child"
     """The single child of a decorator."""
     CHILDREN = "children"
@@ -123,19 +129,25 @@ class ParameterRole(Enum):
 
 
 class Provenance(Enum):
-    """The source of a node's spec, which determines how certain findings about it are."""
+    """The source of a node's spec. It determines the severity of certain findings about the node."""
 
     INSTALLED = "an installed class"
     NAMED = "a named distribution"
     """A palette with a name and a version (`nav2:jazzy`), which lists every port."""
     DESCRIBED = "a file"
-    """A model in a tree file or in a repository's palette; such files omit ports that a node inherits."""
+    """A model in a tree file or in a palette of the repository.
+
+    Such files omit the ports that a node inherits.
+    """
     FROM_USE = "its use"
-    """A palette from `sar-compile nodes --from-use`: tags and ports found in trees, with guessed types and directions."""
+    """A palette from `sar-compile nodes --from-use`.
+
+    The tags and ports were found in trees. Their types and directions are guessed.
+    """
 
     @property
     def is_description(self) -> bool:
-        """Whether only a file describes the node."""
+        """Whether the node is known only from a description in a file."""
         return self in (Provenance.DESCRIBED, Provenance.FROM_USE)
 
     def severity_of_unlisted(self, *, is_near: bool) -> Severity:
@@ -153,7 +165,7 @@ class Provenance(Enum):
 
 @dataclass(frozen=True)
 class Use:
-    """A resource outside the tree that a leaf needs before the first tick.
+    """A resource outside the tree that must be available to a leaf before the first tick.
 
     Attributes:
         kind: `action`, `service`, `topic` (with a publisher), `transforms` or `nav2` (localised and active).
@@ -165,27 +177,30 @@ class Use:
 
     @classmethod
     def action(cls, name: str) -> "Use":
-        """Require a server for an action."""
+        """Return the requirement that a server for an action is available."""
         return cls("action", name)
 
     @classmethod
     def service(cls, name: str) -> "Use":
-        """Require a server for a service."""
+        """Return the requirement that a server for a service is available."""
         return cls("service", name)
 
     @classmethod
     def topic(cls, name: str) -> "Use":
-        """Require a publisher of a topic."""
+        """Return the requirement that a topic has a publisher."""
         return cls("topic", name)
 
     @classmethod
     def transforms(cls) -> "Use":
-        """Require transforms on `/tf` or `/tf_static`, with one publisher for each frame."""
+        """Return the requirement that `/tf` or `/tf_static` has transforms.
+
+        Each frame must have one publisher.
+        """
         return cls("transforms")
 
     @classmethod
     def nav2(cls) -> "Use":
-        """Require that Nav2 has an initial pose and reports that it is active."""
+        """Return the requirement that Nav2 has an initial pose and reports that it is active."""
         return cls("nav2")
 
 
@@ -223,7 +238,7 @@ class Parameter:
 
     @functools.cached_property
     def target_path(self) -> str:
-        """The import path of the class; empty if there is no class."""
+        """The import path of the class of *target_or_path*; empty if there is no class."""
         return _path(self.target_or_path)
 
     @property
@@ -233,7 +248,7 @@ class Parameter:
 
     @property
     def help(self) -> str:
-        """The description for editors, with the direction of a port."""
+        """The description for editors, which includes the direction of a port."""
         direction = f"{self.direction.message_name}.".capitalize() if self.direction else ""
         return f"{direction} {self.doc}".strip()
 
@@ -281,7 +296,7 @@ CHILD_COUNTS: dict[Kind, tuple[int, int | None]] = {
 
 
 class SkipSupport(NamedTuple):
-    """A node's treatment of skipped ticks.
+    """How a node handles ticks that its children skip, and ticks in which the node itself is skipped.
 
     Attributes:
         possible: Whether a tick of the node can be skipped.
@@ -299,7 +314,7 @@ class SkipSupport(NamedTuple):
 
 
 class Signature(NamedTuple):
-    """Declarations about a node's attributes that its constructor does not contain.
+    """Declarations about a node's attributes that are missing from the node's constructor.
 
     Attributes:
         described: The parameters by name, in order, or a function that returns them; None to inspect the constructor.
@@ -428,7 +443,10 @@ class NodeSpec:
 
     @functools.cached_property
     def maker(self) -> Callable[..., Any] | None:
-        """The function that creates instances of the node (the factory or the class), imported if necessary."""
+        """The function that creates instances of the node, imported if necessary.
+
+        The function is the factory or the class.
+        """
         if self.signature.factory:
             return functools.partial(load(self.signature.factory), self)
         if not self._is_of_kernel:
@@ -440,11 +458,13 @@ class NodeSpec:
 
     @property
     def factory_path(self) -> str:
-        """The import path of the factory or, without a factory, of the class; empty if the node has neither."""
+        """The import path of the factory or, if there is no factory, of the class; empty if there is neither."""
         return self.signature.factory or self.class_path
 
     def is_class_of(self, parameter: Parameter) -> bool:
-        """Return whether a reference may name this node, because its class is the parameter's class or a subclass of it.
+        """Return whether a reference may name this node.
+
+        The node's class must be the parameter's class or a subclass of it.
 
         If both classes are given as import paths, only the paths are compared: none of these classes derives from another.
         """
@@ -454,7 +474,7 @@ class NodeSpec:
 
     @property
     def misreads_skips(self) -> bool:
-        """Whether the node treats a skipped child as an interruption, and has no replacement in this project."""
+        """Whether the node treats a skipped child as an interruption and this project does not replace it."""
         if self.kind.is_leaf or self.is_only_described:
             return False
         if self.is_by_path:
@@ -466,7 +486,7 @@ class NodeSpec:
 
     @functools.cached_property
     def _ancestry(self) -> frozenset[str]:
-        """The import paths of the class and its base classes; empty if the installed py_trees lacks the class."""
+        """The import paths of the class and its bases; empty if the installed py_trees lacks the class."""
         with suppress(AttributeError):
             return frozenset(map(path_of, self.cls.__mro__)) if self.cls is not None else frozenset()
         return frozenset()
@@ -478,18 +498,18 @@ class NodeSpec:
 
     @property
     def provenance(self) -> Provenance:
-        """The source of this spec; `palettes.KnownSpec` overrides it for named palettes."""
+        """The source of this spec. For named palettes, `palettes.KnownSpec` overrides the source."""
         if not self.is_foreign:
             return Provenance.INSTALLED
         return Provenance.FROM_USE if self.signature.from_use else Provenance.DESCRIBED
 
     @property
     def is_only_described(self) -> bool:
-        """Whether only a model in a file describes the node, not a class or a named palette."""
+        """Whether the node is known only from a model in a file, without a class or a named palette."""
         return self.provenance.is_description
 
     def with_port(self, unlisted: Parameter) -> "NodeSpec":
-        """Return a copy of this spec with a further port."""
+        """Return a copy of this spec with an additional port."""
         described = {**self.parameters, unlisted.name: unlisted}
         return replace(self, signature=self.signature._replace(described=described))
 
@@ -500,7 +520,10 @@ class NodeSpec:
 
     @property
     def has_world_leaf(self) -> bool:
-        """Whether a leaf represents the world that the node queries in runs without a robot."""
+        """Whether a leaf stands for the world that the node queries.
+
+        Such a leaf is used in runs without a robot.
+        """
         return not self.kind.is_leaf and bool(self.outcomes)
 
     @functools.cached_property
@@ -509,7 +532,7 @@ class NodeSpec:
         return self.signature.fixed
 
     def fixed_value_names(self, parameter: Parameter) -> list[str]:
-        """Return the texts that are equal to the value that the tag implies for a parameter."""
+        """Return the texts that stand for the value that the tag implies for a parameter."""
         kind, value = parameter.value_type, self.implied_values[parameter.name]
         return [text for text in kind.choices if kind.convert(text) == value]
 
@@ -535,7 +558,10 @@ class NodeSpec:
 
     @functools.cached_property
     def plain_defaults(self) -> dict[str, object]:
-        """For each constant attribute, its value if a file omits it: the value that the tag implies, or the default."""
+        """The value of each constant attribute that a file omits.
+
+        The value is the one that the tag implies, or the default.
+        """
         return {p.name: self.implied_values.get(p.name, p.default) for p in self.constant_attributes}
 
     @functools.cached_property
@@ -554,7 +580,7 @@ class NodeSpec:
 
     @functools.cached_property
     def needs_context(self) -> bool:
-        """Whether an instance depends on more than its attribute values and children, such as facts or other nodes."""
+        """Whether an instance needs more than attribute values and children, such as facts or other nodes."""
         around = self.references or self.handed_over or self.facts or self.reads or self.writes
         return bool(around) or self.is_foreign
 
@@ -565,12 +591,12 @@ class NodeSpec:
 
     @functools.cached_property
     def structure(self) -> str:
-        """The constructor parameter for the children: `child` or `children`; empty for a leaf."""
+        """The name of the constructor parameter for children: `child` or `children`; empty for a leaf."""
         return {Kind.CONTROL: "children", Kind.DECORATOR: "child"}.get(self.kind, "")
 
     @functools.cached_property
     def skips_by_itself(self) -> bool:
-        """Whether a tick can be skipped independently of the children.
+        """Whether a tick of the node can be skipped even if no child is skipped.
 
         Every leaf of BehaviorTree.CPP can return SKIPPED, but hardly any does: a precondition skips a node before its tick.
         A leaf that only a model describes is therefore assumed not to skip, unless `skipping` says otherwise.
@@ -580,13 +606,13 @@ class NodeSpec:
 
     @functools.cached_property
     def is_plain(self) -> bool:
-        """Whether the node is a leaf whose instances depend only on attribute values that are not scripts."""
+        """Whether the node is a leaf whose instances depend only on attribute values, but not on scripts."""
         is_special = self.references or self.needs_context or self.takes_script or self.skips_by_itself
         return self.kind.is_leaf and self.rule is None and not is_special
 
     @functools.cached_property
     def constructor_names(self) -> dict[str, str]:
-        """The constructor's names of parameters whose attributes have a different name."""
+        """The names of constructor parameters that differ from the attributes' names, by attribute name."""
         return {p.name: p.keyword for p in self.parameters.values() if p.keyword}
 
     @property
@@ -620,7 +646,7 @@ def _parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
 
 
 def _writable(constructor: Callable[..., Any]) -> Iterator[tuple[str, inspect.Parameter]]:
-    """Yield the parameters of a constructor without `self`, `*args` and `**kwargs`."""
+    """Yield the parameters of a constructor, except `self`, `*args` and `**kwargs`."""
     for name, parameter in list(inspect.signature(constructor).parameters.items())[1:]:
         if parameter.kind not in _VARIADIC:
             yield name, parameter
@@ -696,7 +722,7 @@ def _require_known_placeholders(spec: NodeSpec, text: str, known: Sequence[str])
 
 
 def _carried_type(port: object) -> ValueType | None:
-    """Return the value type `T` of a port that is annotated with `Input[T]`; any type for `Input` alone."""
+    """Return the value type `T` of a port annotated with `Input[T]`. For `Input` alone, return any type."""
     carried = typing.get_args(port)[0] if typing.get_args(port) else object
     return ANYTHING if carried in (object, Any) else port_type_of(carried)
 
@@ -706,7 +732,10 @@ def _name_of(spec: NodeSpec) -> str:
 
 
 def _inherited_documentation(cls: type | None) -> dict[str, str]:
-    """Return the descriptions of parameters in the docstrings of a class and its bases, except those in py_trees."""
+    """Return the descriptions of parameters in the docstrings of a class and its bases.
+
+    Docstrings of py_trees are left out.
+    """
     described: dict[str, str] = {}
     for base in reversed(cls.__mro__ if cls is not None else ()):
         if base is cls or not base.__module__.startswith("py_trees."):
@@ -715,7 +744,7 @@ def _inherited_documentation(cls: type | None) -> dict[str, str]:
 
 
 def _documentation(cls: type | None) -> tuple[str, dict[str, str]]:
-    """Return a docstring's first paragraph and the descriptions of its `Args:`."""
+    """Return a docstring's first paragraph, and the descriptions that follow `Args:`."""
     text = inspect.cleandoc(cls.__doc__ or "") if cls is not None else ""
     summary = " ".join(text.split("\n\n", 1)[0].split())
     section = re.search(r"^Args:\n((?:[ ]+.*(?:\n|$)|\n)*)", text, re.MULTILINE)

@@ -48,7 +48,7 @@ _VECTOR = "std::vector<"
 _JSON_LIST = r"json:\s*\[[\s\S]*\]\s*"
 _NAME_OF_KEY = r"(?a) *@?[A-Za-z_]\w* *"
 JSON = "json:"
-"""The prefix of a JSON text, for ports that take any value."""
+"""The prefix of a text in JSON, in ports that accept any value."""
 _LARGEST_UNSIGNED = 2**32 - 1
 MOST_LISTED = 10
 """The maximum number of names that a message lists."""
@@ -68,7 +68,7 @@ TRUTH_VALUES = {
 
 @dataclass(eq=False)
 class ConversionError(ValueError):
-    """An error about a text that is not a value of the required type.
+    """A text is not a value of the required type.
 
     Attributes:
         message: The description of the error, in the user's terms.
@@ -124,7 +124,7 @@ class ValueType(NamedTuple):
     takes_braces: bool = False
 
     def key_in(self, text: str, port: str) -> str | None:
-        """Return the key to which a port's text refers, as `blackboard_key` does; None if the text is a value."""
+        """Return the key to which a port's text refers; None if the text is a value. See `blackboard_key`."""
         key = blackboard_key(text, port)
         if key is not None and self.takes_braces and not re.fullmatch(_NAME_OF_KEY, key):
             return None
@@ -132,7 +132,7 @@ class ValueType(NamedTuple):
 
     @property
     def unchanged_type(self) -> type | None:
-        """The type whose values `fit` returns unchanged; None if `fit` checks each value."""
+        """The type whose values `fit` returns unchanged; None if `fit` checks every value."""
         return self.python if self.least is None and self.most is None else None
 
     def fit(self, value: object) -> object:
@@ -173,7 +173,7 @@ class ValueType(NamedTuple):
 
 
 def literal_value(text: str) -> int | float | str:
-    """Convert a text that is passed to a subtree to a number if possible; otherwise return the text."""
+    """Convert a text that is passed to a subtree to a number. If it is not a number, return the text."""
     if text.startswith("+"):
         return text
     if re.fullmatch(_NO_DIGITS, text):
@@ -186,19 +186,21 @@ def literal_value(text: str) -> int | float | str:
 
 
 def as_text(value: bool | float) -> str:
-    """Convert a number to a string as BehaviorTree.CPP does."""
+    """Convert a number to a string in the same way as BehaviorTree.CPP."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return str(value) if isinstance(value, int) else f"{value:f}"
 
 
 def _is_odd_bool(value: object, wanted: type) -> bool:
-    """Return whether a value is a bool although another type is wanted (Python accepts bools as numbers)."""
+    """Return whether a value is a bool although another type is wanted. Python accepts bools as numbers."""
     return isinstance(value, bool) and wanted is not bool
 
 
 def join_with_commas(words: Collection[str], count: int | None = None) -> str:
-    """Return words separated by commas; for many words, the first words and the number of the remaining words.
+    """Return words separated by commas.
+
+    If there are many words, return the first words and the number of other words.
 
     Args:
         words: All words, or the first `MOST_LISTED` words.
@@ -287,12 +289,18 @@ def type_of_cpp_name(name: str) -> ValueType | None:
 
 
 def port_type_of_cpp_name(name: str) -> ValueType:
-    """Return the value type of a port that a model describes; a type with an unknown name accepts any value."""
+    """Return the value type of a port that a model describes.
+
+    A port whose type has an unknown name accepts any value.
+    """
     return type_of_cpp_name(name) or ANYTHING._replace(cpp=normalize(name))
 
 
 def is_class(annotation: object) -> TypeGuard[type]:
-    """Return whether an annotation is a plain class; in Python 3.10, `dict[str, int]` is also an instance of `type`."""
+    """Return whether an annotation is a plain class.
+
+    In Python 3.10, an annotation such as `dict[str, int]` is also an instance of `type`.
+    """
     return isinstance(annotation, type) and typing.get_origin(annotation) is None
 
 
@@ -303,7 +311,12 @@ def _annotated_type(annotation: object) -> ValueType | None:
 
 
 def strip_none(annotation: object) -> object:
-    """Return `T` for `T | None`, and for `Annotated[T, ...]` without a `ValueType`; other annotations are unchanged."""
+    """Return `T` for the annotation `T
+
+    None`, and any other annotation unchanged.
+
+    For `Annotated[T, ...]` without a `ValueType`, also return `T`.
+    """
     if typing.get_origin(annotation) is Annotated and _annotated_type(annotation) is None:
         return strip_none(typing.get_args(annotation)[0])
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
@@ -367,7 +380,9 @@ def at_least(least: int) -> ValueType:
 
 
 def plausible_number(least: float, most: float = math.inf, *, is_open: bool = False) -> ValueType:
-    """Return the type of numbers with a plausible range; other numbers cause a warning before the run.
+    """Return the type of numbers with a plausible range.
+
+    Other numbers cause a warning before the run.
 
     Use the type in an annotation: `share: Annotated[float, plausible_number(0, 1)]`.
 
@@ -380,7 +395,10 @@ def plausible_number(least: float, most: float = math.inf, *, is_open: bool = Fa
 
 
 def _sized_integer(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
-    """Return the type of C++ integers of a size; BehaviorTree.CPP rejects integers outside of their range."""
+    """Return the type of C++ integers of a given size.
+
+    BehaviorTree.CPP rejects integers that are outside the range of the type.
+    """
     least, most = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if is_signed else (0, 2**bits - 1)
     label = f"an integer from {least} to {most}"
     convert = functools.partial(_parse_in_range, least, most, label)
@@ -449,14 +467,14 @@ def _milliseconds(text: str) -> int:
     if milliseconds is None:
         raise _duration_error(text, MILLISECONDS.label, intended_integer(text), _milliseconds)
     if milliseconds % 1 or milliseconds > _LARGEST_UNSIGNED:
-        raise ConversionError(f"'{text}' is not an integer of milliseconds from 0 to {_LARGEST_UNSIGNED}")
+        raise ConversionError(f"'{text}' is not a whole number of milliseconds from 0 to {_LARGEST_UNSIGNED}")
     return int(milliseconds)
 
 
 def _duration_error(
     text: str, label: str, number: str | None, convert: Callable[[str], object]
 ) -> ConversionError:
-    """Return the error for a text that is not a duration, with a suggested duration or number."""
+    """Return the error for a text that is not a duration, together with a suggested duration or number."""
     label = label.removeprefix("a duration (").removesuffix(")")
     message, hint = f"'{text}' is not a duration ({label})", number_hint(text)
     ambiguous = hint is not None and "comma" in hint
@@ -498,14 +516,14 @@ def _choose_text(names: tuple[str, ...], text: str) -> str:
 
 
 def _member(kind: type[enum.Enum], text: str) -> enum.Enum:
-    """Return the enumeration member with a name or an integer value."""
+    """Return the member of an enumeration that has a given name or integer value."""
     members, texts = _texts_of(kind)
     return texts[text] if text in texts else members[_choose_text(tuple(members), text)]
 
 
 @functools.lru_cache(maxsize=64)
 def _texts_of(kind: type[enum.Enum]) -> tuple[dict[str, enum.Enum], dict[str, enum.Enum]]:
-    """Return an enumeration's members in two tables: by name, and by each accepted text."""
+    """Return two tables of an enumeration's members: one by name, and one by each accepted text."""
     members: dict[str, enum.Enum] = {member.name: member for member in kind}
     return members, {**_members_by_number(members), **members}
 
@@ -531,7 +549,10 @@ def list_type(item: ValueType) -> ValueType:
 
 
 def _list(item: ValueType, label: str, text: str) -> list[object]:
-    """Parse items separated by semicolons, or a JSON list, which BehaviorTree.CPP accepts for some types."""
+    """Parse items separated by semicolons, or a JSON list.
+
+    BehaviorTree.CPP accepts JSON lists for some types.
+    """
     if not text.startswith(JSON):
         return items_of(text, item.convert)
     items = _parse_any_value(text)
@@ -567,7 +588,7 @@ def items_of(text: str, convert: Callable[[str], T], *, blanks: bool = False) ->
 
 
 def _parse_any_value(text: str) -> object:
-    """Parse a text that begins with `json:` as JSON; return any other text unchanged."""
+    """Parse a text after the prefix `json:` as JSON. Return any other text unchanged."""
     if not text.startswith(JSON):
         return text
     try:
@@ -613,7 +634,10 @@ UNSIGNED = ValueType(
 REAL_NUMBER = ValueType(
     "real", "a number", _any_real, pattern=f"{REAL}|{_NO_DIGITS}", python=float, cpp="double"
 )
-"""The type of ports for real numbers. As in BehaviorTree.CPP, ports accept `inf` and `nan`; other attributes do not."""
+"""The type of ports for real numbers.
+
+As in BehaviorTree.CPP, ports accept `inf` and `nan`. Other attributes do not accept them.
+"""
 SECONDS = ValueType(
     "seconds",
     "a duration (seconds, or a number with ms, s or min)",
@@ -623,7 +647,7 @@ SECONDS = ValueType(
     cpp="double",
     unit="s",
 )
-"""The type of durations whose plain numbers are in seconds."""
+"""The type of durations. Numbers without a unit are in seconds."""
 MILLISECONDS = ValueType(
     "milliseconds",
     f"a duration (milliseconds from 0 to {_LARGEST_UNSIGNED}, or a number with ms, s or min)",
@@ -635,20 +659,29 @@ MILLISECONDS = ValueType(
     most=UNSIGNED.most,
     unit="ms",
 )
-"""The type of durations whose plain numbers are in milliseconds, as in BehaviorTree.CPP."""
+"""The type of durations. As in BehaviorTree.CPP, numbers without a unit are in milliseconds."""
 Seconds: TypeAlias = Annotated[float, SECONDS]
-"""The annotation of a parameter or port in seconds; a file can also write a number with a unit, such as `500ms`."""
+"""The annotation of a parameter or port in seconds.
+
+A file can also contain a number with a unit, such as `500ms`.
+"""
 Milliseconds: TypeAlias = Annotated[int, MILLISECONDS]
-"""The annotation of a parameter or port in whole milliseconds."""
+"""The annotation of a parameter or port whose value is an integer number of milliseconds."""
 _condition = functools.partial(_script, allow_empty=False)
 CONDITION = ValueType("condition", "a script", _condition, pattern=_NOT_BLANK, python=Script, cpp=TEXT)
 """The type of scripts that must not be empty, such as preconditions."""
 ANYTHING = ValueType("anything", "a value", _parse_any_value)
-"""The type of a port for any object; plain parameters cannot have this type."""
+"""The type of a port for any object. Parameters that are not ports cannot have this type."""
 AS_WRITTEN = ValueType("anything", "a value", str)
-"""The type of a port for any object; a text in the file is always a string, even if it begins with `json:`."""
+"""The type of a port for any object.
+
+A text in the file is always read as a string, even if it begins with `json:`.
+"""
 NO_VALUE = ValueType("", "", str, python=object, cpp=TEXT)
-"""The placeholder type of parameters without a text: references to nodes, and objects of the mission."""
+"""The type of parameters that are not written as text.
+
+These are references to nodes, and objects of the mission.
+"""
 
 _OF_PORTS = {_PLAIN[float].name: REAL_NUMBER, list_type(_PLAIN[float]).name: list_type(REAL_NUMBER)}
 STATUSES = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")

@@ -1,4 +1,4 @@
-"""The graphical editor: a page that shows the drawing of a tree and its text, and the functions that the page calls.
+"""The graphical editor: a page that shows a tree's drawing and text, and the functions that the page calls.
 
 The page is in `static`. It sends requests over HTTP (`web.edit_page`), to which `tree_studio` responds.
 """

@@ -1,4 +1,4 @@
-"""Load and save a file in the graphical editor, and detect whether it has changed on the disk."""
+"""Load and save a file in the graphical editor, and detect changes of the file on the disk."""
 
 import hashlib
 import re
@@ -27,7 +27,7 @@ def create_document(path: Path) -> None:
     if form is None:
         raise WriteError(f"'{path}' does not end with .xml, .yaml or .yml. Choose another name")
     if path.exists():
-        raise WriteError(f"{path} already exists. To edit it, omit --new")
+        raise WriteError(f"{path} already exists. To edit this file, omit --new")
     write_text(path, _EMPTY[form])
 
 
@@ -47,7 +47,7 @@ class EditedDocument:
         self._has_crlf = False
 
     def load(self) -> Mapping[str, object]:
-        """Return the text of the file with its version.
+        """Return the text and the version of the file.
 
         If all lines of the file end with CRLF, they end with LF in the returned text, and are written with CRLF again.
 
@@ -84,7 +84,7 @@ class EditedDocument:
         return {"version": _version(data)}
 
     def is_changed(self, version: str) -> bool:
-        """Return whether the version of the file on the disk differs from a version."""
+        """Return whether the file on the disk has another version than the given one."""
         return _version(read_file(self.path, TREE).data) != version
 
 

@@ -1,4 +1,6 @@
-"""The requests of the editor's page about the tree files of a project; arguments and responses are JSON values.
+"""The requests that the editor's page makes about a project's tree files.
+
+Arguments and responses are JSON values.
 
 Each request contains the current text, so the page has the only copy that is edited. Offsets count UTF-16 units, as in
 JavaScript. The page sends requests over HTTP (`web.edit_page`), or to Python in a worker of the browser.
@@ -42,7 +44,7 @@ from sar_compiler.views.drawing import svg
 from sar_compiler.writing import write_bytes
 
 MOST_STATES = 1_000_000
-"""The default maximum number of states of an analysis."""
+"""The default maximum number of states that an analysis explores."""
 SIDE_BY_SIDE = frozenset({"verify", "predict", "progress", "stop"})
 """The requests that are processed in parallel with other requests."""
 _MOST_TICKS = 1000
@@ -52,7 +54,7 @@ _ENDED = ("SUCCESS", "FAILURE")
 
 
 class Studio:
-    """The back end of the editor's page for a file, and for the other files of its project.
+    """The back end of the editor's page for a file and for the other files of the file's project.
 
     Args:
         path: The file that is opened first.
@@ -99,7 +101,7 @@ class Studio:
         }
 
     def answer_question(self, request: str, values: Mapping[str, Any]) -> object:
-        """Return the response to a request of the page. If the request fails, `error` in the response is the reason.
+        """Return the response to a request of the page. If the request fails, `error` contains the reason.
 
         Args:
             request: The name of the request.
@@ -120,7 +122,7 @@ class Studio:
             return {"error": findings[0].message if findings else str(error)}
 
     def examine(self, text: str, tree: str | None = None, folded: Collection[int] = ()) -> object:
-        """Return the findings about the file and, if it can be parsed, its elements and the drawing of a tree.
+        """Return the findings about a file, and the elements and a drawing if the file can be parsed.
 
         Args:
             text: The text.
@@ -164,7 +166,7 @@ class Studio:
         return {"name": f"{sketch.name}.svg", "text": svg(sketch)}
 
     def compare(self, version: str) -> object:
-        """Return whether the file has changed on the disk, and whether other files of its project have changed."""
+        """Return whether the file has changed on the disk, and whether other files of its project have."""
         stamps = {path: _stamp(path) for path in self._stamps}
         others_have_changed = stamps != self._stamps
         if others_have_changed:
@@ -172,12 +174,12 @@ class Studio:
         return {"has_changed": self.document.is_changed(version), "others_have_changed": others_have_changed}
 
     def edit(self, text: str, operation: str, arguments: Mapping[str, Any]) -> object:
-        """Return the edits of an operation of `editing.operations`, by its name and arguments."""
+        """Return the edits of an operation, given its name in `editing.operations` and its arguments."""
         edits = edits_of(parse_tree(text, str(self._path)), operation, **arguments)
         return {"edits": _edits(text, edits)}
 
     def rename(self, text: str, offset: int, name: str) -> object:
-        """Return the edits that rename the tree or key at an offset, at all its locations in the text.
+        """Return the edits that rename the tree or key at an offset wherever its name occurs in the text.
 
         Raises:
             EditError: If there is no name at the offset, or another file also contains the name.
@@ -185,12 +187,14 @@ class Studio:
         loaded = self._load(text)
         named = name_at(loaded, offset)
         if named is None:
-            message = "there is no name of a tree or key at this position"
+            message = "the text at this position is not the name of a tree or key"
             raise EditError(message)
         spots = rename_edits(named, name)
         other = next((each.source.path for each, _ in spots if each.source is not loaded.source), None)
         if other is not None:
-            message = f"{other} also contains '{named.name}'. Rename it in an editor with sar-compile lsp"
+            message = (
+                f"{other} also contains '{named.name}'. Rename it in an editor that uses sar-compile lsp"
+            )
             raise EditError(message)
         edits = [TextEdit(*each.source.offsets(each.span), new) for each, new in spots]
         return {"edits": _edits(text, edits)}
@@ -225,7 +229,7 @@ class Studio:
         try:
             from sar_compiler.analysis.prediction_view import prediction_as_text
         except ImportError:
-            message = "NumPy and SciPy are missing. Install the package, and run sar-compile predict"
+            message = "NumPy and SciPy are not installed here. Install the package sar_compiler, and run sar-compile predict"
             raise EditError(message) from None
         begun, budget = time.monotonic(), self._begin_analysis()
         found = predict_tree(self._read(text), tree_id=tree, max_states=self._options[1], budget=budget)
@@ -238,7 +242,7 @@ class Studio:
         ticks: int = 6,
         leaves: Mapping[str, Iterable[str]] | None = None,
     ) -> object:
-        """Return the first ticks of a run in which each named leaf has the given outcomes, one after the other."""
+        """Return the first ticks of a run in which named leaves have the given outcomes, in their order."""
         chosen = {name: list(each) for name, each in (leaves or {}).items()}
         script = {"leaves": chosen, **({"tree": tree} if tree else {})}
         loaded = self._load(text)
@@ -247,7 +251,9 @@ class Studio:
         return _run(run.ticks, _paths(loaded, tree), run.simulated.fact_values())
 
     def record_scenario(self, name: str) -> object:
-        """Write the last simulated run as a scenario with expectations to a new file in the folder of the tree file.
+        """Write the last simulated run as a scenario with expectations.
+
+        The scenario is a new file in the folder of the tree file.
 
         Raises:
             EditError: If the name does not end with `.yaml` or `.yml`, or the file already exists.
@@ -278,7 +284,10 @@ class Studio:
         return self._budget
 
     def _register_files(self, loaded: ProjectTree) -> list[str]:
-        """Return the names of the project's files, the edited one first, and register the others for later requests."""
+        """Return the names of the project's files, starting with the edited file.
+
+        The other files are registered for later requests.
+        """
         own, folder = loaded.source.path, real_path(self._path).parent
         paths = [real_path(Path(each.source.path)) for each in loaded.forest.files if each.source.path != own]
         self._stamps = {path: _stamp(path) for path in paths}
@@ -288,13 +297,13 @@ class Studio:
         return [self._path.name, *self._others]
 
     def _load(self, text: str) -> ProjectTree:
-        """Return the tree file with the current text; it is parsed only if the text has changed."""
+        """Return the tree file with the current text, which is parsed only if it has changed."""
         if self._tree is None or text != self._text:
             self._tree, self._text = self._read(text), text
         return self._tree
 
     def _read(self, text: str) -> ProjectTree:
-        """Parse the tree file with the current text; other files are read from the disk."""
+        """Parse the tree file with the current text, and read other files from the disk."""
         own = real_path(self._path)
 
         def read(path: Path) -> TreeFile:
@@ -359,7 +368,7 @@ def _elements(
 
 
 def _keys(loaded: ProjectTree, numbers: Mapping[tuple[int, int], int]) -> Mapping[str, list[object]]:
-    """Return the keys, each with the elements of the file that access it, and the kinds of access."""
+    """Return the keys, each with the file's elements that access the key, and the kinds of access."""
     keys: dict[str, list[object]] = {}
     for accesses in loaded.context.key_accesses.values():
         for each in accesses.accesses:
@@ -370,7 +379,10 @@ def _keys(loaded: ProjectTree, numbers: Mapping[tuple[int, int], int]) -> Mappin
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    """Return a file's modification time and size, which reveal a change; zeros if the file does not exist."""
+    """Return a file's modification time and size, which show whether it has changed.
+
+    Both are zero if the file does not exist.
+    """
     with suppress(OSError):
         status = path.stat()
         return status.st_mtime_ns, status.st_size
@@ -391,7 +403,10 @@ def _parameter(parameter: Parameter) -> object:
 
 
 def _paths(loaded: ProjectTree, tree: str | None) -> dict[str, list[int]]:
-    """Return, for each path of node names without wrappers, the numbers of the drawn nodes on this path."""
+    """Return the numbers of the drawn nodes on each path of node names.
+
+    The paths do not contain the names of wrappers.
+    """
     compiled = loaded.preview(tree)
     bound = {each.id: compiled.origins[each.id].bound for each in pre_order(compiled.root)}
     drawn: dict[object, list[int]] = {None: []}
@@ -407,7 +422,7 @@ def _paths(loaded: ProjectTree, tree: str | None) -> dict[str, list[int]]:
 def _run(
     ticks: Sequence[TickRecord], nodes: Mapping[str, list[int]], final: Mapping[str, object] | None = None
 ) -> object:
-    """Return the events of each tick with their drawn nodes, and the values of facts and keys after each tick.
+    """Return each tick's events with their drawn nodes, and the values of facts and keys after the tick.
 
     Args:
         ticks: The ticks.
@@ -438,7 +453,7 @@ def _run(
 
 
 def _scenario(run: ScenarioRun, tree: str | None) -> Mapping[str, object]:
-    """Return the scenario that repeats a run up to its end, and expects the same results."""
+    """Return a scenario that repeats a run up to its end and expects the results of the run."""
     last = next((tick.number for tick in run.ticks if tick.root in _ENDED), len(run.ticks))
     ticks, labels = run.ticks[:last], leaf_labels(run.simulated.leaves)
     facts: dict[str, object] = dict(run.simulated.fact_values())

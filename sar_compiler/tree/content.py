@@ -26,12 +26,12 @@ _BYTE_ORDER_MARKS = [
 
 
 def real_path(path: Path) -> Path:
-    """Resolve the symbolic links in a path; circular links and invalid paths are not resolved."""
+    """Resolve the symbolic links in a path. Circular links and invalid paths stay unchanged."""
     return Path(os.path.abspath(path) if "\0" in str(path) else os.path.realpath(path))  # noqa: PTH100 - pathlib's follows links
 
 
 def as_written(path: Path) -> Path:
-    """Return a path relative to the current folder if it is inside that folder, otherwise unchanged."""
+    """Return a path inside the current folder relative to this folder, and any other path unchanged."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
 

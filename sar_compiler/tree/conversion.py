@@ -1,4 +1,4 @@
-"""Conversion of a tree file to another format, or to its canonical form; losses are reported.
+"""Conversion of a tree file to another format or to its canonical form. Losses are reported.
 
 The parser skips XML content other than elements, attributes and comments, as BehaviorTree.CPP does. A conversion must
 not drop such content silently.
@@ -70,7 +70,10 @@ def canonical_bytes(tree_file: TreeFile) -> bytes:
 
 
 def _encoding_name(encoding: str) -> str:
-    """Return an encoding's name for an XML declaration. Both variants of UTF-16 have the same name."""
+    """Return the name of an encoding for an XML declaration.
+
+    Both variants of UTF-16 have the same name.
+    """
     names = {"utf-8": "UTF-8", "utf-16-le": "UTF-16", "utf-16-be": "UTF-16"}
     return names.get(codecs.lookup(encoding).name, encoding)
 
@@ -144,7 +147,10 @@ _PIECE = re.compile(
 
 
 def ignored_content(tree_file: TreeFile) -> Iterator[Diagnostic]:
-    """Yield a finding for each processing instruction, and for the first text in each element that the parser ignores."""
+    """Yield findings about content that the parser ignores.
+
+    Each processing instruction has a finding, and the first text in each element.
+    """
     with_text = {element.offset for element in tree_file.root.iterate() if element.text}
     opened: list[int] = []
     last = -1

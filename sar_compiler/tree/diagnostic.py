@@ -1,4 +1,4 @@
-"""Source texts with locations, and findings with their locations and suggested replacements."""
+"""Source texts, and findings about them with locations and suggested replacements."""
 
 import bisect
 import functools
@@ -14,11 +14,11 @@ from sar_compiler.tree.display_text import escape_to_one_line, shorten, visible
 from sar_compiler.tree.severity import Severity as Severity
 
 LINE_END = re.compile(r"\r\n|\r|\n")
-"""The line endings of XML and YAML; `str.splitlines()` also accepts other characters."""
+"""The line endings of XML and YAML. In contrast, `str.splitlines()` also accepts other characters."""
 
 
 class Span(NamedTuple):
-    """A range of characters in a text; lines and columns begin at 1, and the end is exclusive.
+    """A range of characters in a text. Lines and columns begin at 1, and the end is exclusive.
 
     Attributes:
         line: The line of the first character.
@@ -41,11 +41,11 @@ class Form(str, Enum):
 
 
 AttributePlaces = tuple[int, int, int, int]
-"""The start and end offsets of an attribute's name, then the start and end offsets of its value."""
+"""The start and end offsets of an attribute's name, and the start and end offsets of the attribute's value."""
 
 
 class ElementView(Protocol):
-    """The properties of an element that are needed to find its parts in the text."""
+    """The properties of an element that are needed to find the element's parts in the text."""
 
     @property
     def source(self) -> "Source":
@@ -65,7 +65,7 @@ class ElementView(Protocol):
 
 
 class Spans:
-    """Locator of the tags, attribute names and values of elements in a text; each format has a subclass."""
+    """Locator of elements' tags, attribute names and values in a text. Each format has a subclass."""
 
     form = Form.XML
 
@@ -78,11 +78,11 @@ class Spans:
         return iter(())
 
     def inside(self, _text: str, start: int, end: int) -> tuple[int, int]:
-        """Return the start and end offsets of a name or value, without its quotes."""
+        """Return the start and end offsets of a name or value, excluding the quotes around it."""
         return start, end
 
     def is_verbatim(self, _start: int) -> bool:
-        """Return whether the value at an offset equals the text of the file, except for its indentation."""
+        """Return whether the value at an offset is identical to the file's text, except for indentation."""
         return False
 
     def characters(self, _text: str, start: int, end: int, _value: str) -> Sequence[int]:
@@ -91,7 +91,7 @@ class Spans:
 
 
 _FEW, _SHORT = 16, 1000
-"""The numbers of attributes and characters up to which an element's offsets are not cached."""
+"""The maximum numbers of attributes and of characters for which an element's offsets are not cached."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Source:
 
     @property
     def line_end(self) -> str:
-        """The line ending of the first line; a newline character if the text has only one line."""
+        """The line ending of the first line. If the text has only one line, the ending is a newline."""
         end = LINE_END.search(self.text)
         return end[0] if end else "\n"
 
@@ -136,7 +136,7 @@ class Source:
         return {}
 
     def attribute(self, element: ElementView, name: str) -> AttributePlaces | None:
-        """Return the offsets of an attribute; None if the element's text has no attribute of this name."""
+        """Return the offsets of an attribute; None if the text of the element lacks the attribute."""
         values, attributes = element.attributes.values(), self.spans.attributes(element)
         if len(values) <= _FEW and sum(map(len, values)) <= _SHORT:
             return next((places for each, places in attributes if each == name), None)
@@ -153,7 +153,7 @@ class Source:
         return self.offset(span.line, span.column), self.offset(span.end_line, span.end_column)
 
     def line(self, number: int) -> str:
-        """Return a line without its line end; an empty string for a line that does not exist."""
+        """Return a line without its line end. If the line does not exist, return an empty string."""
         if not 1 <= number <= len(self.line_starts):
             return ""
         end = self.line_starts[number] if number < len(self.line_starts) else len(self.text)
@@ -164,7 +164,7 @@ class Source:
         return Span(*self.position_of(start), *self.position_of(end))
 
     def inside(self, start: int, end: int) -> Span:
-        """Return the span of a name or a value, without its quotes."""
+        """Return the span of a name or value, excluding the quotes around it."""
         return self.span(*self.spans.inside(self.text, start, end))
 
     def position_of(self, offset: int) -> tuple[int, int]:
@@ -173,7 +173,10 @@ class Source:
         return line, offset - self.line_starts[line - 1] + 1
 
     def has_blank_line_before(self, offset: int, passing: str = " \t\r\n") -> bool:
-        """Return whether a blank line precedes an offset, with only characters of *passing* in between."""
+        """Return whether a blank line precedes an offset.
+
+        Only characters of *passing* may be between the blank line and the offset.
+        """
         start = offset
         while start and self.text[start - 1] in passing:
             start -= 1
@@ -188,7 +191,7 @@ _MARGIN, _LEAST = 8, 40
 
 
 AS_DECLARED: Any = None
-"""A placeholder for the severity that the finding's kind declares."""
+"""A placeholder that stands for the declared severity of the finding's kind."""
 
 
 def _keep_text(text: str, _part: str) -> str:
@@ -254,7 +257,10 @@ class Diagnostic:
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """The key by which a repeated finding is recognised, for example about a file that several files include."""
+        """The key by which repeated findings are recognised.
+
+        For example, several files may include the file with the finding.
+        """
         return self.source.path, self.span, self.code, self.message
 
     @property
@@ -264,14 +270,14 @@ class Diagnostic:
 
     @property
     def advice(self) -> str:
-        """The suggested replacement or instruction; empty if the finding has neither."""
+        """The suggested replacement or instruction; empty if the finding suggests nothing."""
         if not self.suggestion:
             return self.hint or ""
         quote = next((mark for mark in "'\"`" if mark not in self.suggestion), "")
         return f"did you mean {quote}{shorten(self.suggestion)}{quote}?"
 
     def render(self, width: int = WIDTH, paint: Callable[[str, str], str] = _keep_text) -> str:
-        """Return the finding as text: location, message, the line with carets, and the suggestion.
+        """Return the finding as text, with its location, message, line with carets, and suggestion.
 
         Args:
             width: The number of available columns.
@@ -302,7 +308,7 @@ class Diagnostic:
 
 
 class TreeError(SarError):
-    """An error about a tree file that cannot be used.
+    """A tree file cannot be used.
 
     Attributes:
         findings: All findings of the file.

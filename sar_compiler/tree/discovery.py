@@ -68,10 +68,10 @@ def _form_of(path: Path, content: bytes | str) -> Form:
 
 
 SKIPPED = ("build", "install", "log")
-"""The output folders of colcon. Neither these folders nor hidden folders are searched."""
+"""The names of colcon's output folders. These folders are not searched, and neither are hidden folders."""
 
 _BEGINNING = TREE._replace(limit=65_536)
-"""The file kind that reads only the first bytes of a file, which suffice to recognise a tree file."""
+"""The file kind for reading only the first bytes of a file. These bytes suffice to recognise a tree file."""
 
 # The first XML element, after the declaration, comments, a DOCTYPE and text; the first YAML key, after comments.
 _FIRST_ELEMENT = rb"(?s)(?:[^<]|<\?.*?\?>|<!--.*?-->|<![^>]*>)*<([\w:.-]+)([^>]*)"
@@ -98,7 +98,7 @@ def tree_files_in(folder: Path) -> list[Path]:
 
 
 def files_around(folder: Path, *, most: int, is_whole: bool) -> list[Path]:
-    """Return the files in a folder whose extensions suggest tree files or palettes, sorted by path.
+    """Return the files in a folder that may be tree files or palettes by their extension, sorted by path.
 
     Unreadable files and folders are skipped.
 
@@ -112,7 +112,10 @@ def files_around(folder: Path, *, most: int, is_whole: bool) -> list[Path]:
 
 
 def is_palette(path: Path) -> bool:
-    """Return whether a file or Groot2 project only describes nodes; False if it cannot be read."""
+    """Return whether a file only describes nodes; False if the file cannot be read.
+
+    The file is a tree file or a Groot2 project.
+    """
     if path.suffix.lower() not in (*FORMS, _PROJECT):
         return False
     try:
@@ -150,7 +153,7 @@ def matching_files(folder: Path, pattern: str) -> list[Path]:
 
 
 def is_tree_file(path: Path, *, is_sought: bool = False) -> bool:
-    """Return whether a file has the extension and the outermost element (or YAML key) of a tree file.
+    """Return whether a file is a tree file, according to its extension and its outermost element or YAML key.
 
     Args:
         path: The file.
@@ -181,7 +184,7 @@ def is_tree_file(path: Path, *, is_sought: bool = False) -> bool:
 
 
 def is_other_file_type(text: str, form: Form) -> bool:
-    """Return whether a text can be neither a tree file nor the beginning of one."""
+    """Return whether a text is certainly neither a tree file nor the beginning of one."""
     data = text[: _BEGINNING.limit].lstrip("\ufeff").encode("utf-8", "replace")
     if form is Form.YAML:
         return bool(data.strip()) and re.match(_FIRST_KEY, data) is None
@@ -216,7 +219,7 @@ def _files_in(folder: Path, *, is_whole: bool = True, is_sought: bool = False) -
 
 
 def path_for_name(name: str) -> Path:
-    """Return the path for a tree name that the user has given.
+    """Return the path of a tree, given the name or path that the user has written.
 
     Raises:
         UnreadableFileError: If *name* is empty, which would mean the current folder.

@@ -1,4 +1,4 @@
-"""Shortening of texts from files, and escaping of their control characters, for display."""
+"""Shortening of texts from files for display, and escaping of the texts' control characters."""
 
 import re
 
@@ -11,7 +11,7 @@ UNSEEN = (
 )
 """The characters that are escaped for display."""
 UNSPEAKABLE = "[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]"
-"""The characters that XML cannot represent, not even by a reference."""
+"""The characters that XML cannot represent, not even by a character reference."""
 
 
 def shorten(text: str) -> str:
@@ -22,19 +22,19 @@ def shorten(text: str) -> str:
 
 
 def visible(text: str) -> str:
-    r"""Escape the characters of a text that are invisible or control a terminal, for example as `\x1b` or `\u202e`."""
+    r"""Escape characters that are invisible or control a terminal, for example as `\x1b` or `\u202e`."""
     if text.isascii() and text.replace("\n", "").isprintable():  # nearly every text
         return text
     return re.sub(UNSEEN, _code, text)
 
 
 def escape_to_one_line(text: str) -> str:
-    r"""Escape a text as `visible` does, and its line breaks as `\n`."""
+    r"""Escape a text as `visible` does, and escape the line breaks in the text as `\n`."""
     return visible(text).replace("\n", "\\n")
 
 
 def shorten_to_line(text: str) -> str:
-    """Shorten a text of unknown content to one line of a log, with control characters escaped."""
+    """Shorten a text of unknown content to a single log line, and escape its control characters."""
     return escape_to_one_line(shorten(text))
 
 

@@ -1,4 +1,7 @@
-"""Loading of all trees that a file can reference: those in the file, in its includes and in its set of files."""
+"""Loading of all trees that a file can reference.
+
+These trees are in the file, in the included files and in the other files of the set.
+"""
 
 import functools
 import os
@@ -25,7 +28,7 @@ MAX_FILES = 1000
 """The maximum number of files that are read for one tree file."""
 
 MAX_NEIGHBOURS = 20_000
-"""The maximum number of file names that are compared with the names of missing includes to suggest a name."""
+"""The maximum number of file names that are compared with a missing include to suggest a name."""
 
 MAX_INCLUDE_DEPTH = 50
 """The maximum nesting depth of includes."""
@@ -36,7 +39,7 @@ Read = Callable[[Path], TreeFile]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Forest:
-    """A tree file with all files that it includes, and with the trees that its set provides.
+    """A tree file with all files that it includes, and with the trees found in other files of the set.
 
     Attributes:
         main: The tree file itself.
@@ -63,7 +66,7 @@ class Forest:
 
     @functools.cached_property
     def trees(self) -> dict[str, Element]:
-        """The `BehaviorTree` elements by ID; if several have the same ID, the first of them."""
+        """The `BehaviorTree` elements by ID. If several have the same ID, the first of them is used."""
         by_id: dict[str, Element] = {}
         for tree in self.iterate():
             if "ID" in tree.attributes:
@@ -72,7 +75,7 @@ class Forest:
 
     @functools.cached_property
     def others(self) -> tuple[TreeFile, ...]:
-        """The files of the set that provide trees, with their includes."""
+        """The other files of the set from which trees are used, with their includes."""
         return tuple({id(file): file for home in self.homes.values() for file in home.files}.values())
 
     @functools.cached_property
@@ -95,11 +98,13 @@ class Forest:
         return list(dict.fromkeys(self.trees) | dict.fromkeys(self.tree_set.by_id if self.tree_set else ()))
 
     def is_used_elsewhere(self, tree_id: str) -> bool:
-        """Return whether another file of the set references a tree with this ID, but does not define one."""
+        """Return whether another file of the set references a tree with this ID without defining one."""
         return self.tree_set is not None and self.tree_set.is_used(tree_id, self.path)
 
     def main_tree(self, tree_id: str | None = None) -> Element | None:
-        """Return the tree to execute: the requested tree, the tree that the main file names, or the only tree.
+        """Return the tree to execute.
+
+        This is the requested tree, the tree that the main file names, or the only tree.
 
         Returns:
             The `BehaviorTree` element; None if there is no such tree, or if several trees are possible.
@@ -112,7 +117,10 @@ class Forest:
 
     @functools.cached_property
     def executable(self) -> tuple[Element, ...]:
-        """The main tree if the main file names it; otherwise each tree of the main file that no file references."""
+        """The main tree, if the main file names it.
+
+        Otherwise, these are the trees of the main file that no file references.
+        """
         main, is_named = self.main_tree(), self.main.main_tree_name is not None
         if is_named:
             return () if main is None else (main,)
@@ -132,7 +140,7 @@ class Forest:
 def load_forest(
     path: Path, read: Read, include_paths: Iterable[Path] = (), tree_set: "TreeSet | None" = None
 ) -> Forest:
-    """Read a file with all its includes, and resolve missing trees in its set.
+    """Read a file with all its includes. Search the set for trees that are missing there.
 
     A mission must not be able to read arbitrary files of the machine. An included file must therefore be in or below the
     folder of *path* or one of *include_paths*, or (by `ros_pkg`) in the share folder of an installed ROS package.
@@ -153,7 +161,7 @@ def load_forest(
 
 @dataclass(eq=False, repr=False)
 class TreeSet:
-    """Files that belong together: a tree that one file lacks is looked up in the other files.
+    """Files that belong together. A tree that is missing from one file is searched in the other files.
 
     All files are read, each once, when the first tree is missing.
 
@@ -176,7 +184,7 @@ class TreeSet:
 
     @property
     def is_read(self) -> bool:
-        """Whether files of the set have been read; findings may then depend on each of them."""
+        """Whether files of the set have been read. If so, findings may depend on each of these files."""
         return "forests" in self.__dict__
 
     @functools.cached_property
@@ -200,7 +208,10 @@ class TreeSet:
 
     @functools.cached_property
     def by_id(self) -> Mapping[str, Mapping[tuple[str, int], tuple[Path, Forest]]]:
-        """By the ID and location of a tree, a file with the tree and its forest; the defining file takes precedence."""
+        """For each tree ID and location of such a tree, a file with the tree and the file's forest.
+
+        If a tree is in several forests, the file that defines it takes precedence.
+        """
         by_id: dict[str, dict[tuple[str, int], tuple[Path, Forest]]] = {}
         for path, forest in self.forests.items():
             for tree_id, tree in forest.trees.items():
@@ -213,7 +224,7 @@ class TreeSet:
 
     @functools.cached_property
     def _users(self) -> Mapping[str, list[Path]]:
-        """The files that reference trees of other files, by the trees' IDs."""
+        """The files that reference a tree of another file, by tree ID."""
         users: dict[str, list[Path]] = {}
         for path, forest in self.forests.items():
             wanted = {each.attributes["ID"] for tree in forest.main.trees for each in self.references(tree)}
@@ -222,7 +233,7 @@ class TreeSet:
         return users
 
     def is_used(self, tree_id: str, by_other_than: Path) -> bool:
-        """Return whether a file except *by_other_than* references a tree with this ID, but does not define one."""
+        """Return whether a file except *by_other_than* references a tree with this ID without defining one."""
         return any(path != by_other_than for path in self._users.get(tree_id, ()))
 
     def files_with_tree(self, tree_id: str) -> Iterable[tuple[Path, Forest]]:
@@ -241,7 +252,7 @@ def _references(tree: Element) -> tuple[Element, ...]:
 
 
 class _SetSearch:
-    """Recursive search of a set for the trees that a forest lacks."""
+    """Recursive search of a set for the trees that are missing from a forest."""
 
     def __init__(self, forest: Forest, tree_set: TreeSet) -> None:
         self.forest = forest
@@ -253,7 +264,7 @@ class _SetSearch:
         self.found: dict[int, tuple[Element, Forest]] = {}
 
     def result(self) -> Forest:
-        """Return the forest with the trees found in the set."""
+        """Return the forest, including the trees found in the set."""
         forest, root = self.forest, self.forest.main.root
         named = forest.main.main_tree_name
         if named and named not in forest.trees:
@@ -277,7 +288,10 @@ class _SetSearch:
         )
 
     def _find(self, reference: Element, attribute: str, home: Forest) -> None:
-        """Resolve a reference in a tree of the forest *home* to a tree of this forest or of the set."""
+        """Resolve a reference in a tree of the forest *home*.
+
+        The referenced tree is in this forest or in the set.
+        """
         tree_id = reference.attributes[attribute]
         having = (
             [(self.forest.path, home)] if tree_id in home.trees else self._files_with_tree(tree_id, reference)
@@ -302,14 +316,17 @@ class _SetSearch:
             message = f"the tree '{tree_id}' is defined in several files of the set: {places}{more}"
             # Files that the user named together may belong to different robots.
             severity = Severity.ERROR if self.tree_set.is_declared else Severity.WARNING
-            hint = "give each tree a unique ID, or include the right file"
+            hint = "give each tree a unique ID, or include the file with the intended tree"
             advice = Advice(hint=hint, severity=severity)
             self.clashes.append(reference.finding("duplicate-tree-id", message, value=attribute, **advice))
         if first is not self.forest:
             self.found.setdefault(id(target), (target, first))
 
     def _files_with_tree(self, tree_id: str, reference: Element) -> list[tuple[Path, Forest]]:
-        """Return the files that contain a tree; if there are several, those closest to the referencing file."""
+        """Return the files that contain a tree.
+
+        If there are several, return those closest to the referencing file.
+        """
         having = [each for each in self.tree_set.files_with_tree(tree_id) if each[0] != self.forest.path]
         if tree_id in self.forest.trees:
             having.insert(0, (self.forest.path, self.forest))
@@ -372,7 +389,7 @@ class _Loader:
         self.seen.add(target)
 
     def _intended_path(self, element: Element, target: Path) -> str | None:
-        """Return the existing path that was probably intended by the path of a missing include."""
+        """Return the existing path that was probably meant by the path of a missing include."""
         written, beside = element.attributes["path"], []
         with suppress(UnreadableFileError):
             if self.compared < MAX_NEIGHBOURS and not is_there(target):
@@ -387,7 +404,7 @@ class _Loader:
         return written.removesuffix(target.name) + stems[near]
 
     def _target(self, element: Element, here: Path) -> Path | None:
-        """Return the path of an included file, or None after a finding."""
+        """Return the path of an included file. If there is none, add a finding and return None."""
         written = element.attributes.get("path")
         if not written:
             self._report_pathless(element)
@@ -399,7 +416,7 @@ class _Loader:
         share = _package_share(package)
         if share is None:
             message = f"the ROS package '{package}' is not installed"
-            hint = "source the workspace that has it, or write a path without ros_pkg"
+            hint = "source the workspace that contains this package, or write a path without ros_pkg"
             self.findings.append(element.finding("unknown-package", message, value="ros_pkg", hint=hint))
             return None
         # With a symlink installation, a package's files are outside of its share folder once links are resolved,
@@ -430,7 +447,10 @@ class _Loader:
         return False
 
     def _report_pathless(self, element: Element) -> None:
-        """Report an include without the attribute `path`; a single unknown attribute is probably meant as `path`."""
+        """Report an include without the attribute `path`.
+
+        If the include has a single unknown attribute, this is probably meant as `path`.
+        """
         strange = [name for name in element.attributes if name not in ("path", "ros_pkg")]
         if len(strange) == 1:
             message = f"<{INCLUDE_TAG}> has no attribute '{strange[0]}' (known: path, ros_pkg)"
@@ -445,7 +465,10 @@ class _Loader:
 
 
 def _package_share(package: str) -> Path | None:
-    """Return a ROS package's share folder, found in the ament index of the sourced workspaces; None if not found."""
+    """Return the share folder of a ROS package; None if the package is not found.
+
+    The folder is looked up in the ament index of the sourced workspaces.
+    """
     if Path(package).name != package or package in ("", ".", ".."):
         return None
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):

@@ -20,28 +20,31 @@ _UNITS = {
     "km": ("km",),
 }
 UNIT_OF = {word: unit for unit, words in _UNITS.items() for word in words}
-"""The units by their usual spellings, in lower case."""
+"""The units of measurement by their usual spellings, in lower case."""
 LIKE = 0.7
 """The minimum similarity at which one word may be a typo of another."""
 _SHORT, _LIKE_SHORT = 3, 0.6
 _LIKE_WHOLE = 0.88
-"""The minimum similarity at which a name may be a typo of a name with a different number of words."""
+"""The minimum similarity at which two names with different numbers of words may be typos of each other."""
 _MOST_NEAR = 10
 _WORDS = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\dA-Za-z_]+|\d+"
 _BETWEEN = r"_|(?<=[^\W\d])[\s-]+(?=[^\W\d])"
-"""The separators between the words of a name; `-5` is not `5`."""
+"""The separators between the words of a name. A minus sign is not a separator: `-5` differs from `5`."""
 _LETTER = r"[^\W\d_]"
 _PARTS = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])"
 
 
 def unit_suffix(name: str) -> str:
-    """Return the unit with which a name ends: `ms` for `delay_msec`; an empty string if the name has no unit."""
+    """Return the unit with which a name ends, such as `ms` for `delay_msec`; empty without a unit."""
     parts = re.findall(_PARTS, name)
     return UNIT_OF.get(parts[-1].lower(), "") if parts else ""
 
 
 def has_same_unit(written: str, meant: str) -> bool:
-    """Return whether two names have the same unit: `delay_msec` and `msec` do, `msec` and `sec` do not."""
+    """Return whether two names have the same unit.
+
+    For example, `delay_msec` and `msec` do, but `msec` and `sec` do not.
+    """
     unit = unit_suffix(meant)
     if unit == unit_suffix(written):
         return True
@@ -50,7 +53,7 @@ def has_same_unit(written: str, meant: str) -> bool:
 
 
 def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
-    """Return the known word that was probably intended, or None.
+    """Return the known word that was probably meant by another word, or None.
 
     A number is never suggested for another number. For a name with a unit (`delay_msec`), no name with another unit or
     without a unit is suggested, because the written value would then have another meaning.
@@ -82,7 +85,10 @@ def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
 
 
 def is_typo(written: str, meant: str) -> bool:
-    """Return whether two words differ only in case, or in one letter that is extra, missing, wrong or swapped."""
+    """Return whether two words differ only in case or in one letter.
+
+    The letter may be extra, missing, wrong or swapped with its neighbour.
+    """
     one, other = written.lower(), meant.lower()
     if one == other:
         return True
@@ -101,7 +107,7 @@ def is_typo(written: str, meant: str) -> bool:
 
 
 def likeness(word: str, other: str) -> float:
-    """Return how similar the letters of two words are, from 0 to 1."""
+    """Return how similar the letters of two words are, as a number from 0 to 1."""
     import difflib
 
     return difflib.SequenceMatcher(None, word, other).ratio()
@@ -137,18 +143,18 @@ def _is_like(word: str, other: str, least: float) -> bool:
 
 
 def did_you_mean(near: str | None) -> str:
-    """Return the end of a message that suggests a word; an empty string for None."""
+    """Return the end of a message that suggests a word. For None, return an empty string."""
     return f"; did you mean '{near}'?" if near else ""
 
 
 class Guesses:
-    """Suggestions for misspelt words, limited in number because large files would take too long."""
+    """Suggestions for misspelt words. Their number is limited, because large files would take too long."""
 
     def __init__(self) -> None:
         self._left = MOST_COMPARED
 
     def nearest(self, word: str, known: Collection[str], least: float = LIKE) -> str | None:
-        """Return the word that was probably intended, like `nearest`; None if the limit of comparisons is reached."""
+        """Return the word that was probably meant, as `nearest` does; None beyond the limit of comparisons."""
         if len(known) > self._left:
             return None
         self._left -= len(known)

@@ -10,7 +10,7 @@ ERRORS = {
     "ambiguous-reference": "a reference that matches several nodes",
     "child-of-leaf": "nodes inside a leaf",
     "circular-reference": "a reference that leads back to the node that contains it",
-    "conflicting-attributes": "attributes that contradict each other or the tag",
+    "conflicting-attributes": "attributes that contradict each other or the tag of the element",
     "conflicting-keys": "keys of a property that exclude each other",
     "constructor-failed": "a leaf whose constructor rejects its attributes' values",
     "doctype": "a DOCTYPE in a tree file",
@@ -21,7 +21,7 @@ ERRORS = {
     "empty-file": "an empty file",
     "failing-script": "a part of a script that raises an error for all values of its variables",
     "failing-tick": "a tick that raises an error in a possible run",
-    "faulty-class": "a node class of yours that raises an error when it is inspected",
+    "faulty-class": "a user's node class that raises an error while it is checked",
     "file-too-large": "a file above the size limit",
     "include-cycle": "files that include each other",
     "include-outside": "an included file outside the allowed folders",
@@ -33,18 +33,18 @@ ERRORS = {
     "malformed-yaml": "a file that is not well-formed YAML",
     "missing-attribute": "an element without a required attribute",
     "missing-child": "a decorator or a tree without a child",
-    "missing-context": "a leaf that needs a context object that the run does not provide",
+    "missing-context": "a leaf whose context object is not provided by the run",
     "missing-key": "a YAML mapping without a required key",
     "missing-main-tree": "a main tree that is not in the file",
-    "missing-reference": "a leaf that works with another node, in a tree without such a node",
+    "missing-reference": "a leaf that needs another node, in a tree without such a node",
     "missing-tree-id": "a tree without an ID in a file with several trees",
     "missing-value": "a YAML key without a value",
-    "no-main-tree": "a file with several trees that does not name the main tree",
+    "no-main-tree": "a file that contains several trees and does not name the main tree",
     "no-tree": "a file without a tree",
     "not-in-yaml": "XML content that YAML cannot express",
     "not-installed": "a node with a model but no registered class, in a tree to run",
     "only-described": "a control or decorator with a model but no registered class, in a tree to simulate or verify",
-    "other-tree": "a tree that differs from the tree in the journal of the run to resume",
+    "other-tree": "a tree that differs from the tree of the run that is to be resumed",
     "out-of-reach": "a required number of successes or failures that can never be reached",
     "processing-instruction": "an XML processing instruction",
     "recursive-tree": "a tree that contains itself",
@@ -56,8 +56,8 @@ ERRORS = {
     "several-missions": "leaves of several missions in one tree",
     "skip-misread": "a child that may be skipped, below a node that would treat this as an interruption",
     "too-deep": "elements nested too deeply to run",
-    "too-many-children": "more children than the node can have",
-    "too-many-includes": "more included files, or deeper nesting of includes, than the limit",
+    "too-many-children": "a node with more children than are allowed",
+    "too-many-includes": "a file whose includes are too many or too deeply nested",
     "too-many-nodes": "too many nodes to run, with all subtrees expanded",
     "unknown-attribute": "an attribute that the element does not have",
     "unknown-element": "an element that is not allowed at its position",
@@ -78,7 +78,7 @@ ERRORS = {
     "wrong-name": "an invalid name",
     "wrong-reference": "a reference to a node of the wrong kind",
     "wrong-root": "an outermost element other than root",
-    "wrong-shape": "a YAML value of the wrong form: a list, mapping or string instead of another of these forms",
+    "wrong-shape": "a YAML value of the wrong form, such as a list instead of a string",
     "wrong-tree-id": "an invalid tree ID",
     "wrong-value": "a value that does not fit the attribute's type",
     "yaml-anchor": "a YAML anchor or alias",
@@ -86,7 +86,10 @@ ERRORS = {
     "yaml-merge": "a YAML merge key",
     "yaml-tag": "a YAML tag",
 }
-"""The errors. A tree with an error cannot be run, and no comment or setting can suppress or lower an error."""
+"""The kinds that are errors.
+
+A tree with an error cannot be run. Comments and settings cannot suppress an error or lower its severity.
+"""
 
 WARNINGS = {
     "assignment-as-condition": "a condition that assigns a variable",
@@ -100,24 +103,24 @@ WARNINGS = {
     "idle-statement": "a script statement that has no effect",
     "ignored-attribute": "an attribute of a root, include or tree that is ignored, or an output port without a key",
     "interrupted-action": "an action that is interrupted in every tick in which it runs",
-    "key-as-text": "a key passed to a subtree without its braces",
+    "key-as-text": "a key that is passed to a subtree without braces",
     "loose-xml": "a character that XML does not allow, but BehaviorTree.CPP accepts",
-    "maybe-unwritten-key": "a key that may be read after a leaf that did not write it",
+    "maybe-unwritten-key": "a key that may be read although a leaf ended without writing it",
     "missing-format": 'a file without `BTCPP_format="4"`, perhaps written for BehaviorTree.CPP 3',
     "model-mismatch": "a TreeNodesModel that contradicts the installed node, or the tree",
     "never-ends": "a node that repeats its child without end",
     "no-counterpart": "an element or attribute without a counterpart in BehaviorTree.CPP",
-    "out-of-range": "a number outside the plausible range of an attribute, or of values in its unit",
-    "out-of-step": "children of a parallel that must succeed in the same tick, which is unlikely",
+    "out-of-range": "a number outside the plausible range of an attribute or a unit",
+    "out-of-step": "children of a parallel that must all succeed in the same tick, although this is unlikely",
     "overwritten-key": "a key that is overwritten and was never read",
     "read-before-write": "a key that is read before it is written",
     "repeated-effect": "an action that is repeated in every tick",
     "shared-action": "two leaves that send goals to one server at the same time",
-    "shared-key": "a key written by two branches of a parallel",
+    "shared-key": "a key that two branches of a parallel write",
     "stray-text": "text between elements",
     "touching-statements": "two statements of a script on one line without a separator",
     "unclosed-key": "a key with only one brace, or with a leading `$`",
-    "undeclared-in-class": "a leaf class that uses a server or topic, returns a status, or writes a key that its registration does not declare",
+    "undeclared-in-class": "a leaf class whose registration does not declare a server, topic, status or key that the class uses",
     "unneeded-allow": "a comment that suppresses no finding",
     "unreachable-node": "a node that is never ticked",
     "unused-argument": "a key passed to a subtree that does not use it",
@@ -128,7 +131,7 @@ WARNINGS = {
     "wrong-format": "a BTCPP_format other than 4",
     "wrong-kind": "a node in explicit form under the wrong kind",
     "wrong-model": "an error in the model of a node (BehaviorTree.CPP does not read models of nodes)",
-    "wrong-order": "a leaf before the leaf whose result it needs, or after a leaf that discards this result",
+    "wrong-order": "a leaf that runs before the leaf whose result it needs, or after a leaf that discards this result",
 }
 """Warnings: probable errors."""
 
@@ -141,17 +144,17 @@ INFOS = {
     "moved": "a comment that conversion had to move",
     "needless-node": "a node that can be removed",
     "not-converted": "an included file that is not converted",
-    "reference": "a reference, which BehaviorTree.CPP treats as a plain string",
+    "reference": "a reference to a node, because BehaviorTree.CPP treats it as a plain string",
     "same-name": "two siblings with the same name",
     "separator-in-name": "a name with a character that separates names",
-    "short-timeout": "a time limit that is hardly longer than a tick, or too short for a wait below it",
+    "short-timeout": "a time limit that is hardly longer than a tick, or shorter than a wait in the limited branch",
     "unread-key": "a key that is written and never read",
 }
 """Notes."""
 
 KINDS = dict(sorted({**ERRORS, **WARNINGS, **INFOS}.items()))
-"""All kinds, in alphabetical order."""
+"""All kinds of findings, in alphabetical order of their codes."""
 
 _DECLARED = {Severity.ERROR: ERRORS, Severity.WARNING: WARNINGS, Severity.INFO: INFOS}
 SEVERITIES = {code: severity for severity, kinds in _DECLARED.items() for code in kinds}
-"""The default severities, which a rule or a project's settings can override."""
+"""The default severities of the kinds. A rule or a project's settings can override them."""

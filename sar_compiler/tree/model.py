@@ -23,9 +23,9 @@ SECTIONS = (TREE_TAG, INCLUDE_TAG, MODEL_TAG)
 """The sections that are allowed directly in the root element."""
 
 PROJECT_ATTRIBUTE = "project_name"
-"""The attribute of the root element that only Groot2 projects (`.btproj`) have."""
+"""The attribute of the root element that is written only in Groot2 projects (`.btproj`)."""
 EDITOR_ATTRIBUTES = ("xmlns", "xsi:")
-"""The prefixes of attributes for XML editors, which do not affect the tree."""
+"""The prefixes of attributes that are meant for XML editors and do not affect the tree."""
 
 CHILDREN_KEY = "children"
 TEXT_KEY = "$text"
@@ -52,7 +52,7 @@ class Comment:
 
 
 class FindingDetails(Advice, total=False):
-    """The optional attributes of a finding about an element; see `Element.finding`."""
+    """The optional arguments for a finding about an element; see `Element.finding`."""
 
     name: str | None
     value: str | None
@@ -119,7 +119,7 @@ class Element:
         return self.source.inside(*places[2:]) if places else self.tag_span()
 
     def value_part_span(self, attribute: str, start: int, end: int) -> Span:
-        """Return the span of the characters from *start* to *end* of an attribute's parsed value."""
+        """Return the span of the characters from *start* to *end* in an attribute's parsed value."""
         source = self.source
         places = source.attribute(self, attribute)
         if places is None:
@@ -154,7 +154,7 @@ class Element:
         return Diagnostic(code, message, self.source, span or self.tag_span(), **advice)
 
     def content(self) -> "Iterator[Comment | Element]":
-        """Yield the children, and the comments before, between and after them, in the order of the file."""
+        """Yield the children, and the comments before, between and after the children, in file order."""
         comments = [each for each in self.comments if each.attribute is None and not each.trailing]
         comments.sort(key=lambda each: each.index)
         done = 0
@@ -176,7 +176,7 @@ class Element:
 
 
 def last_element_before(elements: "Sequence[Element]", place: tuple[int, int]) -> Element | None:
-    """Return the last element that begins at or before a location; *elements* must be in the order of the file."""
+    """Return the last element that begins at or before a location. *elements* must be in file order."""
     index = bisect.bisect_right(elements, place, key=lambda each: each.position)
     return elements[index - 1] if index else None
 
@@ -206,12 +206,12 @@ class TreeFile:
 
     @property
     def main_tree_name(self) -> str | None:
-        """The ID of the tree to execute, from the root's attribute `main_tree_to_execute`; None without this attribute."""
+        """The ID of the tree to execute, given by the root's `main_tree_to_execute`; None without it."""
         return self.root.attributes.get("main_tree_to_execute")
 
 
 def is_groot2_project(tree_file: TreeFile) -> bool:
-    """Return whether a file is a Groot2 project: a list of files, and models of their nodes."""
+    """Return whether a file is a Groot2 project, which lists files and contains models of their nodes."""
     return tree_file.source.path.endswith(".btproj") or PROJECT_ATTRIBUTE in tree_file.root.attributes
 
 
@@ -242,7 +242,7 @@ class FileBeginning(NamedTuple):
 
 
 class UnfinishedFileError(TreeError):
-    """An error for a file that is malformed after a readable beginning.
+    """A file is malformed, but its beginning can be read.
 
     Attributes:
         beginning: The content before the error; None if no element begins before it.
@@ -257,14 +257,14 @@ class UnfinishedFileError(TreeError):
 
 
 def xml_comment_text(data: str) -> str:
-    """Return the text of a comment, given the characters between `<!--` and `-->`."""
+    """Return the text of a comment, given the characters between the marks `<!--` and `-->`."""
     first, *rest = data.split("\n")
     # The first line begins after the mark, so its indentation is no evidence about the other lines.
     return _without_blank_ends([first.strip(), *_dedent(rest)])
 
 
 def yaml_comment_text(lines: Sequence[str]) -> str:
-    """Return the text of consecutive comment lines, given the part of each line after `#`."""
+    """Return the text of consecutive comment lines, given the characters after `#` in each line."""
     return _without_blank_ends(_dedent([line.removeprefix(" ") for line in lines]))
 
 
@@ -303,7 +303,7 @@ class _SpansOfYaml(Spans):
 
 
 NO_SPANS, NO_SPANS_OF_YAML = Spans(), _SpansOfYaml()
-"""The locators for XML and YAML files that have no elements, or whose elements have no known locations."""
+"""The locators for files in XML and YAML that have no elements with known locations."""
 
 _SOURCE = Source("<made>", "", NO_SPANS)
 
@@ -311,7 +311,7 @@ _SOURCE = Source("<made>", "", NO_SPANS)
 def synthetic_element(
     tag: str, attributes: Mapping[str, str] | None = None, children: Iterable[Element] = (), text: str = ""
 ) -> Element:
-    """Create an element without a file; its line is 0."""
+    """Create an element that is not in a file. The element's line is 0."""
     return Element(tag, attributes or {}, tuple(children), _SOURCE, 0, 0, text)
 
 

@@ -21,14 +21,20 @@ def _escape(match: re.Match[str]) -> str:
 
 
 def to_json_value(value: object) -> object:
-    """Convert a value for JSON: enum members become names, numbers and strings stay, the rest becomes strings."""
+    """Convert a value for JSON.
+
+    Members of enumerations become names, numbers and strings stay unchanged, and other values become strings.
+    """
     if isinstance(value, Enum):
         return value.name
     return value if isinstance(value, (bool, int, float, str, type(None))) else str(value)
 
 
 def value_as_script(value: object) -> str:
-    """Return a value in the notation of scripts; `nothing` for None, the value of an unset key."""
+    """Return a value in the notation of scripts.
+
+    None becomes `nothing`, the value of a key without a value.
+    """
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -37,7 +43,7 @@ def value_as_script(value: object) -> str:
 
 
 def count_with_noun(number: int, what: str) -> str:
-    """Return a number with a noun in singular or plural: `1 file`, `1,000 files`."""
+    """Return a number with a noun in the singular or plural, such as `1 file` and `1,000 files`."""
     return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 

@@ -40,7 +40,7 @@ _DECLARED_ENCODING = rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)
 
 
 def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
-    """Parse a tree file's content.
+    """Parse the content of a tree file.
 
     Raises:
         TreeError: If the content is too large or too deep, or has a DOCTYPE.
@@ -55,7 +55,7 @@ def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
 
 
 class _XmlSpans(Spans):
-    """Locator of the parts of start tags in an XML text."""
+    """Locator of the parts of start tags in the text of an XML file."""
 
     def tag(self, element: ElementView) -> tuple[int, int]:
         from sar_compiler.tree.xml_recovery import NAME
@@ -95,7 +95,7 @@ _HINTS = {
 
 
 class _XmlReader:
-    """Parser that reads a text in one pass, and creates each element, with its children, at the element's end tag."""
+    """Parser that reads a text in one pass. An element is created, with its children, at its end tag."""
 
     def __init__(self, source: Source, recovered: "RecoveredText | None" = None) -> None:
         self._source = source
@@ -140,14 +140,14 @@ class _XmlReader:
         return TreeFile(self._source, self._levels[0][0], tuple(self._comments.get(0, ())), findings)
 
     def _elements_before_error(self) -> FileBeginning | None:
-        """Return the elements before the error in the file; None if there are none."""
+        """Return the elements that precede the error in the file; None if no element precedes it."""
         unfinished = [OpenTag(line, column, tag) for tag, _, line, column in self._open]
         for place in reversed(unfinished):
             self._end(place.tag)
         return FileBeginning(self._file(), tuple(unfinished)) if self._levels[0] else None
 
     def _handlers(self) -> tuple[Callable[[str, dict[str, str]], None], Callable[[str], None]]:
-        """Return the handlers for start and end tags, as closures because they are faster than methods."""
+        """Return the handlers for start and end tags. They are closures, which are faster than methods."""
         parser, source, opened, levels = self._parser, self._source, self._open, self._levels
         comments, texts, recovered = self._comments, self._texts, self._recovered
         count = 0
@@ -180,7 +180,7 @@ class _XmlReader:
         return start, end_element
 
     def _extras(self) -> tuple[str, tuple[Comment, ...]]:
-        """Return and clear the text and the comments of the element that ends."""
+        """Return and clear the text and comments of the element whose end tag was read."""
         depth = len(self._open)
         text = "".join(self._texts.pop(depth, ())).strip()
         return "" if self._levels[-1] else text, tuple(self._comments.pop(depth, ()))
@@ -213,7 +213,7 @@ class _XmlReader:
             self._comments.setdefault(depth, []).append(comment)
 
     def _instruction(self, target: str, _data: str) -> None:
-        """Report the first processing instruction after the start of the root element."""
+        """Report the first processing instruction that follows the start tag of the root element."""
         if (self._open or self._levels[0]) and not self._instructions:
             start = self._offset()
             span = self._source.span(start, start + len(target) + 2)
@@ -237,13 +237,13 @@ class _XmlReader:
     def _refuse(
         self, code: str, message: str, name: str, start: int | None = None, hint: str | None = None
     ) -> None:
-        """Raise an error with a finding about a `<` and the name after it."""
+        """Raise an error with a finding that is located at a `<` and the name after it."""
         start = self._offset() if start is None else start
         span = self._source.span(start, start + len(name) + 1)
         raise TreeError([Diagnostic(code, message, self._source, span, hint=hint)])
 
     def _explain_error(self, error: expat.ExpatError) -> Diagnostic:
-        """Explain an error of expat in the user's terms, as a finding."""
+        """Explain an error of expat, as a finding in terms that the user knows."""
         from sar_compiler.tree.xml_errors import find_xml_fault
 
         start = self._source.offset(error.lineno, error.offset + 1)

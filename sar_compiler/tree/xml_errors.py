@@ -1,4 +1,4 @@
-"""Explanations of errors in malformed XML. This module is imported only for malformed files."""
+"""Explanations of errors in malformed XML. This module is imported only if a file is malformed."""
 
 import re
 from typing import NamedTuple
@@ -10,7 +10,7 @@ _AMPERSANDS = re.compile(r"(&+)[^&;<>\"'\s]*\Z")
 _UNSEEN = re.compile(r"[\u00ad\u180e\u200b-\u200f\u2060\ufeff]|[^\S \t\r\n]")
 """A regular expression for a character that is invisible or looks like a space."""
 _NEAR = 200
-"""The number of characters before an error that are searched for an ampersand."""
+"""The number of characters before an error in which an ampersand is searched."""
 _ENTITY = re.compile(r"&([^#&;\s][^&;\s]*);")
 _BUILT_IN = frozenset(("amp", "lt", "gt", "apos", "quot"))
 _ATTRIBUTE_NAME = re.compile(r"[^\s=/>\"'<]+")
@@ -38,7 +38,7 @@ class XmlFault(NamedTuple):
 
 
 def find_xml_fault(text: str, place: int, words: str) -> XmlFault | None:
-    """Return the probable error at the position where expat stopped.
+    """Return the probable error, given the position at which expat has stopped.
 
     Returns:
         The error; None if expat's message is sufficient.
@@ -105,13 +105,13 @@ def _tag_error(text: str, place: int) -> XmlFault | None:
     if before.rstrip().endswith("="):
         return XmlFault("the value of an attribute must be in quotes", place, place + 1)
     if text.startswith("<!--", place):
-        hint = "move it before or after the tag"
+        hint = "move the comment before or after the tag"
         return XmlFault("a comment is not allowed in a tag", place, place + len("<!--"), hint=hint)
     return _attribute_error(text, tag, place)
 
 
 def _attribute_error(text: str, tag: int, place: int) -> XmlFault | None:
-    """Return the error after the last complete attribute of a tag."""
+    """Return the error that follows the last complete attribute of a tag."""
     name = NAME.match(text, tag)
     if name is None:
         message = "a tag's name must directly follow the <, and a literal < must be written as &lt;"
@@ -124,7 +124,7 @@ def _attribute_error(text: str, tag: int, place: int) -> XmlFault | None:
     if text.startswith("<", place):
         return XmlFault("the tag that begins here has no >", tag, name.end())
     if end == place and text[place - 1] in "\"'":
-        message = "before this character, a space is missing or there is an extra quotation mark"
+        message = "a space is missing before this character, or the quotation mark before it is not needed"
         return XmlFault(message, place, place + 1)
     return None
 
@@ -138,7 +138,7 @@ def _find_duplicate_attribute(text: str, place: int) -> XmlFault | None:
 
 
 def _find_unclosed(text: str, place: int) -> XmlFault | None:
-    """Return the error about a comment, value or tag that never ends."""
+    """Return the error about a comment, a value or a tag without an end."""
     if text.startswith("<!--", place):
         return XmlFault(
             "the comment that begins here has no -->", place, place + len("<!--"), hint="write --> after it"
@@ -153,7 +153,10 @@ def _find_unclosed(text: str, place: int) -> XmlFault | None:
 
 
 def _value_error(text: str, place: int, quote: int) -> XmlFault:
-    """Return the error about a < in a value: it is unescaped, or the value's closing quotation mark is missing."""
+    """Return the error about a < in a value.
+
+    Either the < is unescaped, or the closing quotation mark of the value is missing.
+    """
     value = text[quote:place].rstrip(" \t")
     if value.rstrip().endswith((">", "/")) or value.endswith("\n") or text.startswith("</", place):
         return XmlFault("the value that begins here has no closing quotation mark", quote, quote + 1)

@@ -1,4 +1,4 @@
-"""Recovery of malformed XML files that BehaviorTree.CPP accepts, for example files with unescaped & and <.
+"""Recovery of malformed XML files that BehaviorTree.CPP accepts, such as files with an unescaped & or <.
 
 Each such character is replaced by a stand-in: one character that the file does not contain. expat can then parse the
 text, all lines and columns stay the same, and the original characters are restored in the parsed text. An XML declaration
@@ -22,9 +22,12 @@ CHARACTER = re.compile(rf"{REFERENCE}|\r\n|.", re.DOTALL)
 NAME = re.compile(r"<[^\s/>]+")
 """A regular expression for the beginning of a start tag, up to the end of its name."""
 ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
-"""A regular expression for an attribute with preceding whitespace; the groups are the name, the quotation mark and the value."""
+"""A regular expression for whitespace and an attribute.
+
+The groups are the name, the quotation mark and the value.
+"""
 TAG_END = re.compile(r"\s*/?>")
-"""A regular expression for the end of a start tag, with preceding whitespace."""
+"""A regular expression for the end of a start tag and the whitespace before it."""
 _LONE = rf"(?!{REFERENCE})&"
 _RAW = re.compile(rf"(?:{_LONE})+|<")
 _NUMBERED = r"&#(?:x0*([0-9a-fA-F]{1,6})|0*([0-9]{1,7}));"
@@ -36,14 +39,17 @@ _DASHES = re.compile(r"-{2,}|-\Z")
 _PRIVATE = (range(0xE000, 0xF900), range(0xF0000, 0xFFFFE))
 _REPLACEABLE = "&<-"
 _MOST = 1000
-"""The maximum number of findings in a file."""
+"""The maximum number of findings that are reported in a file."""
 _IGNORED_BY_BTCPP = "BehaviorTree.CPP ignores it, but other XML parsers reject the file"
 _ACCEPTED_BY_BTCPP = "BehaviorTree.CPP accepts it, but other XML parsers reject the file"
 UNDEFINED_ENTITY_HINT = "write the character itself, or &amp; for a literal &"
 
 
 class _PartOfFile(Enum):
-    """The role of a part of the text, with a regular expression for its forbidden characters."""
+    """A part of an XML text.
+
+    The value is a regular expression for the characters that are forbidden there.
+    """
 
     BEFORE_ROOT = _LINE
     BESIDE_ROOT = re.compile(r"\S(?:.*\S)?", re.DOTALL)
@@ -52,7 +58,7 @@ class _PartOfFile(Enum):
 
 
 class RecoveredText(NamedTuple):
-    """A malformed text, changed so that expat can parse it.
+    """A malformed text in which characters are replaced so that expat can parse it.
 
     Attributes:
         text: The text with stand-ins.
@@ -70,14 +76,17 @@ class RecoveredText(NamedTuple):
 
 
 def attributes_end(text: str, offset: int, limit: int = sys.maxsize) -> int:
-    """Return the end offset of the last attribute that ends before *limit*; *offset* is the end of the tag's name."""
+    """Return the end of the last attribute that ends before *limit*; *offset* is the end of the tag's name."""
     while match := ATTRIBUTE.match(text, offset, limit):
         offset = match.end()
     return offset
 
 
 def recover(source: Source) -> RecoveredText | None:
-    """Return a text with stand-ins up to the first irrecoverable error; None if there is nothing to recover."""
+    """Replace the invalid characters of a text, up to the first irrecoverable error.
+
+    The result is None if there is nothing to replace.
+    """
     stand_ins = _stand_ins(source.text)
     if stand_ins is None:
         return None
@@ -103,13 +112,13 @@ def recover(source: Source) -> RecoveredText | None:
 
 
 def readable(tree_file: TreeFile) -> str:
-    """Return the text of a parsed file, with stand-ins if it was recovered."""
+    """Return the text of a parsed file. If the file was recovered, the text contains stand-ins."""
     recovered = recover(tree_file.source) if tree_file.findings else None
     return recovered.text if recovered is not None else tree_file.source.text
 
 
 def escape_xml(written: str) -> str:
-    """Escape the unescaped & and < in a part of a value."""
+    """Escape each & and < that is not escaped in a part of a value."""
     return _RAW.sub(lambda raw: _replacement(raw[0]), written)
 
 
@@ -118,7 +127,7 @@ def _replacement(raw: str) -> str:
 
 
 def _stand_ins(text: str) -> dict[int, str] | None:
-    """Return an unused character for each character to replace; None if the text uses too many private characters."""
+    """Return an unused private-use character for each character to replace; None if too few are unused."""
     used = set(text)
     codes = (
         int(hexadecimal, 16) if hexadecimal else int(decimal)
@@ -151,7 +160,7 @@ class _TagWalk:
         self._beside = -1
 
     def stretches(self) -> Iterator[tuple[int, int, _PartOfFile]]:
-        """Yield the offsets of texts, values, comments and content outside of the root."""
+        """Yield the offsets of texts, values, comments, and content outside of the root."""
         offset = 0
         while (tag := self._text.find("<", offset)) >= 0:
             if self._beside < 0:
@@ -171,7 +180,10 @@ class _TagWalk:
         return _PartOfFile.CONTENT if self._opened else _PartOfFile.BESIDE_ROOT
 
     def _end_of_tag(self, tag: int, found: list[tuple[int, int, _PartOfFile]]) -> int:
-        """Add the parts of a tag to *found*, and return the tag's end offset; 0 if the tag cannot be parsed."""
+        """Add the parts of a tag to *found*, and return the end offset of the tag.
+
+        The result is 0 if the tag cannot be parsed.
+        """
         text = self._text
         if text.startswith("<!--", tag):
             end = _end_after(text, "-->", tag + len("<!--"))
@@ -205,7 +217,10 @@ def _end_after(text: str, end: str, start: int) -> int:
 
 
 def _values(text: str, tag: int, values: list[tuple[int, int, _PartOfFile]]) -> int:
-    """Add the offsets of a start tag's values to *values*, and return the tag's end offset; 0 if it cannot be parsed."""
+    """Add the offsets of a start tag's values to *values*, and return the end offset of the tag.
+
+    The result is 0 if the tag cannot be parsed.
+    """
     name = None if text.startswith("<!", tag) else NAME.match(text, tag)
     if name is None:
         return 0
@@ -232,7 +247,7 @@ _IGNORED = {
 
 
 def _recovery(source: Source, start: int, end: int, part: _PartOfFile) -> Diagnostic:
-    """Return the finding about content that XML does not allow."""
+    """Return the finding about content that is not allowed in XML."""
     if part not in _IGNORED:
         return _loose(source, start, end)
     what, hint = _IGNORED[part]
@@ -249,7 +264,7 @@ def _loose(source: Source, start: int, end: int) -> Diagnostic:
         suggestion = " ".join(raw) if len(raw) > 1 else "- "
         if source.text.startswith("<!--", start - 2):
             start, suggestion = start - 2, None
-            message, hint = "a comment begins inside another comment", "end the first one with -->"
+            message, hint = "a comment begins inside another comment", "end the first comment with -->"
     elif named is not None:
         message, end = f"'{named[0]}' is not an XML entity: {_ACCEPTED_BY_BTCPP}", named.end()
         hint = UNDEFINED_ENTITY_HINT

@@ -34,7 +34,7 @@ def write_xml(tree_file: TreeFile) -> str:
 
 
 def comment_in_xml(text: str) -> str:
-    """Return a comment's text for XML, with spaces between consecutive hyphens."""
+    """Return the text of a comment for XML. Consecutive hyphens are separated by spaces."""
     return re.sub("-(?=-)", "- ", text)
 
 
@@ -86,7 +86,7 @@ def _start_tag(element: Element, indent: str, end: str, trailing: str) -> Iterat
 
 
 def _as_broken(element: Element, name: str, value: str) -> str | None:
-    """Return an attribute's value with the line breaks of the XML file; None if there are no line breaks."""
+    """Return an attribute's value with the line breaks of the XML file; None without line breaks."""
     source = element.source
     if source.form is not Form.XML or " " not in value:
         return None
@@ -115,7 +115,7 @@ def _comment(comment: Comment, indent: str, *, after_blank_line: bool) -> Iterat
 
 
 def escape_value(value: str, quote: str = '"') -> str:
-    """Escape an attribute's value for enclosing it in quotation marks."""
+    """Escape the value of an attribute so that it can be enclosed in quotation marks."""
     escaped_value = _escape(value, _ESCAPES)
     return escaped_value if quote == '"' else escaped_value.replace(quote, "&apos;")
 

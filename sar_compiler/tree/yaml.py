@@ -1,4 +1,4 @@
-"""Parser of tree files in YAML, which correspond to XML element by element.
+"""Parser of tree files in YAML. Each element in YAML corresponds to an XML element.
 
 A node is a mapping with one key, its tag. Below the tag are the attributes and, under `children`, a list of nodes.
 A node without content is a bare tag. The value of an attribute is its text, exactly as written.
@@ -36,13 +36,16 @@ _ROOT_KEYS = ("BTCPP_format", "main_tree_to_execute", CHILDREN_KEY)
 _CUT = re.compile(r" #[^\s#!][^\r\n]*")
 _HEADER_COMMENT = re.compile(r"[^\r\n#]*#([^\r\n]*)")
 REFERENCE = re.compile(r"\{[^{}:,\s]+\}")
-"""A regular expression for a reference such as `{zone}`, which without quotes is a mapping in YAML."""
+"""A regular expression for a reference such as `{zone}`.
+
+Without quotes, YAML reads a reference as a mapping.
+"""
 # A plain string continues on a line with more indentation, whatever that line begins with.
 _CONTINUED = re.compile(r"[\r\n][ \t]*(- [^\r\n]*)")
 
 
 def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
-    """Parse a tree file's content.
+    """Parse the content of a tree file.
 
     Raises:
         TreeError: If the content is not YAML, not a tree, too large or too deep, or uses a YAML feature that XML lacks.
@@ -70,7 +73,7 @@ class _Parts:
 
 
 class _YamlReader:
-    """Parser that reads the events of a text in one pass, and continues after an error to find further errors."""
+    """Parser that reads a text in one pass. After an error, it continues in order to find further errors."""
 
     def __init__(self, source: Source, spans: YamlSpans) -> None:
         self._source = source
@@ -99,7 +102,9 @@ class _YamlReader:
         if isinstance(events.next, yaml.DocumentStartEvent):
             start, end = _mark_position(events.next)
             message = "a second document begins here, but a tree file has only one"
-            self._report("second-document", message, start, end, hint="move it to a separate file")
+            self._report(
+                "second-document", message, start, end, hint="move the second document to a separate file"
+            )
         tree_file = (
             TreeFile(self._source, root, (*before, *after), tuple(self._doubts)) if root is not None else None
         )
@@ -156,7 +161,7 @@ class _YamlReader:
         return element
 
     def _read_without_root(self) -> Element | None:
-        """Read the content of a root whose key is missing."""
+        """Read the content of the root if the key of the root is missing."""
         first, parts = self._events.next, _Parts()
         message = f"a tree file begins with '{ROOT_TAG}:', and '{first.value}' belongs below it"
         hint = f"write '{ROOT_TAG}:' above, and indent the following lines"
@@ -234,7 +239,7 @@ class _YamlReader:
         return Element(tag.value, parts.attributes, children, self._source, *place, parts.text, comments)
 
     def _content(self, tag: str, parts: _Parts) -> None:
-        """Read attributes and children up to the end of their mapping."""
+        """Read attributes and children up to the end of the mapping that contains them."""
         events = self._events
         column = self._source.position_of(events.next.start_mark.index)[1]
         while not isinstance(events.next, yaml.MappingEndEvent):
@@ -291,7 +296,7 @@ class _YamlReader:
             self._report("wrong-shape", message, *_mark_position(key), hint="write a comment instead")
 
     def _report_cut_string(self, key: Any, value: Any) -> None:
-        """Report a plain string that a # has perhaps cut off by mistake."""
+        """Report an unquoted string that a # has perhaps cut off by mistake."""
         start, end = _mark_position(value)
         cut = _CUT.match(self._source.text, end) if not value.style and value.value[:1].isalpha() else None
         if cut is None or cut[0].startswith(" #sar:"):
@@ -303,7 +308,7 @@ class _YamlReader:
         self._doubts.append(Diagnostic("cut-text", message, self._source, span, hint=hint))
 
     def _structure(self, parts: _Parts, key: Any, trailing: str | None) -> None:
-        """Read a list or a mapping, whose text becomes the value of an attribute."""
+        """Read a list or a mapping. Its text becomes the value of an attribute."""
         events, value = self._events, self._events.next
         if isinstance(value, yaml.AliasEvent):
             events.skip()
@@ -338,7 +343,7 @@ class _YamlReader:
         start = _mark_position(value)[0]
         written = self._source.text[start:end]
         if value.flow_style and REFERENCE.fullmatch(written):
-            message = f"{key.value}: braces are a mapping in YAML, so a reference needs quotes"
+            message = f"{key.value}: YAML reads braces as a mapping, so a reference must be in quotes"
             span = self._source.span(start, end)
             return Diagnostic("wrong-shape", message, self._source, span, suggestion=f"'{written}'")
         what = "a list" if isinstance(value, yaml.SequenceStartEvent) else "a mapping"
@@ -373,7 +378,7 @@ class _YamlReader:
         events.pop()
 
     def _key(self) -> Any:
-        """Read the next key; if the key is not a string, report this and return None."""
+        """Read the next key. If the key is not a string, report an error and return None."""
         key = self._events.next
         if isinstance(key, yaml.ScalarEvent):
             return self._events.pop()
@@ -387,7 +392,7 @@ class _YamlReader:
         name = key.value
         if name in parts.seen:
             line = self._source.position_of(parts.seen[name])[0]
-            message = f"'{name}' is given twice, first on line {line}"
+            message = f"'{name}' is given twice, for the first time on line {line}"
             self._report("duplicate-key", message, *_mark_position(key), hint="delete one of them")
             return True
         if name == "<<" and not key.style:
@@ -408,7 +413,10 @@ class _YamlReader:
         return False
 
     def _is_no_string(self, key: Any, value: Any) -> bool:
-        """Report a value that is empty, or that contains a node because of its indentation; return True if so."""
+        """Report an attribute's value that is not a valid string, and return whether it is invalid.
+
+        A value is invalid if it is empty, or if indentation makes a node a part of the value.
+        """
         if _is_nothing(value):
             message = f"'{key.value}' has no value"
             hint = f"write {key.value}: '' for an empty string, or delete the line"
@@ -417,14 +425,17 @@ class _YamlReader:
         return self._is_too_deep(value)
 
     def _is_too_deep(self, scalar: Any) -> bool:
-        """Report a node that is indented so far that it continues the string above; return True if there is one."""
+        """Report a node that is indented so far that it continues the string above it.
+
+        Returns True if there is such a node.
+        """
         start, end = _mark_position(scalar)
         node = _CONTINUED.search(self._source.text, start, end) if not scalar.style else None
         if node is None:
             return False
         above = escape_to_one_line(self._source.text[start : node.start()].strip())
         message = f"this line is indented deeper than '{above}', so it continues that string"
-        hint = "indent it like the '- ' of its siblings"
+        hint = "indent this line like the lines with the '- ' of its siblings"
         self._report("wrong-shape", message, node.start(1), node.end(1), hint=hint)
         return True
 
@@ -439,7 +450,7 @@ class _YamlReader:
         self._report("wrong-name", message, *_mark_position(scalar), hint=hint)
 
     def _stray_key(self, tag: Any) -> None:
-        """Report a key beside a node's tag."""
+        """Report a key at the same level as a node's tag."""
         key = self._key()
         self._events.skip()
         if key is None or tag is None:
@@ -448,7 +459,7 @@ class _YamlReader:
             message = f"a tree file has one top-level key, but '{key.value}' is beside '{tag.value}'"
         else:
             message = f"'{key.value}' is beside '{tag.value}', not below it"
-        hint = "indent it further, or begin a node with '- '"
+        hint = "indent this key further, or begin a node with '- '"
         self._report("wrong-shape", message, *_mark_position(key), hint=hint)
 
 
@@ -466,7 +477,7 @@ def _comment(waiting: Any, index: int, attribute: str | None = None) -> Comment:
 
 
 def _header_comment(text: str, value: Any) -> str | None:
-    """Return the comment after the `|` or `>` of a block."""
+    """Return the comment on the line with the `|` or `>` of a block."""
     if value.style not in ("|", ">"):
         return None
     match = _HEADER_COMMENT.match(text, value.start_mark.index)

@@ -1,4 +1,4 @@
-"""The events of a YAML text with lookahead and comments; features without a counterpart in XML are rejected.
+"""The events of a YAML text, with lookahead and comments. Features that XML lacks are rejected.
 
 libyaml parses the text (or PyYAML, if libyaml is missing). Scalars are used as they are written: `no`, `12:30` and
 `1e3` are never converted.
@@ -37,7 +37,7 @@ _COMMENT_BEHIND = re.compile(r"[ \t]+#[^\r\n]*")
 
 @dataclass
 class PendingComment:
-    """A comment on separate lines that is not yet assigned to an element.
+    """A comment on its own lines that is not yet assigned to an element.
 
     Attributes:
         column: The column of the `#`, from 1.
@@ -98,7 +98,7 @@ class YamlEvents:
     def report_finding(
         self, code: str, message: str, start: int, end: int, **advice: "Unpack[Advice]"
     ) -> None:
-        """Add a finding about the text between two offsets; do nothing after a syntax error."""
+        """Add a finding about the text between two offsets. After a syntax error, do nothing."""
         if self.is_cut:
             return
         span = self._source.span(start, max(start + 1, end))
@@ -162,7 +162,7 @@ class YamlEvents:
         yield yaml.StreamEndEvent(mark, mark)
 
     def skip(self) -> int:
-        """Skip the next value, of any kind, and return the offset of its end."""
+        """Skip the next value, whatever its kind, and return the offset of the value's end."""
         depth = end = 0
         while True:
             event = self.pop()
@@ -180,7 +180,7 @@ class YamlEvents:
                 return end
 
     def comments(self, from_column: int = 0) -> list[PendingComment]:
-        """Return and clear the comments before the next event.
+        """Return the comments before the next event, and clear them.
 
         Args:
             from_column: The first comment that begins before this column, and all comments after it, are kept for other elements.
@@ -191,7 +191,7 @@ class YamlEvents:
         return waiting[:count]
 
     def skip_fields(self) -> tuple[int, PendingComment | None]:
-        """Skip a list or a mapping with its comments and tags, which are part of its text.
+        """Skip a list or mapping. Comments and tags in it are part of its text.
 
         Returns:
             The end offset of the list or mapping, and the comment on the line of the closing bracket (None without such
@@ -258,12 +258,12 @@ class YamlEvents:
         else:
             end = start + len(self._source.text[start : start + 80].split(maxsplit=1)[0])
             message = f"'{self._source.text[start:end]}' is a YAML tag, which is not allowed here"
-            hint = "delete it, or put a string that begins with ! in quotes"
+            hint = "delete the tag, or put a string that begins with ! in quotes"
             self.report_finding("yaml-tag", message, start, end, hint=hint)
 
 
 def masked_events(text: str) -> Iterator[Any]:
-    """Yield the YAML events of a valid tree file's text, whose special characters are masked as in `YamlEvents`."""
+    """Yield the YAML events of a valid tree file. Special characters are masked as in `YamlEvents`."""
     yield from yaml.parse(mask(text), Loader=_LOADER)
 
 

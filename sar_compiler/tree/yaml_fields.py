@@ -1,4 +1,4 @@
-"""Attributes whose values are message fields in YAML, which `nodes.ros_fields` parses."""
+"""Attributes whose values are message fields in YAML. `nodes.ros_fields` parses these values."""
 
 import re
 from collections.abc import Mapping
@@ -11,12 +11,13 @@ FIELD_ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
     "RosService": ("request", "fields"),
     "RosTopic": ("fields",),
 }
-"""The attributes that take message fields, by the node's tag.
+"""The attributes that contain message fields, by the node's tag.
 
-A tree file is read without node models, so this table repeats the ports of `nodes.ros_leaves`. A test compares them.
+A tree file is read without node models, so this table repeats the ports of `nodes.ros_leaves`. A test
+compares both.
 """
 EXPLICIT_TAGS = ("Action", "Condition", "Control", "Decorator")
-"""The tags of nodes in explicit form, which are named by their ID."""
+"""The tags of nodes in explicit form, whose ID is the name of the node."""
 
 # A YAML scalar cannot begin with `@`, but a blackboard key can. Within braces, the brackets of a field such as `poses[0]` end
 # the scalar. Private-use characters replace these characters while YAML is parsed, so that all offsets stay the same.
@@ -26,12 +27,12 @@ _MASKED = re.compile(r"(?<=\{)\s*@(?=\w)|(?<=\w)\[\d+\](?=[\w.\[\]]*\s*:)")
 
 
 def is_fields_attribute(tag: str, attributes: Mapping[str, str], name: str) -> bool:
-    """Return whether an attribute of an element takes message fields in YAML."""
+    """Return whether an attribute of an element contains message fields in YAML."""
     return name in FIELD_ATTRIBUTES.get(attributes.get("ID", "") if tag in EXPLICIT_TAGS else tag, ())
 
 
 def mask(text: str) -> str:
-    """Replace the characters in keys and fields that YAML does not accept by private-use characters."""
+    """Replace characters that YAML does not accept in keys and fields by private-use characters."""
     return _MASKED.sub(lambda match: match[0].translate(_MASKS), text)
 
 
@@ -54,7 +55,7 @@ def dedent(text: str, column: int) -> str:
 
 
 def end_of_block(text: str, start: int, end: int, value: str) -> int:
-    """Return the end offset of a block scalar, excluding blank lines that are not part of its value."""
+    """Return the end of a block scalar. Blank lines that are not part of its value are excluded."""
     last = start + len(text[start:end].rstrip())
     ends = [*LINE_END.finditer(text, last, end)]
     if not ends:

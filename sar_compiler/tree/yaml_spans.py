@@ -44,16 +44,16 @@ class YamlSpans(Spans):
         return len(self._tags) - 1
 
     def finish(self, number: int, places: Iterable[int]) -> None:
-        """Store the offsets of an element's attributes: four numbers for each, in their order."""
+        """Store the offsets of an element's attributes, in order. Each attribute has four offsets."""
         self._first[number] = len(self._places)
         self._places.extend(places)
 
     def add_verbatim(self, start: int) -> None:
-        """Store the offset of a value that is a list or a mapping."""
+        """Store the offset of a list or a mapping that is the value of an attribute."""
         self._verbatim.add(start)
 
     def is_verbatim(self, start: int) -> bool:
-        """Return whether the value at an offset equals the text of the file, except for its indentation."""
+        """Return whether the value at an offset is identical to the file's text, except for indentation."""
         return start in self._verbatim
 
     def tag(self, element: ElementView) -> tuple[int, int]:
@@ -62,13 +62,16 @@ class YamlSpans(Spans):
         return self._tags[number], self._tag_ends[number]
 
     def attributes(self, element: ElementView) -> Iterator[tuple[str, AttributePlaces]]:
-        """Yield the names and offsets of an element's attributes; the offsets include quotes and block headers."""
+        """Yield the names and offsets of an element's attributes.
+
+        The offsets include quotes and block headers.
+        """
         for index, name in enumerate(element.attributes, self._first[self._number(element)] // 4):
             start, end, begin, behind = self._places[4 * index : 4 * index + 4]
             yield name, (start, end, begin, behind)
 
     def inside(self, text: str, start: int, end: int) -> tuple[int, int]:
-        """Return the offsets of a name or a value, without quotes and without the header of a block."""
+        """Return the offsets of a name or value, excluding quotes and the header of a block."""
         return (start, end) if start in self._verbatim else unquote(text, start, end)
 
     def characters(self, text: str, start: int, end: int, value: str) -> Sequence[int]:
@@ -82,7 +85,7 @@ class YamlSpans(Spans):
 
 
 def unquote(text: str, start: int, end: int) -> tuple[int, int]:
-    """Return the offsets of a scalar without its quotes, or without the header and end of a block."""
+    """Return the offsets of a scalar, excluding its quotes, or the header and the end of a block."""
     if text[start : start + 1] in ("'", '"'):
         return start + 1, end - 1
     header = _HEADER.match(text, start, end)
@@ -95,7 +98,7 @@ def unquote(text: str, start: int, end: int) -> tuple[int, int]:
 
 
 def offsets_in_scalar(text: str, start: int, end: int, value: str) -> Sequence[int]:
-    """Return the offset of each character of a parsed value, and the value's end offset, in its YAML scalar."""
+    """Return the offset of each character of a value in its YAML scalar, and the end offset of the value."""
     first, last = unquote(text, start, end)
     if last - first == len(value) and text.startswith(value, first):  # nearly every value
         return range(first, last + 1)
@@ -110,7 +113,10 @@ def offsets_in_scalar(text: str, start: int, end: int, value: str) -> Sequence[i
 
 
 def _offsets_in_line(text: str, start: int, first: int, last: int) -> list[int]:
-    """Return the offsets for a plain or quoted scalar, in which a line break and the spaces around it mean one space."""
+    """Return the offsets for a plain or quoted scalar.
+
+    In such a scalar, a line break and the spaces around it mean one space.
+    """
     units = {"'": _SINGLE, '"': _DOUBLE}.get(text[start], _PLAIN)
     offsets: list[int] = []
     for unit in units.finditer(text, first, last):
@@ -138,7 +144,10 @@ def _offsets_in_literal(text: str, start: int, last: int, value: str) -> list[in
 
 
 def _offsets_in_folded(text: str, first: int, last: int, value: str) -> list[int]:
-    """Return the offsets for a folded block: characters are matched in order, and skipped characters are whitespace."""
+    """Return the offsets for a folded block.
+
+    Characters are matched in order. The skipped characters are whitespace.
+    """
     offsets: list[int] = []
     place = first
     for character in value:
@@ -151,7 +160,7 @@ def _offsets_in_folded(text: str, first: int, last: int, value: str) -> list[int
 
 
 class SplitNumber(NamedTuple):
-    """A number with a decimal comma in a mapping between braces, where the comma ends the value.
+    """A number with a decimal comma between braces, where a comma ends the value.
 
     Attributes:
         start: The offset of the number's first character.
@@ -167,7 +176,9 @@ class SplitNumber(NamedTuple):
 
 
 def split_number(text: str, start: int, end: int) -> SplitNumber | None:
-    """Return the number with a decimal comma whose last digits YAML reads as a key; None for any other key.
+    """Return the number with a decimal comma whose last digits YAML has read as a key.
+
+    The result is None for any other key.
 
     Args:
         text: The text of the file.
@@ -188,5 +199,5 @@ def split_number(text: str, start: int, end: int) -> SplitNumber | None:
 
 _LONGEST = 40
 _BEFORE_COMMA = re.compile(r"(?<![\w.])([+-]?[0-9]+),$")
-SPLIT = "between braces a comma ends a value, so '{}' is read as two values"
+SPLIT = "a comma between braces ends a value, so '{}' is read as two values"
 """The message about a `SplitNumber`."""

@@ -50,7 +50,7 @@ def comment_in_yaml(text: str) -> str:
 
 
 def scalar(text: str) -> str:
-    """Write a string as a one-line scalar that every YAML parser reads as the same string."""
+    """Write a string as a scalar on one line that every YAML parser reads as this string."""
     if _is_plain(text):
         return text
     if not text.isprintable() or ("'" in text and not set(text) & {'"', "\\"}):
@@ -59,7 +59,7 @@ def scalar(text: str) -> str:
 
 
 def node_lines(element: Element, indent: str = "", dash: str = "- ") -> Iterator[str]:
-    """Yield the YAML lines of an element; the content of the tag is indented by four columns from the dash."""
+    """Yield the YAML lines of an element. The tag's content is indented by four columns from the dash."""
     key = scalar(element.tag)
     below = indent + ("    " if dash else "  ")
     content = [*_attributes(element, below), *_children(element, below)]
@@ -116,7 +116,7 @@ def _mark(line: str) -> str:
 
 
 def _value(text: str, indent: str) -> list[str]:
-    """Return the lines of a value; those after the first are the lines of a block."""
+    """Return the lines of a value. If there are several lines, those after the first are a block."""
     lines = text.split("\n")
     body = lines[:-1] if lines[-1] == "" else lines
     fits = all(line.isprintable() and line == line.rstrip() for line in body)
@@ -126,7 +126,10 @@ def _value(text: str, indent: str) -> list[str]:
 
 
 def _fields(element: Element, name: str, text: str, indent: str) -> list[str]:
-    """Return the lines of message fields as YAML; an empty list if the parser would read a different text back."""
+    """Return the lines of message fields in YAML.
+
+    The list is empty if the parser would read another text from these lines.
+    """
     if not is_fields_attribute(element.tag, element.attributes, name) or REFERENCE.fullmatch(text.strip()):
         return []
     lines = text.removesuffix("\n").split("\n")

@@ -1,4 +1,4 @@
-"""The results of checks, which are stored in the user's cache folder for later commands.
+"""The results of checks, which are stored in the user's cache folder for use by later commands.
 
 A result is reused if everything on which it depends is unchanged. It depends on all responses of the file system during
 the check (`opener.Observation`): the contents of files, and which files are missing. Modules of leaves and libraries
@@ -90,11 +90,17 @@ FINDINGS_OF_A_CHECK = tuple(each.name for each in fields(FileCheck))[:4]
 
 _KIND = FileKind("cache of findings", 32 << 20)
 _MOST_FILES, _MOST_BYTES = 40, 128 << 20
-"""The maximum number and total size of files with results. The oldest files are deleted first."""
+"""The maximum number and the maximum total size of the files with results.
+
+The oldest files are deleted first.
+"""
 _MOST_QUESTIONS = 100_000
 _uses = itertools.count()
 _RECENT_NS = 30 * 10**9
-"""The age of a module's file, in nanoseconds, below which an earlier version of the file may have been imported."""
+"""An age of a module's file, in nanoseconds.
+
+If the file is newer, an earlier version of it may have been imported.
+"""
 
 
 def environment_key(options: Sequence[object]) -> str:
@@ -120,14 +126,17 @@ def environment_key(options: Sequence[object]) -> str:
 
 
 def _names_in(folder: str) -> list[str]:
-    """Return the names in a folder, without those that begin with `.` or `_`."""
+    """Return the names in a folder, except those that begin with `.` or `_`."""
     with suppress(OSError):
         return sorted(each for each in os.listdir(folder) if each[0] not in "._")  # noqa: PTH208 - returns strings
     return []
 
 
 def _states_in(folder: str) -> Iterator[tuple[str, int, int]]:
-    """Yield the files below a folder with their sizes and modification times, without caches of bytecode."""
+    """Yield the files below a folder with their sizes and modification times.
+
+    Bytecode caches are left out.
+    """
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in sorted(entries, key=lambda each: each.name):
             if entry.is_dir():
@@ -156,7 +165,7 @@ class CheckCache:
 
     @classmethod
     def for_settings(cls, additions: CommandLineSettings, options: Sequence[object]) -> "CheckCache | None":
-        """Return the cache for checks with the given additions; None if the results cannot be cached.
+        """Return the cache for checks with given settings; None if their results cannot be cached.
 
         Args:
             additions: The user's additions to the projects of the files.
@@ -262,7 +271,10 @@ def _is_own(identity: Any) -> bool:
 
 
 def add_modules(observation: Observation) -> None:
-    """Record the imported modules as read files, except modules of Python and this package, which the key covers."""
+    """Record the imported modules as read files.
+
+    Modules of Python and of this package are left out, because the key covers them.
+    """
     standard, own = os.path.dirname(os.__file__), str(Path(__file__).parents[1])  # noqa: PTH120
     with observation.recording():
         for module in [*sys.modules.values()]:
@@ -331,7 +343,7 @@ def check_from_data(data: Mapping[str, Any]) -> FileCheck:
 
 
 def observation_to_data(observation: Observation) -> dict[str, dict[str, dict[str, str]]]:
-    """Convert queries to JSON values: the responses by kind, limit and path."""
+    """Convert queries about files, and their responses, to JSON values: responses by kind, limit and path."""
     data: dict[str, dict[str, dict[str, str]]] = {}
     for (kind, path, limit), answer in observation.items():
         data.setdefault(kind, {}).setdefault(str(limit), {})[path] = answer
@@ -339,7 +351,7 @@ def observation_to_data(observation: Observation) -> dict[str, dict[str, dict[st
 
 
 def observation_from_data(data: Mapping[str, Mapping[str, Mapping[str, str]]]) -> Observation:
-    """Convert JSON values to queries."""
+    """Convert JSON values to queries about files, with their responses."""
     return Observation(
         (FileQuery(kind, path, int(limit)), answer)
         for kind, limits in data.items()

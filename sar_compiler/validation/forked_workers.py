@@ -1,4 +1,4 @@
-"""Worker processes that compute a text for each number of a list."""
+"""Worker processes that compute a text for each number in a list."""
 
 import math
 import os
@@ -99,7 +99,9 @@ class ForkedWorkers:
                 os.write(worker.tasks, worker.pending[-1].to_bytes(_NUMBER, "big"))
 
     def results(self, is_over: Callable[[], bool]) -> Iterator[tuple[int, str | None]]:
-        """Yield each number and its text, in any order; None for a text that this process must compute.
+        """Yield each number with its text, in any order.
+
+        The text is None if this process must compute it.
 
         Args:
             is_over: Function that returns whether no more results are needed; called repeatedly.

@@ -1,4 +1,4 @@
-"""The check of several files as one set, and the fixes of their errors."""
+"""The check of several files as one set, and the fixes for the files' errors."""
 
 import os
 import sys
@@ -69,7 +69,7 @@ class CheckOptions(NamedTuple):
 
 
 class Validation:
-    """A check of several files as one set: a tree that one file lacks is looked up in the other files.
+    """A check of several files as one set. A tree that is missing from one file is searched in the others.
 
     Args:
         names: The names of the files and folders, as the user wrote them.
@@ -125,7 +125,7 @@ class Validation:
         return time.process_time() + (0.0 if self._run is None else self._run.others_sec)
 
     def _find_files(self, name: str, folders: list[Path]) -> Iterator[Path]:
-        """Yield the files that a name refers to; record the name if it is a folder."""
+        """Yield the files to which a name refers. If the name is a folder, record it."""
         try:
             files = tree_files_in(Path(name)) if name and is_folder(name) else []
             # A folder without trees may have the name of a shipped tree, for example a package of leaves.
@@ -171,7 +171,7 @@ class Validation:
                 self._report([failure_of_file(path, error, "fixing")])
 
     def check(self, options: CheckOptions, budget: Budget) -> None:
-        """Check the files within a budget, whose processor time `processor_sec` measures."""
+        """Check the files within a budget. `processor_sec` measures the processor time that is used."""
         work: int | None = 0
         is_tried = options.is_tried and is_part_installed("analysis")
         if is_tried:
@@ -248,7 +248,7 @@ class Validation:
             self.clean.append(path)
 
     def _report(self, findings: Iterable[Diagnostic]) -> None:
-        """Add findings, except for duplicates, which occur if several files include the same file."""
+        """Add findings, but no duplicates. Duplicates occur if several files include the same file."""
         new = []
         for finding in findings:
             if finding.identity not in self._reported:
@@ -276,7 +276,7 @@ def _fix_file(workspace: "Workspace", path: Path, on_fix: "Callable[[Fix], objec
 
 
 def _write(tree: "ProjectTree", chosen: "Sequence[Fix]") -> None:
-    """Apply fixes to a file without changing any other byte."""
+    """Apply fixes to a file. No other byte of the file is changed."""
     from sar_compiler.checks.fixing import apply_fixes
     from sar_compiler.writing import WriteError, write_bytes
 
@@ -294,7 +294,7 @@ _MOST_WORKERS = 8
 
 
 class CheckRun:
-    """One pass over files, which uses stored results and worker processes.
+    """One pass over files that uses stored results and worker processes.
 
     Args:
         files: The files.
@@ -332,7 +332,7 @@ class CheckRun:
         self._cpu: dict[int, float] = {}
 
     def start_workers(self, max_sec: float) -> None:
-        """Start worker processes if there are enough files; must be called before any thread is started.
+        """Start worker processes if there are enough files. This must be done before any thread is started.
 
         Args:
             max_sec: The maximum processor time of each worker process, in seconds.
@@ -425,7 +425,7 @@ class CheckRun:
 
 
 class FileChecker:
-    """The checker of single files, which reports a failed check as a finding.
+    """The checker of single files. It reports a check that failed as a finding.
 
     Args:
         additions: The user's additions to the projects of the files.
@@ -460,7 +460,7 @@ class FileChecker:
 
     @property
     def reads_set(self) -> bool:
-        """Whether a check has searched the other files of the command for trees."""
+        """Whether a check has searched other files of the command for trees."""
         return any(each.tree_set is not None and each.tree_set.is_read for each in self.workspace.projects)
 
     def check(self, path: Path) -> FileCheck:

@@ -64,7 +64,7 @@ def difference(old: TreeFile, new: TreeFile) -> list[Difference]:
 
 
 def _renames_type(one: Difference) -> bool:
-    """Return whether a difference is only that a port type has another name."""
+    """Return whether two nodes differ only in that a port type has another name."""
     return (
         one.what == "type"
         and one.new is not None
@@ -102,7 +102,7 @@ def _child(node: ComparedNode, stayed: set[ComparedNode]) -> Iterator[Difference
 
 
 def _inside_added(node: ComparedNode) -> Iterator[Difference]:
-    """Yield the differences of all nodes that were moved from elsewhere into an added node."""
+    """Yield the differences of nodes that were moved into an added node from other places."""
     if node.partner is not None:
         yield from _child(node, set())
         return
@@ -128,7 +128,7 @@ def _change(
 
 
 def _count(node: ComparedNode) -> int:
-    """Count the descendants of a node without a partner; descendants of a node with a partner are not counted."""
+    """Count the descendants of a node that have no partner. The given node has no partner, either."""
     return sum(1 + _count(child) for child in node.children if child.partner is None)
 
 

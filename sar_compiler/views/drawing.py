@@ -113,7 +113,7 @@ def drawn_nodes(
 
 
 def _inside_subtrees(tree: Drawable) -> Iterator[Behaviour]:
-    """Yield the nodes inside the subtrees of a tree."""
+    """Yield the nodes that are inside the subtrees of a tree."""
     for each in pre_order(tree.root):
         if tree.origins[each.id].bound.subtree is not None:
             yield from itertools.islice(pre_order(each), 1, None)
@@ -122,7 +122,7 @@ def _inside_subtrees(tree: Drawable) -> Iterator[Behaviour]:
 def _graph_lines(
     nodes: Sequence[DrawnNode], frame: str, line: Callable[[int, DrawnNode], str], end: str, edge: str
 ) -> Iterator[str]:
-    """Yield the lines of a graph: nodes in pre-order, frames around subtrees, then the edges.
+    """Yield the lines of a graph: the nodes in pre-order, the frames around subtrees, and the edges.
 
     Args:
         nodes: The nodes.
@@ -142,7 +142,7 @@ def _graph_lines(
 
 
 def _appearance(name: str, origin: Origin, *, is_wrapper: bool) -> tuple[Shape, str, str, str, str, bool]:
-    """Return the last six fields of a `DrawnNode`, from `shape` on."""
+    """Return the last six fields of a `DrawnNode`, starting with `shape`."""
     bound = origin.bound
     tag, element = bound.spec.tag, bound.element
     if is_wrapper:
@@ -185,7 +185,10 @@ def _shape_and_sign(bound: BoundNode) -> tuple[Shape, str]:
 
 
 def _attributes(bound: BoundNode) -> dict[str, str]:
-    """Return the attributes of a node as written, but omit those that the drawing shows in another form."""
+    """Return the attributes of a node as written.
+
+    Attributes that the drawing shows in another form are left out.
+    """
     attributes = bound.element.attributes
     shown = {"name", "oneshot", *bound.conditions}
     if bound.spec.semantics.with_memory:
@@ -342,7 +345,7 @@ class Block:
 
     @property
     def anchor(self) -> float:
-        """The x position of the edges above and below the box, relative to the same origin as `x`."""
+        """The x position of the edges above and below the box. It has the same origin as `x`."""
         return self.x + self.shift + (self.wide / 2 if self.centred else _TRUNK)
 
     @property
@@ -415,12 +418,15 @@ def _block(node: DrawnNode) -> Block:
 
 
 def _cells(text: str) -> int:
-    """Return the width of a text in character cells; a wide East Asian character has width 2, an accent 0."""
+    """Return the width of a text in character cells.
+
+    A wide East Asian character has width 2, and an accent has width 0.
+    """
     return sum(0 if combining(each) else 2 if east_asian_width(each) in "WF" else 1 for each in text)
 
 
 def _choose_layout(nodes: Sequence[DrawnNode], blocks: Sequence[Block]) -> None:
-    """Decide, from the root down, which children fit side by side."""
+    """Decide which children fit side by side, starting with the children of the root."""
     area = blocks[0].least * sum(block.high + _GAP for block in blocks)
     room = [max(_NARROW, blocks[0].least, math.sqrt(area / _TALL))] * len(nodes)
     for number, (node, block) in enumerate(zip(nodes, blocks, strict=True)):
@@ -491,7 +497,7 @@ def _node(node: DrawnNode, block: Block) -> str:
 
 
 def _outline(shape: Shape, x: int, y: int, wide: int, high: int) -> str:
-    """Return the SVG path of a node's outline, such as an octagon for a selector, and round ends for a condition."""
+    """Return the SVG path of a node's outline, such as an octagon for a selector."""
     if shape is Shape.PARALLEL:
         return f"M{x} {y}h{wide}l-6 {high}h{-wide}z"
     if shape is Shape.DECORATOR:

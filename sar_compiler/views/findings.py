@@ -26,12 +26,15 @@ _IN_PROPERTIES = str.maketrans({**_ALWAYS, ":": "%3A", ",": "%2C"})
 
 
 def findings_as_json(findings: Iterable[Diagnostic]) -> str:
-    """Return findings as a JSON array. Lines and columns are counted from 1, and the end column is exclusive."""
+    """Return findings as a JSON array.
+
+    Lines and columns are counted from 1, and the end column is exclusive.
+    """
     return as_json([*map(finding_data, findings)])
 
 
 def finding_data(finding: Diagnostic) -> dict[str, object]:
-    """Convert a finding to an object of the array that `findings_as_json` returns."""
+    """Convert a finding to an object for the array of `findings_as_json`."""
     return {
         "file": finding.source.path,
         **finding.span._asdict(),
@@ -64,7 +67,7 @@ def _command(finding: Diagnostic) -> str:
 
 
 def page_of(code: str) -> str:
-    """Return the Markdown page about the findings with a code.
+    """Return the Markdown page about the findings that have a given code.
 
     Raises:
         ResourceError: If the page is not installed.
@@ -73,7 +76,7 @@ def page_of(code: str) -> str:
 
 
 def plain_text(page: str, paint: Callable[[str, str], str]) -> str:
-    """Format a Markdown page for a terminal: code blocks are indented, and headings are coloured.
+    """Format a Markdown page for a terminal. Code blocks are indented, and headings are coloured.
 
     Args:
         page: The page, in Markdown.
@@ -89,7 +92,7 @@ def plain_text(page: str, paint: Callable[[str, str], str]) -> str:
 
 
 def _plain_line(line: str, paint: Callable[[str, str], str]) -> str:
-    """Return a line of Markdown without markup; a link is replaced by its text."""
+    """Return a line of Markdown without markup. Links are replaced by their texts."""
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", line)
     text = re.sub(r"\*\*?([^*]+)\*\*?", r"\1", text).replace("`", "")
     heading = re.match(r"#+ (.*)", text)
@@ -97,13 +100,13 @@ def _plain_line(line: str, paint: Callable[[str, str], str]) -> str:
 
 
 FEW = 3
-"""Up to this number, findings with the same message and messages with the same cause are not merged."""
+"""The maximum number of findings with one message, or of messages with one cause, that are not merged."""
 
 _NAMED = 8
 
 
 def group_by_cause(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Merge findings with the same cause into one finding, which lists the further locations or subjects.
+    """Merge findings with the same cause into one finding that lists the other locations or subjects.
 
     Up to `FEW` findings with the same message, all in one file, are not merged. A cause with up to `FEW` different
     messages results in at least one finding for each message.
@@ -139,7 +142,7 @@ def _merge_message(places: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
 
 
 def _cause_text(cause: Cause, group: Iterable[Diagnostic]) -> str:
-    """Return the message that lists the subjects of a cause, the most frequent first."""
+    """Return a message that lists the subjects of a cause, starting with the most frequent one."""
     counts = Counter(each.common_cause.subject for each in group if each.common_cause)
     named = ", ".join(f"'{subject}' ({number:,})" for subject, number in counts.most_common(_NAMED))
     others = f" and {len(counts) - _NAMED:,} more" if len(counts) > _NAMED else ""
@@ -151,7 +154,9 @@ _LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: 
 
 
 def findings_as_sarif(findings: Sequence[Diagnostic], fixes: Mapping[object, "Fix"]) -> str:
-    """Return findings as a SARIF log with one run. Columns are counted in UTF-16 code units, as SARIF expects.
+    """Return findings as a SARIF log with one run.
+
+    As SARIF requires, columns are counted in UTF-16 code units.
 
     Args:
         findings: The findings.

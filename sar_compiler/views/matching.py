@@ -55,7 +55,10 @@ class ComparedNode:
 
     @property
     def path(self) -> str:
-        """The labels from the child of the root down to the node, joined by slashes; for the root its own label."""
+        """The labels from the root's child down to the node, joined by slashes.
+
+        The path of the root is the root's own label.
+        """
         labels = []
         node: ComparedNode | None = self
         while node is not None and node.parent is not None:
@@ -71,7 +74,10 @@ class ComparedNode:
 
 
 Key = Callable[[ComparedNode], Hashable | None]
-"""Returns the key of a node. Two nodes are paired only if their keys are equal and not None."""
+"""A function that returns the key of a node.
+
+Two nodes are paired only if their keys are equal and not None.
+"""
 
 
 def match(old: TreeFile, new: TreeFile) -> tuple[ComparedNode, ComparedNode]:
@@ -93,7 +99,7 @@ def match(old: TreeFile, new: TreeFile) -> tuple[ComparedNode, ComparedNode]:
 
 
 def pairs_in_order(old: ComparedNode, new: ComparedNode) -> list[tuple[ComparedNode, ComparedNode]]:
-    """Return pairs of matching children, leaving out pairs whose order differs between the two nodes."""
+    """Return pairs of matching children that have the same order in both nodes."""
     there = {child.partner: child for child in old.children}
     pairs = [(there[child], child) for child in new.children if child in there]
     if not old.ordered:
@@ -105,7 +111,7 @@ def pairs_in_order(old: ComparedNode, new: ComparedNode) -> list[tuple[ComparedN
 def _node(
     element: Element, parent: ComparedNode | None, marks: dict[Hashable, int], *, ordered: bool
 ) -> ComparedNode:
-    """Create a node from an element; equal elements get equal marks."""
+    """Create a node from an element. Equal elements get equal marks."""
     kind, attributes = element.tag, dict(element.attributes)
     if kind in EXPLICIT_TAGS and "ID" in attributes and ordered:
         kind = attributes.pop("ID")
@@ -166,7 +172,7 @@ def _content(node: ComparedNode) -> Hashable | None:
 
 
 def _align(old: ComparedNode, new: ComparedNode) -> None:
-    """Pair the children of two matching nodes by mark, identity and content."""
+    """Pair the children of two matching nodes, first by mark, then by identity, then by content."""
     if not old.ordered:
         for key in (_mark, _identity):
             _pair_by_key(_without_pair(old.children), _without_pair(new.children), key)
@@ -182,7 +188,10 @@ def _align_gap(
     key: Key,
     accept: Callable[[ComparedNode, ComparedNode], bool] = lambda _old, _new: True,
 ) -> list[tuple[list[ComparedNode], list[ComparedNode]]]:
-    """Pair nodes of two lists that have equal keys in the same order; return the sublists between the pairs."""
+    """Pair nodes of two lists that have equal keys in the same order.
+
+    Returns the sublists between the pairs.
+    """
     keys = [[key(node) for node in nodes] for nodes in (old, new)]
     pairs = [(i, j) for i, j in common_subsequence(*keys) if accept(old[i], new[j])]
     for i, j in pairs:
@@ -215,7 +224,10 @@ def _without_pair(nodes: list[ComparedNode]) -> list[ComparedNode]:
 def _pair_by_key(
     old: list[ComparedNode], new: list[ComparedNode], old_key: Key, new_key: Key | None = None
 ) -> None:
-    """Pair nodes that have equal keys, at any position. Several nodes with the same key are paired in order."""
+    """Pair nodes that have equal keys, at any position.
+
+    Several nodes with the same key are paired in order.
+    """
     by_key: dict[Hashable, deque[ComparedNode]] = defaultdict(deque)
     for node in new:
         by_key[(new_key or old_key)(node)].append(node)
@@ -229,7 +241,10 @@ def _pair_by_key(
 
 
 def _find_moved(old: ComparedNode, new: ComparedNode) -> None:
-    """Pair the remaining nodes by content or name, starting with large nodes and nodes whose parents match."""
+    """Pair the remaining nodes by content or name.
+
+    Large nodes, and nodes whose parents match, are paired first.
+    """
     left, right = (
         sorted(_without_pair(list(root.iterate())), key=lambda node: -node.size) for root in (old, new)
     )
@@ -248,7 +263,7 @@ def _parent_id(node: ComparedNode, *, other: bool = False) -> int:
 
 
 def _find_renamed(old: ComparedNode) -> None:
-    """Pair nodes that have the same position in both files, but another name or tag."""
+    """Pair nodes that have the same position in both files, but different names or tags."""
     for node in old.iterate():
         if node.partner is None or node.mark == node.partner.mark:
             continue
@@ -280,7 +295,7 @@ def _are_similar(old: ComparedNode, new: ComparedNode) -> bool:
 
 
 _NEAR = 8
-"""How many positions before and after the expected position of a repeated key are tried."""
+"""The number of positions that are tried before and after the expected position of a repeated key."""
 
 
 class _Link(NamedTuple):

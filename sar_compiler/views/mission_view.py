@@ -1,4 +1,4 @@
-"""Views of a running mission for a terminal: one screen, or a line for each change."""
+"""Views of a running mission in a terminal: a screen, or one line for each change."""
 
 import bisect
 import itertools
@@ -47,7 +47,7 @@ _NOT_SHOWN = (
 
 
 class Piece(NamedTuple):
-    """A part of a line.
+    """A part of a line of text in the terminal.
 
     Attributes:
         text: The text.
@@ -62,7 +62,7 @@ Line = list[Piece]
 
 
 def status_sign(status: str) -> str:
-    """Return the sign of a status, or `[-]` for a status from an earlier activation."""
+    """Return the sign of a status; `[-]` if the status is from an earlier activation of the node."""
     return IN_TEXT.get(status, IN_TEXT[""])
 
 
@@ -91,7 +91,7 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
 
 
 def condition_change(state: MissionState, before: StatusLine) -> str:
-    """Return the log line for a mission's new status line; empty if there is no change worth reporting."""
+    """Return the log line for a mission's new status line; empty if the change is not worth reporting."""
     now = condition(state)
     if (now.word, now.reason) == (before.word, before.reason) or {now.level, before.level} <= {GOOD, QUIET}:
         return ""
@@ -134,7 +134,7 @@ def _drive_left(state: MissionState) -> str:
 
 
 def _tasks(state: MissionState) -> Iterator[Line]:
-    """Yield a line with the open tasks, except for alarms, if there are any."""
+    """Yield a line with the open tasks, if there are any. Alarms are left out."""
     tasks = [task for task in find_open_tasks(state) if not task.is_alarm]
     if tasks:
         yield [Piece(escape_to_one_line(f"TO DO: {'; '.join(task.text for task in tasks)}"), "alarm")]
@@ -152,7 +152,10 @@ def _figures(state: MissionState, now: float) -> Iterator[Line]:
 
 
 def _detection_lines(state: MissionState) -> Iterator[Line]:
-    """Yield a line for each kind of landmark that can be detected, or the latest events if no kind can."""
+    """Yield a line for each kind of landmark that can be detected.
+
+    If no kind can be detected, yield lines with the latest events.
+    """
     situation = state.situation
     kinds = [kind for kind in situation.kinds.values() if kind.is_found]
     for kind in kinds:
@@ -187,7 +190,7 @@ class _TreeRow(NamedTuple):
 
 
 def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
-    """Yield the lines of the tree; branches are folded or omitted if there is not enough space."""
+    """Yield the lines of the tree. If there is not enough space, branches are folded or omitted."""
     rows = _rows(state, height)
     shown = _select_rows(rows, height) if len(rows) > height else list(range(len(rows)))
     at = 0
@@ -201,7 +204,7 @@ def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
 
 
 def _rows(state: MissionState, height: int) -> list[_TreeRow]:
-    """Return the rows of the tree: a row for each node if they fit, else a row for each chain.
+    """Return the rows of the tree: one row for each node or, if they do not fit, for each chain of nodes.
 
     If these do not fit either, only running branches are unfolded. If no node is running, the branches with nodes of
     the current activation are unfolded.
@@ -216,7 +219,7 @@ def _rows(state: MissionState, height: int) -> list[_TreeRow]:
 
 
 def _visible_rows(state: MissionState, open_nodes: Collection[int]) -> list[_TreeRow]:
-    """Return the rows that remain visible if only the branches of the given open nodes are unfolded."""
+    """Return the rows that are visible if only the branches of the given open nodes are unfolded."""
     rows: list[_TreeRow] = []
     waiting = [(0, 0)] if state.nodes else []
     while waiting:
@@ -236,7 +239,10 @@ def _chain(state: MissionState, number: int) -> Iterator[NodeState]:
 
 
 def _select_rows(rows: Sequence[_TreeRow], height: int) -> list[int]:
-    """Return the indices of the rows that fit: running rows first, then the rows nearest to a running row."""
+    """Return the indices of the rows that fit.
+
+    Running rows are chosen first, then the rows nearest to a running row.
+    """
     running = [index for index, row in enumerate(rows) if row.is_running] or [0]
     distance = [_distance(running, index) for index in range(len(rows))]
     order = sorted(
@@ -251,13 +257,16 @@ def _select_rows(rows: Sequence[_TreeRow], height: int) -> list[int]:
 
 
 def _fill_single_gaps(chosen: Sequence[int], count: int) -> list[int]:
-    """Choose every omitted row between two chosen rows, because an omission line would need as much space."""
+    """Also choose each single omitted row between two chosen rows.
+
+    A line about the omission would need as much space as the row.
+    """
     there = {-1, *chosen, count}
     return sorted({*chosen, *(index for index in range(count) if index - 1 in there and index + 1 in there)})
 
 
 def _distance(marked: Sequence[int], index: int) -> int:
-    """Return the distance of an index to the nearest index of *marked*, which is sorted."""
+    """Return the distance from an index to the nearest index in *marked*, which must be sorted."""
     at = bisect.bisect(marked, index)
     return min(abs(index - each) for each in marked[max(at - 1, 0) : at + 1])
 
@@ -289,7 +298,10 @@ def _row(state: MissionState, row: _TreeRow, now: float, *, is_folded: bool) -> 
 
 
 def _names(chain: Sequence[NodeState]) -> Iterator[Piece]:
-    """Yield the names in a chain, with a status sign where the sign changes; a long chain is shortened."""
+    """Yield the names in a chain of nodes, with a status sign where the sign changes.
+
+    A long chain is shortened.
+    """
     # A subtree often has the name of its root.
     nodes = [
         next(same) for _, same in itertools.groupby(chain, lambda node: (node.name, status_sign(node.status)))
@@ -307,7 +319,7 @@ def _names(chain: Sequence[NodeState]) -> Iterator[Piece]:
 
 
 def _count_descendants(state: MissionState, node: NodeState) -> int:
-    """Return the number of a node's descendants, which follow the node in pre-order."""
+    """Return the number of a node's descendants. In pre-order, they follow the node."""
     last = node
     while last.children:
         last = state.nodes[last.children[-1]]
@@ -319,5 +331,5 @@ def _omission_line(count: int, first: _TreeRow) -> Line:
 
 
 def _indent(depth: int) -> str:
-    """Return the indentation of a row; rows deeper than 16 levels are not indented further."""
+    """Return the indentation of a row. Rows deeper than 16 levels are not indented further."""
     return "  " * min(depth, 16)

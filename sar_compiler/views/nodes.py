@@ -16,7 +16,7 @@ _PROBABILITIES = ("p", "sec")
 
 
 def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
-    """Return one line for each node, or the full descriptions if all nodes have the same tag."""
+    """Return one line for each node. If all nodes have the same tag, return their full descriptions."""
     if len({spec.tag for spec in specs}) == 1:
         return "\n\nor\n\n".join(_full_description(spec) for spec in specs)
     width = max(len(spec.tag) for spec in specs)
@@ -89,7 +89,7 @@ def _outcome_text(outcome: Outcome) -> str:
 def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
     label = parameter.value_type.label
     if parameter.role is ParameterRole.REFERENCE:
-        label = f"the name of a {parameter.target_name} in the same tree. Optional if the tree has only one"
+        label = f"the name of a {parameter.target_name} in the same tree. Optional if the tree has only one such node"
     if parameter.direction is not None:
         label = f"{parameter.direction.message_name}; {label}"
     if parameter.role is ParameterRole.NAME:

@@ -1,4 +1,4 @@
-"""A compiled tree as the tools of BehaviorTree.CPP see it: node numbers, status changes, and XML."""
+"""A compiled tree in the terms of BehaviorTree.CPP's tools: node numbers, status changes, and XML."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, is_name, s
 from sar_compiler.tree.xml_writer import xml_with_tag_per_line
 
 MOST_NODES = 0xFFFF
-"""The maximum number of nodes in a tree: node numbers have 16 bits, and 0 is reserved."""
+"""The maximum number of nodes in a tree. Node numbers have 16 bits, and 0 is reserved."""
 
 
 class TooManyNodesError(SarError):
@@ -93,7 +93,10 @@ def _number(root: Behaviour, origins: Origins) -> Iterator[NumberedNode]:
 
 
 IDLE = INVALID
-"""The status of a node that waits for its start, in addition to RUNNING, SUCCESS and FAILURE of `kernel.cells`."""
+"""The status of a node that is not active.
+
+The other statuses are RUNNING, SUCCESS and FAILURE of `kernel.cells`.
+"""
 
 
 class StatusChange(NamedTuple):
@@ -132,13 +135,13 @@ class StatusChanges(VisitorBase):
         self._busy: set[int] = set()
 
     def run(self, behaviour: Behaviour) -> None:
-        """Report the status of a ticked node if it has changed."""
+        """Report the status of a ticked node if the status has changed."""
         uid = self._tree.uid(behaviour)
         if uid and not was_skipped(behaviour):
             self._set(uid, number_of(behaviour.status))
 
     def finalise(self) -> None:
-        """Set the status of nodes that have ended or were halted to IDLE, starting with the parents."""
+        """Set the status of ended and halted nodes to IDLE, starting with the parents."""
         for uid in sorted(self._busy):
             _, _, parent, behaviour, *_ = self._tree.nodes[uid - 1]
             status = number_of(behaviour.status)
@@ -154,7 +157,9 @@ class StatusChanges(VisitorBase):
 
 
 def tree_xml(tree: NumberedTree) -> str:
-    """Return a tree as XML: a `BehaviorTree` element for each use of a subtree, and models of user-defined nodes.
+    """Return a tree as XML, with a `BehaviorTree` for each use of a subtree.
+
+    The XML also contains models of user-defined nodes.
 
     Nodes have their numbers, and the names and attributes of their equivalents in BehaviorTree.CPP.
     """
@@ -206,7 +211,10 @@ class _NodeWriter:
         return found
 
     def node_lines(self, first: NumberedNode) -> Iterator[str]:
-        """Yield the XML lines of a node and its descendants; iterative, because trees may be deep."""
+        """Yield the XML lines of a node and its descendants.
+
+        The function is not recursive, because trees may be deep.
+        """
         waiting: list[NumberedNode | str] = [first]
         while waiting:
             node = waiting.pop()
@@ -236,7 +244,7 @@ class _NodeWriter:
         return _start(SUBTREE_TAG, attributes, is_empty=True)
 
     def _tag_and_attributes(self, node: NumberedNode) -> tuple[str, dict[str, str]]:
-        """Return a node's tag and attributes, converted to the node's equivalent in BehaviorTree.CPP if one exists."""
+        """Return the tag and attributes of a node, or of the node's equivalent in BehaviorTree.CPP."""
         bound = node.made.bound
         if node.made.wrapper is None:
             tag, attributes = bound.spec.tag, dict(bound.element.attributes)
@@ -262,7 +270,10 @@ class _NodeWriter:
 
 
 def _attribute_names(specs: Iterable[NodeSpec]) -> Iterator[str]:
-    """Yield the names of a node's attributes that BehaviorTree.CPP knows. A built-in node has only its ports."""
+    """Yield the names of a node's attributes that BehaviorTree.CPP knows.
+
+    For a built-in node, these are only the ports.
+    """
     specs = list(specs)
     built_in = is_built_in(specs)
     for spec in specs:

@@ -25,13 +25,13 @@ def _bound_node(tree: Drawable, behaviour: Behaviour) -> BoundNode:
 
 
 def _constants(tree: Drawable) -> list[int]:
-    """Return the numbers of leaves that always return the same status. Such a leaf does not explain a failure."""
+    """Return the numbers of leaves that always return the same status, which cannot explain a failure."""
     nodes = ((number, each, _bound_node(tree, each).spec) for number, each in enumerate(pre_order(tree.root)))
     return [number for number, each, spec in nodes if not each.children and len(set(spec.statuses)) == 1]
 
 
 def _limits(tree: Drawable) -> dict[str, float]:
-    """Return the time limits that are known before the run, in seconds, by node number."""
+    """Return the time limits, in seconds, that are known before the run, by node number."""
     limits: dict[str, float] = {}
     for number, each in enumerate(pre_order(tree.root)):
         bound = _bound_node(tree, each)

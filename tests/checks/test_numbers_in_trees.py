@@ -116,7 +116,9 @@ def test_a_key_of_digits_with_a_value_is_no_decimal_comma():
 def test_a_node_that_is_indented_too_deep_is_reported_in_its_own_line(text):
     line = 6 + text[: text.index("- AlwaysFailure")].count("\n")
     column = text.splitlines()[line - 6].index("-") + 1
-    assert errors(text) == [("wrong-shape", line, column, "indent it like the '- ' of its siblings")]
+    assert errors(text) == [
+        ("wrong-shape", line, column, "indent this line like the lines with the '- ' of its siblings")
+    ]
 
 
 class Drive(py_trees.behaviour.Behaviour):

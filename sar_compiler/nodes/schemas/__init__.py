@@ -7,7 +7,7 @@ from sar_compiler.nodes.values import CONDITION, ValueType
 
 
 def attributes_by_name(specs: Iterable[NodeSpec]) -> dict[str, list[tuple[NodeSpec, Parameter]]]:
-    """Return the attributes of a tag's specs by attribute name, each with the specs that have it."""
+    """Return the attributes of a tag's specs by name, each with the specs that have this attribute."""
     written: dict[str, list[tuple[NodeSpec, Parameter]]] = {}
     for spec in specs:
         for parameter in spec.attributes:
@@ -26,7 +26,10 @@ def required_names(specs: Sequence[NodeSpec]) -> list[str]:
 
 
 def value_types(tags: Mapping[str, Iterable[NodeSpec]]) -> list[ValueType]:
-    """Return the value types of all attributes of *tags*, sorted by name; the type of conditions is always included."""
+    """Return the value types of all attributes of *tags*, sorted by name.
+
+    The type of conditions is always included.
+    """
     attributes = (parameter for specs in tags.values() for spec in specs for parameter in spec.attributes)
     types = {each.value_type.name: each.value_type for each in attributes if each.value_type.name}
     return sorted({**types, CONDITION.name: CONDITION}.values(), key=lambda each: each.name)

@@ -87,7 +87,10 @@ def _section() -> Schema:
 
 
 def _node(specs: Mapping[str, list[NodeSpec]]) -> Schema:
-    """Return the schema of a node: a mapping with one key, the tag, or the bare tag of a node without content."""
+    """Return the schema of a node.
+
+    In YAML, a node is a mapping whose only key is the tag, or the bare tag of a node without content.
+    """
     tags = list(dict.fromkeys([*specs, SUBTREE_TAG, *_KINDS]))
     targets = {tag: _ref(_definition(tag)) for tag in tags}
     # `enumDescriptions` is not a keyword of JSON Schema, but editors show it for a bare tag.
@@ -110,7 +113,7 @@ def _definition(tag: str) -> str:
 
 
 def _nodes(least: int, most: int | None) -> Schema:
-    """Return the schema of a list of nodes with a limited length."""
+    """Return the schema of a list of nodes whose length is limited."""
     schema: Schema = {"type": "array", "items": _ref("node")}
     if least:
         schema["minItems"] = least
@@ -118,7 +121,10 @@ def _nodes(least: int, most: int | None) -> Schema:
 
 
 def _explicit_form(least: int, most: int | None) -> Schema:
-    """Return the schema of a tag whose ID names a node or a tree; this ID determines the other attributes."""
+    """Return the schema of a tag whose ID names a node or a tree.
+
+    The ID determines which other attributes are allowed.
+    """
     needed = ["ID", CHILDREN_KEY] if least else [] if most is None else ["ID"]
     properties = {"ID": _NAME, CHILDREN_KEY: _nodes(least, most)}
     return {"type": "object", "properties": properties, **({"required": needed} if needed else {})}
@@ -156,7 +162,10 @@ def _attribute(spec: NodeSpec, parameter: Parameter) -> Schema:
 
 
 def _value(value_type: ValueType) -> Schema:
-    """Return the schema of a value: a literal of the type, or a blackboard key, as a string or a YAML scalar."""
+    """Return the schema of a value.
+
+    A value is a literal of the type or a blackboard key, written as a string or a YAML scalar.
+    """
     key: Schema = {"type": "string", "pattern": _KEY_PATTERN}
     if value_type.choices:
         return {"anyOf": [{"enum": _both_ways(value_type.choices)}, key]}
@@ -178,7 +187,7 @@ def _number(value_type: ValueType) -> Schema:
 
 
 def _both_ways(texts: Iterable[str]) -> list[object]:
-    """Return texts as allowed values, with `true` and `false` also as YAML bools."""
+    """Return texts as allowed values. The values `true` and `false` are also allowed as YAML bools."""
     own: dict[str, object] = {"true": True, "false": False}
     texts = list(texts)
     return [*(own[text] for text in texts if text in own), *texts]

@@ -102,7 +102,7 @@ def _node_type(tag: str, specs: list[NodeSpec]) -> list[str]:
 
 
 def _either_form(tag: str, spec: NodeSpec) -> list[str]:
-    """Return the type of a tag that is a node and also an explicit form, such as py_trees' Condition."""
+    """Return the type of a tag that names a node and is also an explicit form, such as py_trees' Condition."""
     return [
         f'  <xs:complexType name="{tag}.node">',
         *_documentation(spec.doc, "    "),
