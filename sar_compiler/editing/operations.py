@@ -83,7 +83,7 @@ class EditedFile:
         return next(index for index, each in enumerate(self.elements) if each is element)
 
     def siblings(self, number: int, last: int | None = None) -> Siblings:
-        """Return the siblings from one element to another. Without the other, return only the one element.
+        """Return the siblings from a first to a last element. By default, the first element is also the last.
 
         Raises:
             EditError: If the first element is the root element, or the last element is not a later sibling.

@@ -311,9 +311,7 @@ def _annotated_type(annotation: object) -> ValueType | None:
 
 
 def strip_none(annotation: object) -> object:
-    """Return `T` for the annotation `T
-
-    None`, and any other annotation unchanged.
+    """Return `T` for the annotation `T | None`, and any other annotation unchanged.
 
     For `Annotated[T, ...]` without a `ValueType`, also return `T`.
     """
@@ -467,7 +465,7 @@ def _milliseconds(text: str) -> int:
     if milliseconds is None:
         raise _duration_error(text, MILLISECONDS.label, intended_integer(text), _milliseconds)
     if milliseconds % 1 or milliseconds > _LARGEST_UNSIGNED:
-        raise ConversionError(f"'{text}' is not a whole number of milliseconds from 0 to {_LARGEST_UNSIGNED}")
+        raise ConversionError(f"'{text}' is not an integer of milliseconds from 0 to {_LARGEST_UNSIGNED}")
     return int(milliseconds)
 
 

@@ -191,7 +191,7 @@ _MARGIN, _LEAST = 8, 40
 
 
 AS_DECLARED: Any = None
-"""A placeholder that stands for the declared severity of the finding's kind."""
+"""A placeholder for the declared severity of the finding's kind."""
 
 
 def _keep_text(text: str, _part: str) -> str:

@@ -154,7 +154,7 @@ class Guesses:
         self._left = MOST_COMPARED
 
     def nearest(self, word: str, known: Collection[str], least: float = LIKE) -> str | None:
-        """Return the word that was probably meant, as `nearest` does; None beyond the limit of comparisons."""
+        """Return the word that was probably meant; None if the limit of comparisons is reached."""
         if len(known) > self._left:
             return None
         self._left -= len(known)

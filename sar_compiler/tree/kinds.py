@@ -44,7 +44,7 @@ ERRORS = {
     "not-in-yaml": "XML content that YAML cannot express",
     "not-installed": "a node with a model but no registered class, in a tree to run",
     "only-described": "a control or decorator with a model but no registered class, in a tree to simulate or verify",
-    "other-tree": "a tree that differs from the tree of the run that is to be resumed",
+    "other-tree": "a tree that differs from the tree of the run to resume",
     "out-of-reach": "a required number of successes or failures that can never be reached",
     "processing-instruction": "an XML processing instruction",
     "recursive-tree": "a tree that contains itself",
