@@ -305,7 +305,7 @@ def _separate_elements(file: EditedFile, element: Element, operation: str) -> It
 
 def _require_index(parent: Element, index: int) -> None:
     if not 0 <= index <= len(parent.children):
-        message = f"{index} is not a position among the {len(parent.children)} children of <{parent.tag}>"
+        message = f"{index} is not a position among the children of <{parent.tag}> (number of children: {len(parent.children)})"
         raise EditError(message)
 
 

@@ -392,7 +392,7 @@ class _YamlReader:
         name = key.value
         if name in parts.seen:
             line = self._source.position_of(parts.seen[name])[0]
-            message = f"'{name}' is given twice, for the first time on line {line}"
+            message = f"'{name}' is given twice, first on line {line}"
             self._report("duplicate-key", message, *_mark_position(key), hint="delete one of them")
             return True
         if name == "<<" and not key.style:

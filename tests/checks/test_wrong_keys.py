@@ -466,4 +466,7 @@ def test_what_is_wrong_with_a_key_beside_a_palette_is_never_silent(body, finding
 def test_a_name_that_may_be_an_enumeration_is_mentioned_with_that_reason():
     body = '<Sequence><Look seen="{s}"/><ScriptCondition code="s == RED"/></Sequence>'
     (finding,) = check(forest_of(document(body)), REGISTRY, [PALETTE])
-    assert "unless it is an enumerator, which [language.enums] in sar.toml" in finding.message
+    assert (
+        "unless it is an enumerator; to declare enumerators, use [language.enums] in sar.toml"
+        in finding.message
+    )

@@ -182,11 +182,11 @@ MISTAKES = {
     ),
     "a single attempt": (
         '<Retry num_failures="1">\n<Drive/>\n</Retry>',
-        ("needless-node", 3, 1, "is executed once without it"),
+        ("needless-node", 3, 1, "is also executed once without this decorator"),
     ),
     "a single round": (
         '<Repeat num_cycles="1">\n<Drive/>\n</Repeat>',
-        ("needless-node", 3, 1, "is executed once without it"),
+        ("needless-node", 3, 1, "is also executed once without this decorator"),
     ),
     "an inverter of an inverter": (
         "<Inverter>\n<Inverter>\n<Ready/>\n</Inverter>\n</Inverter>",
@@ -301,7 +301,7 @@ def test_a_single_attempt_of_a_single_round_takes_nothing_back():
     body = '<Retry num_failures="1">\n<Repeat num_cycles="1">\n<Drive/></Repeat></Retry>'
     findings = check(forest_of(document(body)), REGISTRY)
     assert [finding.span.line for finding in findings] == [3, 4]
-    assert all("is executed once without it" in finding.message for finding in findings)
+    assert all("is also executed once without this decorator" in finding.message for finding in findings)
 
 
 def test_what_is_tried_after_what_cannot_succeed_is_never_ticked():

@@ -88,7 +88,7 @@ def test_a_tree_file_that_is_not_there_is_named(start):
         (["--supervise", "1000000"], "'1000000' is not an integer from 1 to 1000"),
         (["--sim", "--fault", "report_survivor:drp=1"], "drop"),
         (["--sim", "moon"], "there is no world file 'moon'"),
-        (["--sim", "my_tree.xml"], "write the tree before --sim"),
+        (["--sim", "my_tree.xml"], "Write the tree before --sim"),
         (
             ["--sim", "search_and_rescue"],
             "'search_and_rescue' looks like a tree. Write the tree before --sim",

@@ -218,7 +218,7 @@ WORDS = {
         "<B <!-- c --> d='1'/>",
         4,
         "a comment is not allowed in a tag",
-        "move it before",
+        "move the comment before",
     ),
     "a comment without an end": (
         "<!-- c <B/>",
