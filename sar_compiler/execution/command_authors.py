@@ -1,4 +1,4 @@
-"""Authors and reasons of operator commands: announced before each service call and recorded in the journal."""
+"""Announces who sends each operator command and why, and records both in the journal."""
 
 import time
 from collections import defaultdict, deque
@@ -39,7 +39,10 @@ def _ignore(_: str) -> None:
 
 
 class _Announcement(NamedTuple):
-    """An announced command: the author, the objects that the author saw, and the time on the steady clock in seconds."""
+    """The announcement of a command: its author, the objects that the author saw, and the time of the announcement.
+
+    The time is in seconds of the steady clock.
+    """
 
     author: CommandAuthor
     seen: SeenObjects
@@ -145,7 +148,7 @@ class CommandAuthors:
 
 
 def escape_to_single_line(text: str) -> str:
-    """Return untrusted text as part of a sentence: on one line, at most 200 characters, without a final full stop."""
+    """Shorten untrusted text for use in a sentence: one line, at most 200 characters, no final full stop."""
     return "".join(filter(str.isprintable, text))[:_LONGEST].strip().removesuffix(".")
 
 
@@ -171,7 +174,7 @@ class RemoteCommandAuthor:
         seen: SeenObjects = _NOTHING_SEEN,
         refuse: Callable[[str], object] = _ignore,
     ) -> None:
-        """Announce the author of a command; when the mission has responded, call *then*, which sends the command.
+        """Announce the author of a command. When the mission has responded, call *then* to send the command.
 
         No announcement is sent to a node that has no parameter services. The response can be lost if two nodes have just discovered each
         other. If the announcement is not confirmed, the command is still sent when the author saw no objects. Otherwise the mission might

@@ -1,4 +1,4 @@
-"""A client of the operator commands that any thread may use."""
+"""A client for operator commands. Any thread may use the client."""
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +18,7 @@ _NOTHING_SEEN: SeenObjects = {}
 
 
 class Sign(Protocol):
-    """Announces a command to the mission before it is sent."""
+    """Announces a command to the mission before the command is sent."""
 
     def __call__(
         self,

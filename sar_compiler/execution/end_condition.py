@@ -53,11 +53,11 @@ class EndCondition:
         return self.mission.shortfalls() == []
 
     def shortfalls(self) -> list[str]:
-        """Return a sentence for each unfinished item of the mission; no sentences without an end condition."""
+        """Return a sentence for each unfinished item, or an empty list if the mission has no end condition."""
         return self.mission.shortfalls() or []
 
     def after_tick(self, status: Status, elapsed_sec: float) -> RunResult | None:
-        """Return the result of the run, or None if it continues.
+        """Return the result of the run, or None if the run continues.
 
         Args:
             status: The root's status after the tick; INVALID if it was skipped.
@@ -115,6 +115,6 @@ def default_summary(mission: MissionRun, outcome: str, elapsed_sec: float, ticks
 
 
 def _ordinal(number: int) -> str:
-    """Return `1st`, `2nd`, `3rd`, `4th`, …, `11th`."""
+    """Return the ordinal of a number, such as `1st`, `2nd`, `3rd` or `11th`."""
     teen = number // 10 % 10 == 1
     return f"{number}{'th' if teen else {1: 'st', 2: 'nd', 3: 'rd'}.get(number % 10, 'th')}"

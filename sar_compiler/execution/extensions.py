@@ -65,11 +65,11 @@ class RunExtensions:
 
     @property
     def replay_hint(self) -> str:
-        """A sentence with the command that replays a simulation; empty for other runs."""
+        """A sentence with the command that replays this simulation; empty if the run is not a simulation."""
         return self._journal.replay_hint
 
     def cause_of_failure(self) -> str:
-        """Return the most likely cause of a failure on one line; empty if no cause is known."""
+        """Return one line about the most likely cause of a failure, or an empty string if no cause is known."""
         return next(filter(None, (each.cause_of_failure() for each in self._extensions)), "")
 
     def on_awaited(self, items: "Sequence[AwaitedItem]") -> None:
@@ -102,7 +102,7 @@ class RunExtensions:
             extension.on_last_tick(is_over=is_over)
 
     def property_watch(self) -> "PropertyWatch | None":
-        """Return the extension that monitors properties; None if there is none."""
+        """Return the extension that monitors properties, or None if no properties are monitored."""
         if not self._options.properties:
             return None
         from sar_compiler.execution.run_watch import PropertyWatch

@@ -31,7 +31,10 @@ class JournalStart:
         self._place: Path | None = options.journal
 
     def find_path(self, mission: "Mission | None", node: "Node") -> None:
-        """Determine the path of the run's journal. A simulated run is skipped, because it always has a new journal."""
+        """Determine the path of the run's journal. Do nothing for a simulated run.
+
+        A simulated run always has a new journal.
+        """
         if self._place is None and self.options.sim is None and has_journal_by_default(self.options, mission):
             self._place = default_path(self.options, node.get_fully_qualified_name())
 
@@ -48,7 +51,7 @@ class JournalStart:
 
 
 def has_journal_by_default(options: RunOptions, mission: "Mission | None") -> bool:
-    """Return whether a run writes a journal if no option requests or forbids it."""
+    """Return whether a run writes a journal when no option requests or forbids a journal."""
     return options.sim is not None or (mission is not None and mission.is_resumable)
 
 

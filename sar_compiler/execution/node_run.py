@@ -117,7 +117,7 @@ def _executor(options: RunOptions, context: Context) -> "Executor | SteppedExecu
 
 
 def _require_navigation(tree: CompiledTree, world: "World") -> None:
-    """Check that the simulation provides Nav2 if the tree needs it.
+    """Check that the simulation can provide Nav2 when the tree needs Nav2.
 
     Raises:
         NotReadyError: If the tree needs Nav2 and the simulated world has no map.
@@ -131,7 +131,10 @@ def _require_navigation(tree: CompiledTree, world: "World") -> None:
 
 
 def _route_check(setup: RunSetup, tree: CompiledTree, world: "World | None") -> RouteCheck | None:
-    """Create the check of the mission's route; return None without `--check`, or if the tree does not navigate."""
+    """Create the check of the mission's route, or return None if this run needs no such check.
+
+    The route is checked only with `--check`, and only if the tree navigates.
+    """
     if not setup.options.check or not setup.mission.route() or Use.nav2() not in tree.uses():
         return None
     return RouteCheck(setup.node, setup.mission, setup.parameters, world)
@@ -141,7 +144,7 @@ def _route_check(setup: RunSetup, tree: CompiledTree, world: "World | None") -> 
 def _simulation(
     setup: RunSetup, world: "World | None", faults: Sequence[Fault], executor: "Executor | SteppedExecutor"
 ) -> "Iterator[Simulation | None]":
-    """Start the world, the Nav2 substitute and the mission's servers in this process, if a world is simulated."""
+    """If a world is simulated, start it, the Nav2 substitute and the mission's servers in this process."""
     if world is None:
         yield None
         return

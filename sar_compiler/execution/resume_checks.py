@@ -48,7 +48,7 @@ def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
     problems = [
         ParameterProblem(
             key,
-            f"is {now!r}, but {then.get(key)!r} in the journal {journal.path}. Use the journal's value, {_ADVICE}",
+            f"is {now!r}, but the journal {journal.path} contains {then.get(key)!r}. Use the journal's value, {_ADVICE}",
         )
         for key, now in about["identity"].items()
         if now != then.get(key)
@@ -62,7 +62,7 @@ def _mission_text(mission: str | None) -> str:
 
 
 def require_same_tree(journal: Journal, tree: CompiledTree, outline: Mapping[str, Any]) -> None:
-    """Check that a mission to resume has the same tree as the journal.
+    """Check that a mission to resume has the same tree as the mission in the journal.
 
     Args:
         journal: The journal.
@@ -84,7 +84,10 @@ def require_same_tree(journal: Journal, tree: CompiledTree, outline: Mapping[str
 
 
 def _difference(then: Any, now: Mapping[str, Any], behaviour: Behaviour) -> tuple[Behaviour, str] | None:
-    """Return the first behaviour that differs from the journal, and the difference in words; None if the trees are equal."""
+    """Return the first behaviour that differs from the journal's tree, and describe the difference.
+
+    Return None if the trees are equal.
+    """
     then = _mapping(then)
     for key in ("class", "name", "memory", "policy"):
         if then.get(key) != now.get(key):
@@ -106,7 +109,10 @@ def _difference(then: Any, now: Mapping[str, Any], behaviour: Behaviour) -> tupl
 
 
 def _mapping(value: object) -> Mapping[str, Any]:
-    """Return the value if it is a mapping; return an empty mapping for the wrong type of a damaged journal."""
+    """Return the value if it is a mapping; otherwise return an empty mapping.
+
+    In a damaged journal, the value can have a wrong type.
+    """
     return value if isinstance(value, Mapping) else {}
 
 

@@ -93,7 +93,7 @@ MakeExtension = Callable[[RunSetup], "RunExtension | None"]
 
 
 def simulated_time(options: "RunOptions") -> "list[Parameter]":
-    """Return the parameter overrides that make a node use simulated time, or none for a run on a robot."""
+    """Return the parameter overrides that make a node use simulated time. A run on a robot has no such overrides."""
     from rclpy.parameter import Parameter
 
     return [Parameter("use_sim_time", value=True)] if options.sim is not None else []

@@ -1,4 +1,4 @@
-"""The display of `sar-run --view text`: redrawn in place on a terminal, otherwise one line for each change.
+"""The display of `sar-run --view text`: a redrawn display on a terminal, otherwise a line for each change.
 
 The display occupies the lower lines of the terminal. All other output scrolls above the display, including the log that nodes and libraries
 write directly to the terminal. The terminal's scroll margins make this possible.
@@ -59,7 +59,7 @@ class ChangeLog(RunView):
     """Prints a line for each change of the mission's state."""
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Print the changes that a journal entry causes."""
+        """Print how a journal entry changes the mission's state."""
         nodes, was = self._state.nodes, condition(self._state)
         before = nodes[entry.data["node"]].status if entry.kind == STATUS else ""
         self._state.apply(entry)
@@ -164,7 +164,7 @@ class RunScreen(RunView):
         self._output.draw(f"{begin}{_SAVE}{_HIDE}{''.join(rows)}{_RESTORE}{_SHOW}")
 
     def _reserve_lines(self, size: tuple[int, ...]) -> str:
-        """Return the control sequence that reserves the display's lines in a terminal of this size."""
+        """Return the control sequence that reserves lines for the display in a terminal of the given size."""
         is_first, (_, lines) = self._size == (0, 0), size
         self._size = (size[0], lines)
         self._height = min(full_height(self._state), lines - max(_LOG_LINES, lines // 4))

@@ -88,7 +88,7 @@ class _PropertyReactions:
             self._calls: CommandClient = CommandClient(run.node, used, run.orders.sign)
 
     def require(self) -> None:
-        """Check that leaves of the tree execute the commands of the reactions.
+        """Check that the tree has a leaf for each command that a reaction can send.
 
         Raises:
             UnfitLeavesError: If no leaf executes one of the commands.
@@ -108,7 +108,7 @@ class _PropertyReactions:
             self._due.append(_DueCommand(about, event, self._verbs[about], time.monotonic()))
 
     def send_due(self) -> None:
-        """Send each scheduled command whose service is available; keep the others until their services are discovered."""
+        """Send each scheduled command whose service is available, and keep the other commands for a later attempt."""
         due, self._due = self._due, []
         for command in due:
             try:
@@ -131,7 +131,7 @@ class _PropertyReactions:
     def _report_refusal(self, command: _DueCommand, why: str) -> None:
         self._logger.error(
             escape_to_one_line(
-                f"'{command.verb.label}' was not executed after '{command.about}' was violated: {why}"
+                f"the command '{command.verb.label}' was not executed after the property '{command.about}' was violated: {why}"
             )
         )
 
@@ -205,11 +205,11 @@ class PropertyWatch(RunExtension):
         journal.record_observation(PROPERTIES_WATCHED, file=place, properties=properties, left_out=left_out)
 
     def on_setup(self) -> None:
-        """Check that the leaves execute the commands of the reactions."""
+        """Check that the tree has a leaf for each command that a violated property can send."""
         self._reactions.require()
 
     def on_before_event(self, number: int) -> None:
-        """Apply the changes that commands have made, just before a leaf is started, updated or halted."""
+        """Apply the changes that commands have made to facts, before a leaf is started, updated or halted."""
         self._call_monitor(self._apply_commands)
         self._call_monitor(self._watch.on_before_event, number)
 
@@ -243,7 +243,7 @@ class PropertyWatch(RunExtension):
         self._is_over = True
 
     def _call_monitor(self, method: "Callable[..., object]", *arguments: object) -> None:
-        """Pass an event to the monitor; an error is logged and ends the monitoring, but not the mission."""
+        """Pass an event to the monitor. If the monitor fails, log the error and stop monitoring; the mission continues."""
         if self._is_over:
             return
         try:
@@ -252,7 +252,9 @@ class PropertyWatch(RunExtension):
         except Exception as error:  # noqa: BLE001
             self._is_over, self._failure = True, error_text(error)
             log_error(
-                self._run.node, f"The run is no longer monitored for properties: {self._failure}", error
+                self._run.node,
+                f"The properties are no longer monitored, because the monitor has failed: {self._failure}",
+                error,
             )
 
     def verdicts(self) -> dict[str, str]:

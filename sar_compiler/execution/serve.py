@@ -194,7 +194,7 @@ class ProcessRunStarter:
         return found
 
     def refusal_reason(self, tree: str, parameters: Mapping[str, object]) -> str:
-        """Return why a run of the tree cannot be started with the parameters; return an empty string if it can be started."""
+        """Return why no run of the tree can start with the parameters, or an empty string if a run can start."""
         paths = sorted(self._trees[tree].path_parameters & parameters.keys())
         if not paths:
             return ""
@@ -271,7 +271,7 @@ def holder(calls: "CommandClient", verbs: Mapping[str, str], by: str) -> Holder:
     def hold(wanted: bool, is_new: Callable[[], bool], refused: Callable[[str], None]) -> None:
         verb = verbs.get("hold" if wanted else "release")
         if verb is None:
-            refused("the mission does not have the command that this request needs")
+            refused(f"the mission has no command to {'pause' if wanted else 'resume'} it")
         else:
             author = CommandAuthor(by, f"the server was {'de' if wanted else ''}activated")
             senders.submit(send, verb, author, is_new, refused)
@@ -379,7 +379,10 @@ def run_result(status: int, last: str, complaints: str) -> EndedRun:
 
 
 def _start_failure(complaints: str) -> str:
-    """Extract from standard error why a run did not start; prefer errors of the command to lines of the ROS log."""
+    """Extract the reason why a run did not start from its standard error.
+
+    Errors that the command has printed take precedence over lines of the ROS log.
+    """
     lines = complaints.split("\n")
     plain = [line for line in lines if not _LOG_LINE.match(line)] or lines
     return "\n".join(sorted(plain, key=lambda line: not line.startswith("sar-run: ")))

@@ -67,7 +67,7 @@ class RunStarter(Protocol):
         """
 
     def refusal_reason(self, tree: str, parameters: Mapping[str, object]) -> str:
-        """Return why a run of the tree cannot be started with the parameters; return an empty string if it can be started."""
+        """Return why no run of the tree can start with the parameters, or an empty string if a run can start."""
 
     def start(
         self,
@@ -87,7 +87,7 @@ class RunStarter(Protocol):
 
 
 def parameters_of(payload: str) -> Mapping[str, object]:
-    """Return the parameters in a goal's payload by full name.
+    """Return the parameters in a goal's payload, as a mapping from full name to value.
 
     For example, `{"speed": {"limit": 0.5}}` sets `speed.limit`.
 

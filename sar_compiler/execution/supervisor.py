@@ -185,7 +185,7 @@ class _SupervisedRun:
         self._process.send_signal(signals.exit_status - 128 if self._has_sent else signal.SIGTERM)
 
     def _is_alive(self) -> bool:
-        """Wait for the end of the run for one interval; return whether it is still running."""
+        """Wait up to one interval for the run to end; return whether the run is still active."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_TURN_SEC)
         return self._process.returncode is None

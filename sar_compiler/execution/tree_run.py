@@ -141,7 +141,7 @@ class RouteReport:
             if leg.trouble
         ]
         if unplanned := len(stops) - len(legs):
-            reason = f"planning has used the limit of {_MOST_PLANNING_SEC:g} s of CPU time"
+            reason = f"route planning has reached its limit of {_MOST_PLANNING_SEC:g} s of CPU time"
             self.problems.append(f"{unplanned} of {len(stops)} stops were not checked: {reason}.")
         if legs and not mission.allows(x, y):
             self.problems.insert(0, f"The start ({x:.2f}, {y:.2f}) is outside the geofence.")
@@ -251,7 +251,7 @@ class RouteCheck:
 
 
 def _distance(legs: "Sequence[RouteLeg]") -> float:
-    """Return the total length of all reachable legs, in metres."""
+    """Return the total length of all reachable legs of the route, in metres."""
     return sum(leg.distance or 0.0 for leg in legs)
 
 
@@ -369,7 +369,7 @@ class TreeRun:
         )
 
     def _conclude_check(self, route: RouteCheck | None) -> int:
-        """Check the route and return the exit status of a run with `--check` whose requirements are all present."""
+        """Check the route when all requirements of `--check` are present, and return the exit status."""
         if route is not None and (problems := route.report(self.executor, self._output.print_important)):
             count = "one problem" if problems == 1 else f"{problems} problems"
             return self._fail(f"all requirements are present, but the route has {count} (see above)")

@@ -128,7 +128,7 @@ class Bond:
 
 
 class TreeExecutionServer(LifecycleNode):
-    """The lifecycle node that receives the goals.
+    """The lifecycle node that receives goals and starts a run of a tree for each goal.
 
     Args:
         context: The ROS context.
@@ -256,7 +256,7 @@ class TreeExecutionServer(LifecycleNode):
         return GoalResponse.ACCEPT
 
     def _rejection_reason(self, goal: ExecuteTree.Goal) -> str:
-        """Return why the run of a goal cannot be started; return an empty string if it can be started."""
+        """Return why the run of a goal cannot start, or an empty string if the run can start."""
         tree = str(goal.target_tree)
         if not self._is_active:
             return "this node is not active"

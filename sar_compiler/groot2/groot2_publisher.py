@@ -106,7 +106,7 @@ class Groot2Publisher:
 
     def _bind(self, kind: int, port: int) -> "zmq.Socket[bytes]":
         if not 0 < port <= _LAST_PORT:
-            message = f"there is no port {port}. Choose a port from 1 to {_LAST_PORT - 1}. Groot2 also needs the port after it"
+            message = f"there is no port {port}. Choose a port from 1 to {_LAST_PORT - 1}. Groot2 also needs the port after the chosen one"
             raise Groot2PortError(message)
         socket: zmq.Socket[bytes] = self._context.socket(kind)
         socket.setsockopt(zmq.LINGER, 0)
@@ -216,7 +216,7 @@ def _text(rest: Sequence[bytes]) -> str:
     try:
         return rest[0].decode()
     except UnicodeDecodeError as error:
-        raise RequestError(f"the second part is not valid UTF-8: {error}") from error
+        raise RequestError(f"the second part of the request is not valid UTF-8: {error}") from error
 
 
 def snapshot(statuses: Iterable[int]) -> bytes:

@@ -1,4 +1,4 @@
-"""Infer which subtrees have `_autoremap`, which trees exported by BehaviorTree.CPP do not show.
+"""Infer which subtrees have `_autoremap`. Trees exported by BehaviorTree.CPP do not show this attribute.
 
 A program stops when a script reads a key that does not exist. So if a subtree has run although its scripts read a key before they write it, the key
 was remapped from the calling tree.
@@ -22,7 +22,10 @@ _AFTER = ("_onSuccess", "_onFailure", "_onHalted", "_post")
 
 
 def with_remapped_subtrees(file: TreeFile) -> tuple[TreeFile, list[str]]:
-    """Add `_autoremap` to each `SubTree` tag whose tree reads a key of the calling tree; return the file and the IDs of these trees."""
+    """Add `_autoremap` to each `SubTree` tag whose tree reads a key of the calling tree.
+
+    Return the file and the IDs of the trees with the added attribute.
+    """
     trees = {each.attributes.get("ID", ""): each for each in file.root.children if each.tag == TREE_TAG}
     written = {
         use.name for tree in trees.values() for use in _all_uses(tree) if use.access is not Access.READ
@@ -72,7 +75,10 @@ def with_remapped_subtrees(file: TreeFile) -> tuple[TreeFile, list[str]]:
 
 
 def _written_keys(element: Element, inputs: Collection[tuple[str, str]]) -> Iterator[str]:
-    """Yield the keys in the attributes of an element that may be written: all except those of input ports, which *inputs* lists for described nodes."""
+    """Yield the keys that an element may write: the keys in all attributes that are not input ports.
+
+    If a node model describes the element, *inputs* contains the input ports.
+    """
     specs = language_variants(element.tag)
     for name, text in element.attributes.items():
         is_input = (element.tag, name) in inputs or any(
@@ -88,7 +94,7 @@ def _written_keys(element: Element, inputs: Collection[tuple[str, str]]) -> Iter
 
 
 def _outer_key(given: Mapping[str, str], key: str) -> str:
-    """Return the key of the calling tree for a key that a subtree reads; empty if the subtree receives a constant."""
+    """Return the calling tree's key for a key that a subtree reads, or an empty string for a constant."""
     text = given.get(key, "{=}")
     if not (text.startswith("{") and text.endswith("}")):
         return ""
@@ -96,7 +102,7 @@ def _outer_key(given: Mapping[str, str], key: str) -> str:
 
 
 def _apply(uses: Iterable[NameUse], known: set[str], read: dict[str, None]) -> None:
-    """Add the names that scripts read before they are created to *read*, and the names that scripts create to *known*."""
+    """Add the names that scripts create to *known*, and the names that they read too early to *read*."""
     for use in uses:
         if use.access is Access.CREATE:
             known.add(use.name)

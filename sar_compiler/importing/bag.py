@@ -69,7 +69,7 @@ def _read(messages: Iterable[tuple[str, bytes]], form: str) -> Recording:
     reader.recording.lines = sorted(line._replace(at=line.at - began) for line in lines)
     if not reader.recording.times:
         raise UnusableRecordingError(
-            f"it has no messages of the type {_TYPE}. Record the topic behavior_tree_log"
+            f"the bag has no messages of the type {_TYPE}. Record the topic behavior_tree_log"
         )
     return reader.recording
 
@@ -89,7 +89,7 @@ class TreeLogReader:
         self._tick, self._first = 0, -1
 
     def add(self, data: bytes) -> None:
-        """Add the changes in a message, which belong to one tick."""
+        """Add the status changes in a message. All changes in a message belong to the same tick."""
         self._tick += 1
         found = self.recording
         try:
@@ -112,7 +112,7 @@ class _Decoder:
         self._data, self._order, self._at = data, "<" if data[1] & 1 else ">", 4
 
     def next_integer(self, form: str) -> int:
-        """Return the next integer, given its format character in `struct`."""
+        """Read the next integer. Its size and sign are given by a format character of the `struct` module."""
         size = struct.calcsize(form)
         self._at += -(self._at - 4) % size
         (value,) = struct.unpack_from(self._order + form, self._data, self._at)
@@ -141,7 +141,10 @@ def _changes(data: bytes) -> Iterator[tuple[int, str, int, int]]:
 
 
 def _logged_line(data: bytes) -> LoggedLine | None:
-    """Return the warning or error in a message of `/rosout`, with its time in seconds since 1970; None for other messages."""
+    """Return the warning or error in a message of `/rosout`, or None for any other message.
+
+    The time of the returned line is in seconds since 1970.
+    """
     try:
         values = _Decoder(data)
         time = values.next_integer("i") + values.next_integer("I") / 1e9

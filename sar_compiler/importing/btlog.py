@@ -25,15 +25,17 @@ def read_btlog(data: bytes) -> Recording:
     """
     at = len(MAGIC)
     if data[at : at + 1] != bytes([_VERSION]):
-        raise UnusableRecordingError(f"byte {at} is not the version {_VERSION}, the only supported version")
+        raise UnusableRecordingError(
+            f"the log's version in byte {at} is not supported. Only version {_VERSION} is supported"
+        )
     at += 1
     if len(data) < at + _LENGTH.size:
-        raise UnusableRecordingError(f"it ends at byte {len(data)}, before the tree")
+        raise UnusableRecordingError(f"the log ends at byte {len(data)}, before the tree")
     (length,) = _LENGTH.unpack_from(data, at)
     at += _LENGTH.size
     if not 0 <= length <= len(data) - at - _START.size:
         raise UnusableRecordingError(
-            f"it ends at byte {len(data)}, within the tree, which has {length} bytes from byte {at} on"
+            f"the log ends at byte {len(data)}, within the tree, which starts at byte {at} and has {length} bytes"
         )
     try:
         tree = data[at : at + length].decode()
@@ -47,7 +49,7 @@ def read_btlog(data: bytes) -> Recording:
     found = Recording("btlog", start / 1e6, tree)
     whole = (len(data) - at) // _CHANGE.size * _CHANGE.size
     if at + whole != len(data):
-        found.flaws.append(f"it ends at byte {len(data)}, within a status change")
+        found.flaws.append(f"the log ends at byte {len(data)}, within a status change")
     for index, (low, high, uid, status) in enumerate(_CHANGE.iter_unpack(memoryview(data)[at : at + whole])):
         if status > SKIPPED:
             found.flaws.append(

@@ -126,7 +126,7 @@ class Groot2Client:
     def _unpack_exactly(self, data: bytes, size: int) -> bytes:
         if len(data) % size:
             raise UnusableRecordingError(
-                f"{self._address} responds with {len(data)} bytes, which is not a multiple of {size}"
+                f"the response from {self._address} has {len(data)} bytes, but the length must be a multiple of {size}"
             )
         return data
 

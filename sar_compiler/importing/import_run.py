@@ -36,7 +36,7 @@ from sar_compiler.writing import write_text
 
 _LOG = FileKind("log of a run", 128 * 2**20)
 _NAV2 = "nav2:jazzy"
-_ALL_REMAPPED = "its tree does not show which subtrees have _autoremap. All subtrees are imported with _autoremap, because one subtree reads a key that it does not write"
+_ALL_REMAPPED = "the recorded tree does not show which subtrees have _autoremap. All subtrees are imported with _autoremap, because one subtree reads a key that it does not write"
 _UNWRITTEN = ("unwritten-key", "read-before-write", "maybe-unwritten-key")
 """The codes of findings about keys that may be read before they are written."""
 
@@ -121,7 +121,7 @@ def _write_journal(journal: Path, recording: Recording, tree: "RunTree") -> Jour
 
 
 def _is_possible(journal: Path, tree: "RunTree", writer: JournalWriter) -> bool:
-    """Return whether the last run in a journal is a possible run of its tree; True if that is unknown."""
+    """Return whether the last run in a journal is a possible run of its tree, or True if this is unknown."""
     from sar_compiler.analysis.assumptions import StartValues
     from sar_compiler.analysis.tree_analysis import conform_tree
 
@@ -197,7 +197,7 @@ def find_tree(
         if remapped:
             exported = replace(exported, file=file)
             recording.flaws.append(
-                "its tree does not show which subtrees have _autoremap. These subtrees are imported with _autoremap, because their scripts read a key before "
+                "the recorded tree does not show which subtrees have _autoremap. These subtrees are imported with _autoremap, because their scripts read a key before "
                 f"they write it: {', '.join(remapped)}"
             )
         _write_tree(place, exported, palette)
@@ -230,7 +230,7 @@ def find_tree(
 
 
 def read_recording(path: Path) -> Recording:
-    """Read a recording, whose format is determined from its content.
+    """Read a recording, and determine the format of the recording from its content.
 
     Raises:
         UnusableRecordingError: If the format is unknown, or the recording cannot be used.
@@ -248,19 +248,22 @@ def _read_recording(path: Path) -> Recording:
     if head == MAGIC:
         content = read_file(path, _LOG)
         if len(content.data) > _LOG.limit:
-            raise UnusableRecordingError(f"it is larger than {_LOG.limit >> 20} MiB")
+            raise UnusableRecordingError(f"the file is larger than {_LOG.limit >> 20} MiB")
         return read_btlog(content.data)
     if head.startswith(sqlite_log.MAGIC):
         return sqlite_log.read_sqlite_log(path)
     if head.startswith(MCAP_MAGIC):
         return read_mcap(path)
     raise UnusableRecordingError(
-        "it is neither a log of FileLogger2 (.btlog) or SqliteLogger (.db3), nor a bag (.mcap, .db3)"
+        "the file is neither a log of FileLogger2 (.btlog) or SqliteLogger (.db3), nor a bag (.mcap, .db3)"
     )
 
 
 def _add_autoremap(place: Path, exported: ExportedTree, palette: str, projects: Workspace) -> bool:
-    """Add `_autoremap` to all subtrees of the tree file if that explains keys that are read and never written; return whether it does."""
+    """Add `_autoremap` to all subtrees if this explains keys that are read but never written.
+
+    Return whether the attribute was added.
+    """
     unwritten = _count_unwritten(place, projects) if exported.has_subtrees else 0
     if not unwritten:
         return False

@@ -17,7 +17,7 @@ _BATCH = 20_000
 # A log line can belong to a failed leaf if it was logged at most this long before the leaf's start or after its end, in seconds.
 _LOGGED_BEFORE_SEC, _LOGGED_AFTER_SEC = 0.1, 0.5
 _CONDITIONS = {SUCCESS: "_successIf", FAILURE: "_failureIf"}
-"""The attributes of preconditions that end a node, by the status that the node then has."""
+"""For each final status, the precondition that ends a node with this status."""
 
 
 class EntrySink(Protocol):
@@ -55,7 +55,7 @@ class JournalWriter:
 
     @property
     def inferred_boundaries(self) -> int:
-        """The number of possible tick boundaries that only a pause of ambiguous length decided."""
+        """The number of possible tick boundaries that were decided only by a pause of ambiguous length."""
         return self._finder.unsure
 
     @property
@@ -88,7 +88,7 @@ class JournalWriter:
         return has_failed
 
     def end_run(self, reason: str = "") -> None:
-        """End the open run if its root has ended; if there is a reason, end it in any case."""
+        """End the open run if its root has ended. If a reason is given, end the run even if its root has not ended."""
         self._flush()
         if not self._is_open:
             return
@@ -166,7 +166,10 @@ class JournalWriter:
             self._flush()
 
     def _show_ancestors(self, uid: int, index: int, now: Mapping[int, int]) -> None:
-        """Write RUNNING for the ancestors of a running node if it is missing, because a recording may begin in the middle of a run."""
+        """Write the status RUNNING, where it is missing, for the ancestors of a running node.
+
+        The status is missing if the recording begins in the middle of a run.
+        """
         is_running = 0 < uid < len(self._shown) and self._recording.statuses[index] == RUNNING
         is_running &= index not in self._finder.skipped
         parent = self._nodes[uid - 1].parent if is_running else 0
@@ -182,7 +185,7 @@ class JournalWriter:
         (self._standing.add if status in (SUCCESS, FAILURE) else self._standing.discard)(uid)
 
     def _shown_in(self, tick: RecordedTick) -> Iterator[tuple[int, int, int]]:
-        """Yield the changes of a tick that belong in a journal, each with its index, node number and status.
+        """Yield the status changes of a tick that belong in a journal, each with its index, node number and status.
 
         A leaf's changes are all statuses that it has returned. Another node's change is its last status in the tick.
         """
@@ -210,7 +213,7 @@ class JournalWriter:
                 yield index, uid, WORDS.index("SKIPPED") if index in skipped else status
 
     def _store_unsure(self, index: int) -> None:
-        """Store that a precondition may have caused a change instead of the node itself, if that is possible."""
+        """Mark a change as uncertain if a precondition, and not the node itself, may have caused the change."""
         uid, status = self._recording.uids[index], self._recording.statuses[index]
         condition = _CONDITIONS.get(status)
         is_possible = condition in self._nodes[uid - 1].bound.element.attributes
@@ -232,7 +235,7 @@ class JournalWriter:
             self._rows.append(Row(self._number, self._run, self._recording.began + time, time, STATUS, data))
 
     def _reason(self, uid: int, time: float) -> str:
-        """Return the lines that servers have logged about an action's failure, as a JSON string."""
+        """Return the lines that servers have logged about the failure of an action, as a JSON string."""
         if self._nodes[uid - 1].bound.spec.kind is not Kind.ACTION:
             return '""'
         first = bisect_left(self._line_times, self._begun[uid] / 1e6 - _LOGGED_BEFORE_SEC)

@@ -24,7 +24,7 @@ class RunSource(Protocol):
 
     @property
     def recording(self) -> Recording:
-        """The run so far."""
+        """The recording of the run so far."""
 
     def read(self) -> None:
         """Add the changes since the last call to the recording.

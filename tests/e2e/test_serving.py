@@ -216,7 +216,7 @@ def test_a_lifecycle_manager_decides_when_goals_are_taken(client, serve):
     # Nobody can hold this tree.
     assert change(client, "deactivate")
     server.wait_for(
-        "The mission is stopped, because it cannot be paused: the mission does not have the command that this request needs"
+        "The mission is stopped, because it cannot be paused: the mission has no command to pause it"
     )
     assert client.end(goal)[:2] == (ABORTED, IDLE)
     assert change(client, "cleanup")

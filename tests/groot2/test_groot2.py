@@ -257,7 +257,7 @@ def test_a_value_that_changes_while_it_is_asked_for_is_told_as_it_was(stage):
         ([request("N")], "Request not recognized"),
         ([request("B")], "must be 2 parts message"),
         ([request("B"), b"a", b"b"], "must be 2 parts message"),
-        ([request("B"), b"\xff\xfe"], "the second part is not valid UTF-8"),
+        ([request("B"), b"\xff\xfe"], "the second part of the request is not valid UTF-8"),
         ([request("r")], "must be 2 parts message"),
         ([request("I"), b"{}"], "breakpoints and substituted outcomes are not supported"),
     ],

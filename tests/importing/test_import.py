@@ -162,7 +162,7 @@ def test_a_truncated_log_is_read_as_far_as_it_goes(tmp_path, capsys):
     log.write_bytes(FAILED.read_bytes()[:-4])
     status, said = answer(journal_command, ["import", log, "-o", tmp_path / "cut.journal"], capsys)
     assert status == 0
-    assert f"it ends at byte {len(log.read_bytes())}, within a status change" in said
+    assert f"the log ends at byte {len(log.read_bytes())}, within a status change" in said
     assert "175 status changes" in said
 
 
@@ -437,11 +437,14 @@ def test_an_existing_journal_and_an_existing_tree_are_not_overwritten(tmp_path, 
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
-        (b"", "it is neither a log of FileLogger2"),
-        (MAGIC, "is not the version 1"),
-        (MAGIC + b"\x02", "is not the version 1"),
-        (MAGIC + b"\x01\x05", "it ends at byte 20, before the tree"),
-        (MAGIC + b"\x01\xff\xff\xff\x7f", "within the tree, which has 2147483647 bytes from byte 23 on"),
+        (b"", "the file is neither a log of FileLogger2"),
+        (MAGIC, "Only version 1 is supported"),
+        (MAGIC + b"\x02", "Only version 1 is supported"),
+        (MAGIC + b"\x01\x05", "the log ends at byte 20, before the tree"),
+        (
+            MAGIC + b"\x01\xff\xff\xff\x7f",
+            "within the tree, which starts at byte 23 and has 2147483647 bytes",
+        ),
         (MAGIC + b"\x01\x01\x00\x00\x00\xff" + bytes(8), "byte 23 of the tree is not UTF-8"),
         (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + b"\xff" * 8, "the start time at byte 27 is not a date"),
         (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + bytes(17), "the tree has no node numbers"),

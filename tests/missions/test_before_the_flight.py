@@ -58,7 +58,9 @@ class TestTheReport:
         report = self.report(begun())
         assert report.lines == []
         [problem] = report.problems
-        assert problem.startswith("3 of 3 stops were not checked: planning has used the limit of 0 s")
+        assert problem.startswith(
+            "3 of 3 stops were not checked: route planning has reached its limit of 0 s"
+        )
 
     def test_each_leg_has_its_distance_and_its_time_at_the_cruise_speed(self) -> None:
         lines = self.report(begun(), cruise_speed_mps=0.5).lines
