@@ -71,7 +71,7 @@ class Groot2Source:
             raise NoResponseError(message) from error
         if len(changes) >= MOST_WAITING:
             self.recording.flaws.append(
-                f"{self._address} may have lost status changes, because it stores at most {MOST_WAITING}"
+                f"the program at {self._address} may have lost status changes, because it stores at most {MOST_WAITING} changes"
             )
         for time, uid, status in changes:
             self.recording.add(time, uid, status)
@@ -84,7 +84,7 @@ class Groot2Source:
 
 
 class TopicSource:
-    """The run whose changes are published on `behavior_tree_log`.
+    """A run whose status changes are published on the topic `behavior_tree_log`.
 
     Args:
         messages: Returns the serialised messages since the last call.
@@ -135,7 +135,7 @@ class _EntryList:
             self._entries.append(JournalEntry(END, end.run, end.wall, self._time, RUN_ENDED, data))
 
     def pop(self) -> list[JournalEntry]:
-        """Return the entries since the last call."""
+        """Return the entries that were added since the last call."""
         entries, self._entries = self._entries, []
         return entries
 
@@ -175,7 +175,7 @@ class LiveRun:
         self._place = Path(self._folder.name, "tree.xml") if journal is None else Path(f"{journal}.xml")
 
     def read_new(self) -> list[JournalEntry]:
-        """Return the entries since the last call.
+        """Return the journal entries of the run that are new since the last call.
 
         Raises:
             SarError: If the tree cannot be read, or is not the tree of the run.
@@ -204,7 +204,7 @@ class LiveRun:
         return self._entries.pop()
 
     def close(self) -> None:
-        """End the run in the journal; without a journal, delete the file of the tree that the source has sent."""
+        """End the run in the journal, if a journal is written, and delete the temporary files."""
         if self._journal is not None:
             if self._writer is not None:
                 self._writer.end_run("the recording was stopped")
@@ -221,7 +221,7 @@ def open_live_run(
     report: Callable[[str], object],
     journal: Path | None,
 ) -> Iterator[LiveRun]:
-    """Yield the run of a program that publishes its changes, or serves Groot2's protocol.
+    """Yield the run of a program that publishes its status changes or serves Groot2's protocol.
 
     Args:
         topic: The topic on which the program publishes status changes; None for a program that serves Groot2's protocol.

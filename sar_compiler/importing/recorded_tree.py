@@ -58,7 +58,7 @@ class ExportedTree:
 
     @property
     def palette(self) -> str:
-        """The installed palette that best matches the tree's custom controls and decorators and their ports; empty if none matches."""
+        """The installed palette that best matches the tree's custom controls and decorators; empty if no palette matches."""
         models = [
             each for child in self.file.root.children if child.tag == MODEL_TAG for each in child.children
         ]
@@ -86,7 +86,7 @@ class ExportedTree:
         return replace(self, file=replace(self.file, root=_with_autoremap(self.file.root)))
 
     def without_models_of(self, palette: str) -> TreeFile:
-        """Return the tree file without the node models that a palette describes."""
+        """Return the tree file without the models of nodes that the given palette already describes."""
         children = []
         for child in self.file.root.children:
             if child.tag != MODEL_TAG:
@@ -103,7 +103,9 @@ class ExportedTree:
 
 
 def read_exported(xml: str) -> ExportedTree:
-    """Read a tree that BehaviorTree.CPP has exported: nodes have numbers, and each `SubTree` tag has its own `BehaviorTree`.
+    """Read a tree that BehaviorTree.CPP has exported.
+
+    In such a tree, every node has a number, and each `SubTree` tag has its own `BehaviorTree`.
 
     Raises:
         UnusableRecordingError: If the text is not such an exported tree.
@@ -218,7 +220,9 @@ def describe_node_differences(recorded: Sequence[tuple[str, str]], nodes: Sequen
 
 
 def refuse_differences(wrong: Sequence[str], path: Path) -> None:
-    """Check that a tree file is the tree of a run, given the lines that describe different nodes.
+    """Check that a tree file is the tree of a run. Raise an error if there are differences.
+
+    *wrong* contains a line for each node that differs.
 
     Raises:
         UnusableRecordingError: If nodes differ; lists the first of them.
@@ -237,7 +241,10 @@ def refuse_differences(wrong: Sequence[str], path: Path) -> None:
 
 
 def describe_name_differences(recorded: Mapping[int, str], nodes: Sequence[RunNode]) -> list[str]:
-    """Return a line for each node whose name differs between a recording, which has names by node number, and a tree."""
+    """Return a line for each node whose recorded name differs from the name in the tree.
+
+    *recorded* contains the recorded names by node number.
+    """
     names = {uid: node.name for uid, node in enumerate(nodes, 1) if node.tag != SUBTREE_TAG}
     subtrees = {uid for uid, node in enumerate(nodes, 1) if node.tag == SUBTREE_TAG}
     return [

@@ -44,7 +44,7 @@ def read_sqlite_log(path: Path) -> Recording:
             tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
             return read_db3(connection) if {"messages", "topics"} <= tables else _read(connection)
         except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:
-            raise UnusableRecordingError(f"it is not a log of SqliteLogger: {error}") from error
+            raise UnusableRecordingError(f"the file is not a log of SqliteLogger: {error}") from error
 
 
 def _read(connection: sqlite3.Connection) -> Recording:

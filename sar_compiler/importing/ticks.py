@@ -38,15 +38,15 @@ from sar_compiler.nodes.spec import Kind
 _PAUSE_USEC, _LEAST_USEC, _MOST_USEC = 1000, 100, 50_000
 """Default, minimum and maximum of the shortest pause that separates two ticks, in microseconds."""
 _TRIED = 20_000
-"""The number of changes from which the shortest pause is estimated."""
+"""The number of status changes at the start of the log that are used to estimate the shortest pause."""
 _ENOUGH = 5
-"""The minimum number of certain tick boundaries for an estimate."""
+"""The minimum number of certain tick boundaries that are needed to estimate the shortest pause."""
 _NEAR = 3
-"""A pause is ambiguous if it is longer or shorter than the shortest pause by less than this factor."""
+"""A pause is ambiguous if it differs from the shortest pause by less than this factor."""
 
 
 _SILENT = ("PipelineSequence", "NonblockingSequence", "Precondition", "SkipUnlessUpdated", "WaitValueUpdate")
-"""The controls and decorators that become RUNNING only after a child, besides those that select one."""
+"""The controls and decorators that become RUNNING only after they have ticked a child; other such nodes select a child."""
 
 
 class WaitRule(Enum):
@@ -55,9 +55,9 @@ class WaitRule(Enum):
     FREE = "always, for a leaf or a control of an unknown kind"
     CHILD = "while a child is RUNNING"
     WAITS = "while its child is RUNNING or IDLE"
-    LATER = "while its child is RUNNING, or after the child has succeeded; the node never ends in the tick of that success"
-    TURNS = "while its child is RUNNING, or after the child has started and ended in the tick and before it restarts"
-    STEPS = "while a child is RUNNING, or after a child has started and ended in the tick and before the next child starts"
+    LATER = "while its child is RUNNING, or after the child has succeeded, because the node never ends in the tick in which the child succeeds"
+    TURNS = "while its child is RUNNING, or when the child has started and ended in this tick and has not restarted"
+    STEPS = "while a child is RUNNING, or when a child has started and ended in this tick and the next child has not started"
     REACTIVE = "while one child is RUNNING and all other children are IDLE"
     PARALLEL = "while a child is RUNNING, all children were ticked, and no threshold is reached"
 
@@ -77,7 +77,7 @@ class TickKind(Enum):
 
 
 class RecordedTick(NamedTuple):
-    """The changes of a tick, or of a halt of the whole tree.
+    """The status changes of one tick, or of one halt of the whole tree.
 
     Attributes:
         first: The index of the first change.
@@ -192,7 +192,7 @@ class TickFinder:
         return self._ends[uid]
 
     def ticks(self) -> Iterator[RecordedTick]:
-        """Yield all ticks of the run, and the halts of the whole tree between them."""
+        """Yield each tick of the run and each halt of the whole tree, in order."""
         if self._recording.ticks:
             yield from self._split(_PAUSE_USEC, 0, len(self._recording.times))
             return
@@ -251,7 +251,9 @@ class TickFinder:
     def _ticks_before_rest(
         self, first: int, index: int, rest: int, behind: int, was: int
     ) -> list[RecordedTick]:
-        """Return the ticks that end when the root becomes IDLE and other nodes are reset; empty if that alone does not end a tick.
+        """Return the ticks that end when the root becomes IDLE and other nodes are reset.
+
+        Return an empty list if this alone does not end a tick.
 
         Args:
             first: The first change of the tick.
@@ -267,7 +269,7 @@ class TickFinder:
         return [*before, RecordedTick(begin, behind, TickKind.HALT)]
 
     def _reset_others(self, index: int, most: int) -> int:
-        """Process the changes after that of the root in which a halt by the program resets nodes; return the index after them."""
+        """Process the changes that reset other nodes after the root; return the index of the next change."""
         uids, statuses = self._recording.uids, self._recording.statuses
         while (
             index < min(most, len(uids)) and statuses[index] == IDLE and 1 < uids[index] <= len(self._nodes)
@@ -277,7 +279,10 @@ class TickFinder:
         return index
 
     def _ends_next(self, index: int) -> bool:
-        """Return whether the root's change after IDLE is its result; some controls reset themselves before they return one."""
+        """Return whether the root's next change is its result.
+
+        Some controls become IDLE before they return a result.
+        """
         uids, statuses = self._recording.uids, self._recording.statuses
         return index + 1 < len(uids) and uids[index + 1] == 1 and statuses[index + 1] in (SUCCESS, FAILURE)
 
@@ -291,7 +296,10 @@ class TickFinder:
         return is_over or self._is_restart(index) or (is_settled and self._is_border(index, pause))
 
     def _is_ticked(self, uid: int) -> bool:
-        """Return whether no ancestor waits for its condition, as a WhileDoElse may do without halting its other children."""
+        """Return whether a node can be ticked, because no ancestor is waiting for the result of its condition.
+
+        A WhileDoElse may wait for its condition without halting its other children.
+        """
         while parent := self._parents[uid]:
             condition = self._children[parent][0]
             if self._branches[parent] and uid != condition and self._statuses[condition] == RUNNING:
@@ -300,7 +308,10 @@ class TickFinder:
         return True
 
     def _is_restart(self, index: int) -> bool:
-        """Return whether a change starts a node that has already started or was reset in this tick, and that no ancestor repeats within a tick."""
+        """Return whether a change starts a node that cannot start again in the same tick.
+
+        The node has already started or was reset in this tick, and no ancestor repeats the node within a tick.
+        """
         uid, status = self._recording.uids[index], self._recording.statuses[index]
         ends_by_halt = self._rested[uid] == index - 1 and status != RUNNING
         return (
@@ -311,7 +322,10 @@ class TickFinder:
         )
 
     def _is_repeated(self, uid: int) -> bool:
-        """Return whether an ancestor may tick a node again in this tick: its kind is unknown, or its child has ended in this tick."""
+        """Return whether an ancestor may tick a node again in this tick.
+
+        An ancestor that repeats its child may do so if the child has ended in this tick, or if the ancestor's kind is unknown.
+        """
         while uid:
             parent = self._parents[uid]
             if self._repeats[parent] and (self._ended[uid] == self._tick or not self._is_known[parent]):
@@ -327,7 +341,7 @@ class TickFinder:
         self._paused.clear()
 
     def _has_to_continue(self, uid: int) -> bool:
-        """Return whether a node that has returned RUNNING between two runs of children changes in each further tick."""
+        """Return whether a node that returned RUNNING between two runs of children must change in every later tick."""
         below = self._children[uid]
         ended = [each for each in below if self._statuses[each] != IDLE]
         following = (
@@ -348,7 +362,10 @@ class TickFinder:
         return True
 
     def _visit(self, uid: int, status: int) -> None:
-        """Store how far the tick has come: it has passed all nodes before `_passed`, except the ancestors of the node `_done`."""
+        """Store how far the tick has come after a change of the given node.
+
+        The tick has passed all nodes before `_passed`, except the ancestors of the node `_done`.
+        """
         is_late = self._is_ancestor_of_done(uid) or (
             self._starts_silently[uid] and any(map(self._statuses.__getitem__, self._children[uid]))
         )
@@ -358,11 +375,14 @@ class TickFinder:
             self._passed, self._done = uid, 0
 
     def _is_ancestor_of_done(self, uid: int) -> bool:
-        """Return whether a node is an ancestor of the node that the tick has passed last."""
+        """Return whether a node is an ancestor of the last node that the tick has passed."""
         return uid < self._done and self._ends[uid] >= self._passed
 
     def _is_later_tick(self, reset: int, then: int, status: int) -> bool:
-        """Return whether the node *reset* has returned RUNNING in this tick and is reset in a later tick, in which *then* has the next status."""
+        """Return whether the node *reset* returned RUNNING in this tick and is reset in a later tick.
+
+        In that later tick, the node *then* has the next new status, *status*.
+        """
         parent = self._parents[reset]
         if self._ends[reset] <= then < self._ends[parent] and self._rules[parent] is not WaitRule.PARALLEL:
             return self._is_waiting_for_tick(reset)
@@ -373,7 +393,7 @@ class TickFinder:
         return is_waiting and not self._is_decided(then, found)
 
     def _is_waiting_for_tick(self, uid: int) -> bool:
-        """Return whether a node has returned RUNNING in this tick without a RUNNING child, and continues in the next tick."""
+        """Return whether a node returned RUNNING in this tick without a RUNNING child, and continues in the next tick."""
         return self._rules[uid] in _BETWEEN and self._is_between(uid)
 
     def _is_passed(self, uid: int) -> bool:
@@ -381,7 +401,7 @@ class TickFinder:
         return self._ends[uid] <= self._passed and not self._is_ancestor_of_done(uid)
 
     def _is_border(self, index: int, pause: int) -> bool:
-        """Return whether a change is the first change of a tick, given that the tree is settled."""
+        """Return whether a change is the first change of a tick, given that the tick before it may be complete."""
         uid, status = self._recording.uids[index], self._recording.statuses[index]
         gap = self._recording.times[index] - self._recording.times[index - 1]
         known = self._is_known_border(index, uid, status)
@@ -395,7 +415,10 @@ class TickFinder:
         return gap >= pause
 
     def _is_known_border(self, index: int, uid: int, status: int) -> bool | None:
-        """Return whether a change is the first change of a tick, if the states of its node and the node's parent decide this; otherwise None."""
+        """Return whether a change is the first change of a tick, or None if this cannot be decided here.
+
+        The decision depends on the states of the node and of the node's parent.
+        """
         ends = status in (SUCCESS, FAILURE)
         if ends and self._rested[uid] == index - 1:
             return False
@@ -411,7 +434,7 @@ class TickFinder:
         return True if self._is_late_halt(index) else False if self._is_of_same_halt(index) else None
 
     def _is_visited_again(self, index: int, gap: int, pause: int) -> bool:
-        """Return whether a change of a node that the tick has already passed is the first change of a new tick."""
+        """Return whether a change starts a new tick, given that the current tick has already passed the node."""
         uids, uid = self._recording.uids, self._recording.uids[index]
         is_adjacent = uids[index - 1] == uid and self._recording.statuses[index - 1] == RUNNING
         if is_adjacent and self._nodes[uid - 1].tag not in self._lasting:
@@ -443,7 +466,10 @@ class TickFinder:
         )
 
     def _continues(self, uid: int) -> bool:
-        """Return whether a node that ends does so in the same tick as its child, because in a later tick a child would change first."""
+        """Return whether a node that ends does so in the same tick as its child.
+
+        In a later tick, a child would change first.
+        """
         if not self._is_between(uid):
             return False
         if self._rules[uid] is WaitRule.TURNS:
@@ -453,7 +479,10 @@ class TickFinder:
         )
 
     def _is_late_halt(self, index: int) -> bool:
-        """Return whether a change begins a halt that belongs to a new tick, because the halting node has returned RUNNING in this tick."""
+        """Return whether a change begins a halt that belongs to a new tick.
+
+        The halt belongs to a new tick if the halting node has already returned RUNNING in this tick.
+        """
         uids, statuses, done = self._recording.uids, self._recording.statuses, self._done
         first = uids[index]
         while index < len(uids) and (statuses[index] == IDLE or self._is_caught(index)):
@@ -476,7 +505,10 @@ class TickFinder:
         return self._statuses[done] == RUNNING and is_inside
 
     def _halts_by_condition(self, uid: int) -> bool:
-        """Return whether `_while` halts a node that has returned RUNNING in this tick: its condition decides only at the start of a tick."""
+        """Return whether `_while` halts a node that has already returned RUNNING in this tick.
+
+        Such a halt belongs to a later tick, because the condition of `_while` takes effect only at the start of a tick.
+        """
         done = self._done
         if (
             not (0 < uid <= done < self._ends[uid] and self._has_while[uid])
@@ -490,7 +522,10 @@ class TickFinder:
         return self._rules[self._parents[uid]] is not WaitRule.PARALLEL
 
     def _move_halts_of_timers(self) -> None:
-        """Move the halts by time limits, which can happen at any moment, to the ticks in which the limiting nodes fail."""
+        """Move each halt by a time limit to the tick in which the limiting node fails.
+
+        Such a halt can happen at any moment.
+        """
         uids, statuses = self._recording.uids, self._recording.statuses
         held: dict[int, list[int]] = {}
         moved: dict[int, list[int]] = {}
@@ -515,7 +550,10 @@ class TickFinder:
             self._reorder(moved, left_out)
 
     def _changes_of_halt(self, index: int) -> list[int]:
-        """Return the indices of the changes of a halt, given the index of the last one. Nodes are halted in post-order."""
+        """Return the indices of the changes that form a halt, given the index of the last change.
+
+        Nodes are halted in post-order.
+        """
         uids, statuses, ends = self._recording.uids, self._recording.statuses, self._ends
         limit, found, caught = self._parents[uids[index]], [index], 0
         halted = {uids[index]}
@@ -541,7 +579,10 @@ class TickFinder:
         return uid <= len(self._nodes) and bool(self._catches[uid])
 
     def _find_threads(self) -> list[bool]:
-        """Return for each node whether it may be a leaf with its own thread. The first status of such a leaf is always RUNNING."""
+        """Return for each node whether the node may be a leaf with its own thread.
+
+        The first status of such a leaf is always RUNNING.
+        """
         recording, count = self._recording, len(self._nodes)
         uids, times = recording.uids, recording.times
         lasting, excluded, was = set[str](), set[str](), [IDLE] * (count + 1)
@@ -566,13 +607,16 @@ class TickFinder:
         return later <= uid < self._ends[later] if uid >= later else self._ends[uid] <= later
 
     def _is_of_same_halt(self, index: int) -> bool:
-        """Return whether a change continues a halt of several nodes. A halt may pause to wait for the thread of a leaf."""
+        """Return whether a change belongs to the same halt as the change before it.
+
+        A halt may pause to wait for the thread of a leaf.
+        """
         uids = self._recording.uids
         is_halt = self._recording.statuses[index - 1] == IDLE and uids[index - 1] <= len(self._nodes)
         return is_halt and self._is_in_post_order(uids[index - 1], uids[index])
 
     def _move_ends_of_threads(self) -> None:
-        """Move the ends of leaves with their own threads to the ticks in which the parents process them."""
+        """Move the end of each leaf with its own thread to the tick in which the parent processes this end."""
         recording, count = self._recording, len(self._nodes)
         uids, statuses = recording.uids, recording.statuses
         held: dict[int, int] = {}
@@ -619,7 +663,10 @@ class TickFinder:
             self._reorder(moved, left_out)
 
     def _reorder(self, moved: Mapping[int, Sequence[int]], left_out: set[int]) -> None:
-        """Insert the changes in *moved* before the changes with the given indices, and omit the changes in *left_out* at their own positions."""
+        """Insert the changes in *moved* before the given indices, and omit the changes in *left_out*.
+
+        The omitted changes are moved ones at their original positions.
+        """
         recording = self._recording
         ordered = Recording(recording.form, recording.began)
         for index, uid in enumerate(recording.uids):
@@ -630,11 +677,14 @@ class TickFinder:
         recording.times, recording.uids, recording.statuses = ordered.times, ordered.uids, ordered.statuses
 
     def _is_close(self, index: int, later: int) -> bool:
-        """Return whether two changes are so close in time that a thread may have logged the first one during the tick of the second one."""
+        """Return whether a thread may have logged a change during the tick of a later change.
+
+        This is possible if the two changes are close in time.
+        """
         return self._recording.times[later] - self._recording.times[index] < _LEAST_USEC
 
     def _is_passed_over(self, index: int) -> bool:
-        """Return whether a Parallel had already ticked a later child when a leaf ended, and continues with that child."""
+        """Return whether a leaf ended after its Parallel had ticked a later child, with which the Parallel continues."""
         uids, leaf = self._recording.uids, self._recording.uids[index]
         parent = self._parents[leaf]
         is_later = index > 0 and leaf < uids[index - 1] < self._ends[parent]
@@ -650,7 +700,7 @@ class TickFinder:
         return not is_in_next or self._recording.statuses[index + 1] == IDLE
 
     def _must_continue(self, index: int, parent: int, statuses: Sequence[int]) -> bool:
-        """Return whether a parent must tick another child or end in the tick in which it processes the end of a child."""
+        """Return whether a parent must end or tick another child in the tick in which it processes a child's end."""
         if self._rules[parent] is WaitRule.FREE:
             return False
         if self._rules[parent] is WaitRule.PARALLEL:
@@ -662,7 +712,7 @@ class TickFinder:
         return not (is_in_order and any(statuses[each] == RUNNING for each in self._children[parent]))
 
     def _shows_end(self, index: int, leaf: int) -> bool:
-        """Return whether a change shows that the parent has processed the end of a leaf."""
+        """Return whether a change shows that the leaf's parent has processed the end of the leaf."""
         uid, parent = self._recording.uids[index], self._parents[leaf]
         is_reset = (
             self._recording.statuses[index] == IDLE
@@ -672,7 +722,10 @@ class TickFinder:
         return uid == parent or is_reset or leaf <= uid < self._ends[parent]
 
     def _needs_end(self, index: int, parent: int, end: int, was: Sequence[int]) -> bool:
-        """Return whether a Parallel that resets its children at a change cannot have ended without the end of a leaf, another change."""
+        """Return whether a Parallel can have ended only because a certain leaf had ended.
+
+        The Parallel resets its children from the change *index* on; the leaf ends at the change *end*.
+        """
         uids, statuses = self._recording.uids, self._recording.statuses
         leaf = uids[end]
         while index < len(uids) and parent < uids[index] < self._ends[parent] and statuses[index] == IDLE:
@@ -684,7 +737,10 @@ class TickFinder:
         )
 
     def _was_noticed(self, index: int, parent: int, end: int, was: Sequence[int]) -> bool:
-        """Return whether a parent had processed the end of a leaf, another change, before a change, and did not halt the leaf instead."""
+        """Return whether a parent processed the end of a leaf before a certain change, and did not halt the leaf instead.
+
+        *index* is the index of the change, and *end* is the index of the leaf's end.
+        """
         uids, statuses = self._recording.uids, self._recording.statuses
         if statuses[index] != IDLE:
             return True
@@ -748,13 +804,19 @@ class TickFinder:
         return was
 
     def _is_catching(self, index: int, uid: int) -> bool:
-        """Return whether a TryCatch is being halted: the change before this one has reset its running child."""
+        """Return whether a TryCatch is being halted.
+
+        A TryCatch is being halted if the previous change has reset its running child.
+        """
         before = self._recording.uids[index - 1]
         is_child = 0 < before <= len(self._nodes) and self._parents[before] == uid
         return uid > 0 and is_child and self._rested[before] == index - 1
 
     def _find_skipped(self, index: int, uid: int, status: int) -> None:
-        """Find the controls that were skipped: they are RUNNING without a RUNNING child, although the change is of a node outside of them."""
+        """Find the controls that were skipped before a change of a node outside of these controls.
+
+        A skipped control is RUNNING without a RUNNING child.
+        """
         if status == IDLE and self._may_halt[uid]:
             return
         if not self._children[uid] and self._statuses[uid] == RUNNING:
@@ -778,13 +840,13 @@ class TickFinder:
                 self._pass_over(each, index)
 
     def _pass_over(self, uid: int, index: int) -> None:
-        """Show that a RUNNING node was skipped, which the log does not show."""
+        """Change a RUNNING node to IDLE, because the node was skipped. The log does not show this change."""
         self._since[uid] = index
         self._passed_over.add(uid)
         self._show(uid, IDLE)
 
     def _paused_before(self, uid: int) -> list[int]:
-        """Return the nodes that have returned RUNNING in this tick, and are skipped in the next one if a node changes.
+        """Return the nodes that returned RUNNING in this tick, and that the next tick skips if the given node changes.
 
         If a later sibling of theirs, or a descendant of it, is ticked, their parent has passed them.
         """
@@ -804,14 +866,14 @@ class TickFinder:
         return self._rules[uid] is WaitRule.LATER or self._is_quick(self._children[uid][0], uid)
 
     def _has_stepped(self, uid: int) -> bool:
-        """Return whether a control has returned RUNNING in this tick after a child that has started in it, and before the next one."""
+        """Return whether a control returned RUNNING between a child that has started in this tick and the next child."""
         below = self._children[uid]
         ended = [each for each in below if self._statuses[each] != IDLE]
         is_before = self._rules[uid] is WaitRule.STEPS and bool(ended) and ended[-1] != below[-1]
         return is_before and not self._running[uid] and self._is_quick(ended[-1], uid)
 
     def _resume_skipped(self, uid: int) -> None:
-        """Set the skipped ancestors of a ticked node to RUNNING again, because the log does not show this change."""
+        """Set the skipped ancestors of a ticked node to RUNNING again. The log does not show this change."""
         while uid:
             if uid in self._passed_over:
                 self._passed_over.discard(uid)
@@ -894,14 +956,14 @@ class TickFinder:
         )
 
     def _is_decided(self, uid: int, found: Sequence[int]) -> bool:
-        """Return whether the statuses of a Parallel's children reach a threshold, or no threshold can be reached."""
+        """Return whether a Parallel has reached a threshold, or can no longer reach its number of successes."""
         successes, failures = self._thresholds[uid]
         failed = found.count(FAILURE)
         is_reached = found.count(SUCCESS) >= successes or failed >= failures
         return is_reached or successes <= len(found) < successes + failed
 
     def _is_quick(self, uid: int, parent: int) -> bool:
-        """Return whether a node has started and ended in this tick with a status after which its parent may continue in the next tick."""
+        """Return whether a node started and ended in this tick with a status that lets its parent return RUNNING."""
         is_of_tick = self._started[uid] == self._ended[uid] == self._tick
         return is_of_tick and self._outcomes[uid] in self._pauses_after[parent]
 
@@ -925,18 +987,18 @@ def _wait_rule(node: RunNode) -> WaitRule:
 
 
 def _pauses_after(node: RunNode) -> tuple[int, ...]:
-    """Return the statuses of children, SUCCESS or FAILURE, after which a control or decorator may return RUNNING."""
+    """Return the statuses of children, SUCCESS or FAILURE, after which a node may return RUNNING."""
     return tuple(status for status, bit in ((SUCCESS, S), (FAILURE, F)) if _result(node, bit) & R)
 
 
 def _result(node: RunNode, bit: int) -> int:
-    """Return the possible statuses of a node whose children all have the same status, as bits."""
+    """Return, as bits, the possible statuses of a node whose children all have the same status."""
     possible = node.bound.spec.semantics.possible
     return possible(node.bound, [bit] * len(node.children), ALLOWED) if possible and node.children else 0
 
 
 def _waits_without_child(node: RunNode) -> bool:
-    """Return whether a decorator of the language may return RUNNING before it ticks its child, whatever the child would return."""
+    """Return whether a decorator of the language may return RUNNING before it ticks its child."""
     return bool(language_variants(node.tag)) and _pauses_after(node) == (SUCCESS, FAILURE)
 
 
@@ -974,7 +1036,10 @@ def _ticks_when_halted(node: RunNode) -> bool:
 
 
 def _thresholds(node: RunNode) -> tuple[int, int]:
-    """Return the numbers of successes and failures that end a Parallel. An unknown number exceeds the number of children."""
+    """Return the number of successes and the number of failures that end a Parallel.
+
+    If a number is unknown, the returned number exceeds the number of children.
+    """
     ports, count = node.bound.spec.semantics.counts, len(node.children)
     if len(ports) != 2:  # noqa: PLR2004 - successes and failures
         return count + 1, count + 1

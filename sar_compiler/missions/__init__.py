@@ -1,4 +1,4 @@
-"""The base classes of missions, and the functions with which missions handle parameters, events, displays and servers.
+"""The base classes of missions, and functions for the parameters, events, displays and servers of missions.
 
 This package contains the interface of missions (`mission`), the choice of a tree's mission (`mission_choice`), and the start of a run
 (`mission_start`).

@@ -1,4 +1,7 @@
-"""Fault injection: the faults of `--fault`, and a service server that injects them. Only `create_service` uses ROS."""
+"""Fault injection: parse the faults of `--fault`, and create service servers that inject these faults.
+
+Only `create_service` uses ROS.
+"""
 
 import math
 import re
@@ -151,7 +154,10 @@ class CallFaults:
 
 
 class ServiceFaults:
-    """The remaining faults of one service. Each call consumes one drop, or one refusal if no drops are left; delays affect all calls."""
+    """The remaining faults of one service.
+
+    Each call consumes one drop, or one refusal if no drops are left. Delays affect all calls.
+    """
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._drops = sum(fault.count for fault in faults if fault.kind == "drop")
@@ -199,7 +205,7 @@ class NavigationFaults:
         return reject
 
     def fault_for_goal(self, place: str | None) -> Fault | None:
-        """Return the fault that affects a newly accepted goal; None if no fault does.
+        """Return the fault that affects a newly accepted goal, or None if no fault affects the goal.
 
         Args:
             place: The location of the goal, or None.
@@ -247,11 +253,11 @@ class FaultPlan:
         self.seed = seed
 
     def for_service(self, name: str) -> ServiceFaults:
-        """Return the faults of the service *name*, none of which has affected a call yet."""
+        """Return the faults of the service *name* at the start of a run, before any call."""
         return ServiceFaults([fault for fault in self.faults if fault.target == name])
 
     def for_navigation(self) -> NavigationFaults:
-        """Return the faults of the simulated Nav2, none of which has affected a goal yet."""
+        """Return the faults of the simulated Nav2 at the start of a run, before any goal."""
         return NavigationFaults([fault for fault in self.faults if fault.target in NAVIGATION_FAULTS])
 
 
@@ -311,7 +317,7 @@ def create_service(
 
 
 def _call_later(node: "Node", seconds: float, action: Callable[[], object]) -> None:
-    """Call a function once, after a time on the node's clock."""
+    """Call a function once, after a delay that is measured on the node's clock."""
 
     def end() -> None:
         node.destroy_timer(timer)

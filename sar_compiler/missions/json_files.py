@@ -71,7 +71,7 @@ class JsonFile:
                 enclosing_keys[-1].add(key)
 
     def location_of(self, *path: str | int) -> str:
-        """Return the file, line and column of the value to which a path of keys and indices leads.
+        """Return the file, line and column of the value at a path of keys and indices.
 
         If the file has no such value, return the location of the last value on the path that exists.
         """

@@ -160,7 +160,7 @@ class MissionRun:
         return []
 
     def initial_facts(self) -> Mapping[str, bool | int | float | str]:
-        """Return the initial values of those facts that the parameters determine, such as `{"zones_left": 4}`.
+        """Return the initial values of the facts that depend on parameters, such as `{"zones_left": 4}`.
 
         `simulate` and `verify`, which need no robot, start with these values if the leaves of the tree have such facts.
         """
@@ -174,7 +174,7 @@ class MissionRun:
         return {}
 
     def limits(self) -> Mapping[str, int]:
-        """Return the upper limits of facts with unknown initial values, such as `{"more_pieces": 10_000}`.
+        """Return an upper limit for each fact whose initial value is unknown, such as `{"more_pieces": 10_000}`.
 
         The property monitor starts with the limit as the value of the fact. Outcomes may only decrease this fact.
         """
@@ -212,7 +212,10 @@ class MissionRun:
         return Display()
 
     def sentence(self, fact: JournalEntry) -> str:  # noqa: ARG002 - for subclasses
-        """Return a sentence without a full stop that describes an event; empty to show the event's kind and values instead."""
+        """Return a sentence without a full stop that describes an event.
+
+        If the sentence is empty, the event's kind and values are shown instead.
+        """
         return ""
 
     def verbs(self) -> Sequence[OperatorCommand]:
@@ -220,11 +223,16 @@ class MissionRun:
         return ()
 
     def places(self) -> Mapping[str, tuple[float, float]] | None:
-        """Return the locations that faults can name: x and y in metres, frame `map`; None for the locations of the simulated world."""
+        """Return the locations that faults can name, or None for the locations of the simulated world.
+
+        Each location has the coordinates x and y in metres, frame `map`.
+        """
         return None
 
     def route(self) -> Sequence[tuple[str, float, float]]:
-        """Return the names and positions (x and y in metres, frame `map`) of the robot's targets, in order, for the route check.
+        """Return the names and positions of the robot's targets, in order, for the route check.
+
+        Each position has the coordinates x and y in metres, frame `map`.
 
         By default, the targets are the locations of `places`.
         """
@@ -252,7 +260,7 @@ class MissionRun:
         return []
 
     def shortfalls(self) -> list[str] | None:
-        """Return a sentence for each unfinished item; empty if the mission is complete.
+        """Return a sentence for each unfinished item, or an empty list if the mission is complete.
 
         Returns:
             The sentences; None for a mission without its own end condition, whose runs end with the tree's root.
@@ -260,18 +268,18 @@ class MissionRun:
         return None
 
     def open_points(self) -> list[str]:
-        """Return sentences about open points of a complete mission, to be shown after "Mission complete."."""
+        """Return a sentence for each open point of a complete mission, to be shown after "Mission complete."."""
         return []
 
     def idle_reason(self) -> str:
-        """Return a sentence if no work is left, such as "No zone is left", otherwise an empty string.
+        """Return a sentence, such as "No zone is left", if no work is left; otherwise return an empty string.
 
         If the tree's root then ends on two consecutive ticks, the run ends even if the mission is not complete.
         """
         return ""
 
     def summary(self, elapsed_sec: float, ticks: int) -> str:  # noqa: ARG002
-        """Return the summary to print at the end of the run; empty for the default summary.
+        """Return the summary to print at the end of the run, or an empty string for the default summary.
 
         Args:
             elapsed_sec: The duration of the run, in seconds of the node's clock.
@@ -307,11 +315,11 @@ class Mission(ABC):
     is_resumable: bool = False
 
     def default_parameters(self) -> Path | None:
-        """Return the default parameter file; None if there is none."""
+        """Return the default parameter file, or None if the mission has no such file."""
         return None
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:  # noqa: ARG002
-        """Return the file of the properties that are verified by default; None if there is none.
+        """Return the file of the properties that are verified by default, or None if the mission has no such file.
 
         Args:
             leaves: The classes of the tree's leaves.

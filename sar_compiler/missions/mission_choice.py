@@ -27,7 +27,7 @@ _OF_EVERY_TREE = {Clock, Enums, Scope}
 
 
 class MissionError(SarError):
-    """A mission cannot be loaded, raised an exception, or does not exist."""
+    """A mission does not exist, cannot be loaded, or has raised an exception."""
 
 
 class _GuardedMission:

@@ -253,7 +253,7 @@ def test_a_log_of_the_sqlite_logger_tells_the_same(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ("DROP TABLE Transitions", "it is not a log of SqliteLogger: no such table: Transitions"),
+        ("DROP TABLE Transitions", "the file is not a log of SqliteLogger: no such table: Transitions"),
         ("DELETE FROM Definitions", "the table Definitions contains no tree"),
         ("UPDATE Definitions SET xml_tree = x'00'", "the table Definitions contains no tree"),
         ("DELETE FROM Transitions", "contains no status change"),
@@ -275,7 +275,7 @@ def test_a_sqlite_log_whose_schema_is_not_utf_8_is_reported(tmp_path, capsys):
     log = sqlite_log(FAILED, tmp_path / "run.db3")
     log.write_bytes(log.read_bytes().replace(b"CREATE TABLE D", b"CREATE\xffTABLE D"))
     status, said = answer(journal_command, ["import", log, "-o", tmp_path / "run.journal"], capsys)
-    assert (status, "it is not a log of SqliteLogger: " in said) == (2, True), said
+    assert (status, "the file is not a log of SqliteLogger: " in said) == (2, True), said
 
 
 def bag_messages(log):
