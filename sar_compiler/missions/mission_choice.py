@@ -87,12 +87,12 @@ def load_missions(checkout: Path | None = None) -> "dict[str, Mission]":
 
 
 def default_mission() -> str | None:
-    """Return the name of the mission whose default tree runs if the user names no tree, or None."""
+    """Return the name of the default mission, or None. Its default tree runs if the user names no tree."""
     return next((entry_point.name for entry_point in entry_points(DEFAULT)), None)
 
 
 def _find_problem(mission: object) -> str:
-    """Return why the object that an entry point names is not a valid mission; empty if it is valid."""
+    """Return why the object of an entry point is not a valid mission, or an empty string if it is valid."""
     from sar_compiler.missions.mission import Mission
 
     if not isinstance(mission, Mission):
@@ -117,7 +117,7 @@ def find_mission(name: str, checkout: Path | None = None) -> "Mission":
         return missions[name]
     hint = did_you_mean(nearest(name, missions))
     for _, place in ignored_entry_points(ENTRY_POINTS, checkout)[:1]:
-        hint += f". Missions of {place} are ignored because this folder is being checked. Install them"
+        hint += f". The missions in {place} are ignored, because this folder is being checked. Install these missions"
     raise MissionError(f"there is no mission '{name}' (installed: {', '.join(sorted(missions))}){hint}")
 
 
@@ -168,7 +168,7 @@ def _guard(mission: "Mission") -> "Mission":
 
 
 def mission_of(tree: ProjectTree, binding: Binding) -> "Mission | None":
-    """Return the mission of a loaded tree; None for a tree without a mission.
+    """Return the mission of a loaded tree, or None if the tree has no mission.
 
     Raises:
         MissionError, TreeError: See `choose_mission`.

@@ -60,7 +60,7 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
     reader.complain()
     if mission is not None and (unlisted := reader.files.keys() - set(mission.path_parameters)):
         raise TypeError(
-            f"the mission '{mission.name}' reads a file named by {min(unlisted)}. Add this parameter to path_parameters"
+            f"the mission '{mission.name}' reads the file that the parameter {min(unlisted)} names. Add this parameter to path_parameters"
         )
     own = mission.parameter_names if mission is not None else ()
     keys = (key.removeprefix("@") for key in (*_keys(binding), *_script_keys(binding)))
@@ -70,7 +70,7 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
 
 
 class FileStart(NamedTuple):
-    """The result of a start with a parameter file that was read without ROS.
+    """The result of starting a run without ROS, with the parameters in a file.
 
     Attributes:
         parameters: The file's parameters by flat name.
@@ -100,7 +100,7 @@ def start_without_ros(tree: ProjectTree, params: Path | None, binding: Binding) 
 def read_parameters(
     tree: ProjectTree, params: Path | None = None, tree_id: str | None = None
 ) -> ParameterReader:
-    """Read the parameters of a run and the files that they name, without ROS.
+    """Read the parameters of a run, and the files that these parameters name, without ROS.
 
     Args:
         tree: The loaded tree file.
@@ -132,7 +132,10 @@ def parse_faults(texts: Iterable[str], mission: Mission | None) -> list[Fault]:
 
 
 def path_parameters(mission: Mission | None, binding: Binding) -> set[str]:
-    """Return the names of the parameters that are file paths, for the mission or for ports of leaves (`{@photos}`)."""
+    """Return the names of all parameters that are file paths.
+
+    Such a parameter belongs to the mission, or to a port of a leaf (`{@photos}`).
+    """
     ports = (
         key.removeprefix("@")
         for bound in binding.all_nodes()
@@ -143,7 +146,10 @@ def path_parameters(mission: Mission | None, binding: Binding) -> set[str]:
 
 
 def fixed_parameters(mission: Mission | None, binding: Binding) -> set[str]:
-    """Return the names of the parameters that are read only at the start; for a group, the first part of the names."""
+    """Return the names of the parameters that are read only at the start.
+
+    For a group of parameters, the result contains the first part of their names.
+    """
     own = mission.parameter_names if mission is not None else ()
     names = (*RUN_PARAMETER_NAMES, *own, *(key for key in _keys(binding) if key.startswith("@")))
     return {"use_sim_time", *(name.removeprefix("@").partition(".")[0] for name in names)}

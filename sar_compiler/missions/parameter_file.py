@@ -48,7 +48,7 @@ class FileProblem:
 
     @property
     def location(self) -> str:
-        """The line and column, each after a colon; empty for an error of the whole file."""
+        """The line and column, each after a colon; empty if the error concerns the whole file."""
         return f":{self.line}:{self.column}" if self.line else ""
 
 
@@ -84,7 +84,7 @@ def check_parameter_file(path: Path | str) -> None:
 
 
 def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
-    """Return a note about the nodes to which files apply, if no section of the files applies to the given node.
+    """Return a note that lists the sections of the files if no section applies to the given node.
 
     Args:
         paths: The files, which `check_parameter_file` accepts.
@@ -176,7 +176,9 @@ def _to_plain_value(value: object) -> object:
 
 
 def _sections(path: Path | str) -> dict[str, dict[str, _Given]]:
-    """Return the parameters in each section of a file, by section name (which may contain wildcards) and flat name.
+    """Return the parameters in each section of a file, by section name and flat parameter name.
+
+    A section name may contain wildcards.
 
     Raises:
         ParameterFileError: If there are errors; lists all of them.
@@ -189,7 +191,10 @@ def _sections(path: Path | str) -> dict[str, dict[str, _Given]]:
 
 
 def _is_for(section: str, node: str) -> bool:
-    """Return whether a section applies to a node; `*` matches one part of the node's name, and `**` matches any number of parts."""
+    """Return whether a section applies to a node.
+
+    In the section's name, `*` matches one part of the node's name, and `**` matches any number of parts.
+    """
     parts = {"**": r"(/\w+)*", "*": r"/\w+"}
     pattern = "".join(parts.get(part, "/" + re.escape(part)) for part in section.split("/")[1:])
     return re.fullmatch(pattern, node) is not None
@@ -197,12 +202,12 @@ def _is_for(section: str, node: str) -> bool:
 
 def _text_of(file: Path) -> str:
     data = read_file(file, PARAMETERS).data
-    wrong = f"is larger than {PARAMETERS.limit // 2**20} MiB, the limit of a parameter file"
+    wrong = f"the file is larger than {PARAMETERS.limit // 2**20} MiB, the limit of a parameter file"
     if len(data) <= PARAMETERS.limit:
         try:
             return data.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            wrong = f"is not UTF-8 text (byte {error.start})"
+            wrong = f"the file is not UTF-8 text (byte {error.start})"
     raise ParameterFileError(file, [FileProblem(0, 0, wrong)])
 
 

@@ -178,13 +178,19 @@ class ParameterReader:
             self.problems.append(problem)
 
     def place_of(self, key: str) -> str:
-        """Return file, line and column of a parameter, or of the nearest group if it is missing; empty without files."""
+        """Return the file, line and column of a parameter, or an empty string without parameter files.
+
+        A missing parameter has the location of the nearest group.
+        """
         if key in self.places_elsewhere:
             return self.places_elsewhere[key]()
         return self._places.location_of(key, self.parameters) if self._places is not None else ""
 
     def group(self, prefix: str, allowed: tuple[str, ...]) -> dict[str, set[str]]:
-        """Return, by ID, the names in parameters `<prefix>.<id>.<name>`; report other parameters with this prefix."""
+        """Return, for each ID, the names in the parameters `<prefix>.<id>.<name>`.
+
+        All other parameters with this prefix are reported as errors.
+        """
         groups: dict[str, set[str]] = {}
         pattern = f"{prefix}.<id>.{{{','.join(allowed)}}}"
         for key in self.parameters:
@@ -226,7 +232,7 @@ class ParameterReader:
         return {name: self.number(f"{prefix}.{name}") for name in names}
 
     def _order(self, noun: str, known: Collection[str]) -> list[str]:
-        """Return the IDs in `<noun>_order` that have a pose, each ID once; report all other entries as errors."""
+        """Return each ID in `<noun>_order` that has a pose, once. Report all other entries as errors."""
         key, allowed = f"{noun}_order", f"must be a list of {noun} ids"
         example = f': list the {noun}s to visit, for example {key}: ["{noun}_a", "{noun}_b"]'
         if key not in self.parameters:
@@ -243,7 +249,7 @@ class ParameterReader:
         if not entries:
             self.report_error(key, f"is empty{example}")
         if len(entries) > MOST_PLACES:
-            text = f"names {len(entries):,} {noun}s, more than {MOST_PLACES:,}: move some to another mission"
+            text = f"names {len(entries):,} {noun}s, but at most {MOST_PLACES:,} are allowed: move some {noun}s to another mission"
             self.report_error(key, text)
             return []
         order: dict[str, None] = {}
@@ -271,7 +277,7 @@ class ParameterReader:
         return {name: self.number(key, 0.0) for name, key in keys.items()}
 
     def report_unknown_names(self, prefix: str, names: tuple[str, ...]) -> None:
-        """Report each parameter below a prefix whose name is not among the given names."""
+        """Report each parameter below a prefix if its name is not one of the given names."""
         listed = f"{', '.join(names[:-1])} and {names[-1]}"
         for key in self.parameters:
             if key == prefix:
@@ -280,7 +286,10 @@ class ParameterReader:
                 self.report_error(key, f"is unknown, {_did_you_mean(key.partition('.')[2], names)}")
 
     def number(self, key: str, default: float | None = None) -> float:
-        """Read a finite number; return the default for a missing parameter, or report an error without a default."""
+        """Read a finite number, or return the default if the parameter is missing.
+
+        Without a default, a missing parameter is reported as an error.
+        """
         if key not in self.parameters:
             if default is None:
                 self.report_error(key, "is missing: write a number")
@@ -288,7 +297,7 @@ class ParameterReader:
         return self._check_unit(key, self.parameters[key])
 
     def _check_unit(self, key: str, value: object, whose: str = "") -> float:
-        """Return the value as a number; report a value that is not a finite number, or is implausible in its unit.
+        """Return the value as a number. Report a value that is not a finite number or is implausible in its unit.
 
         Args:
             key: The flat name of the parameter.
@@ -357,7 +366,9 @@ class ParameterReader:
             content = read_file(path, FileKind(noun, most_bytes))
             text = content.decode()
         except PathOutsideError as error:
-            remedy = f"Move it next to {given_in}, or pass it on the command line with -p {key}:=PATH"
+            remedy = (
+                f"Move the file next to {given_in}, or pass its path on the command line with -p {key}:=PATH"
+            )
             self.report_error(key, f"{path} cannot be read: {error.reason}. {remedy}")
             return None
         except UnreadableFileError as error:
@@ -367,7 +378,7 @@ class ParameterReader:
         return text
 
     def read_json_file(self, key: str, noun: str, most_bytes: int) -> JsonFile | None:
-        """Read the JSON file that a parameter names; report the errors of a malformed file, and return None."""
+        """Read the JSON file that a parameter names. If the file is malformed, report its errors and return None."""
         text = self.read_file(key, noun, most_bytes)
         if text is None:
             return None
@@ -381,7 +392,7 @@ class ParameterReader:
         return file
 
     def complain(self) -> None:
-        """Raise an error that lists all errors, if there are any.
+        """If errors were collected, raise one exception that lists all of them.
 
         Raises:
             ParameterError: If there are errors; lists all of them.
@@ -399,7 +410,7 @@ class ParameterReader:
         return value
 
     def cruise_speed(self) -> float:
-        """Return the speed, in m/s, at which estimates of time assume the robot to drive."""
+        """Return the robot's speed, in m/s, that is assumed in estimates of driving time."""
         return self.positive("cruise_speed_mps", RunParameters.cruise_speed_mps)
 
     def switch(self, key: str, *, default: bool) -> bool:
@@ -436,7 +447,7 @@ def _as_float(value: float) -> float:
 
 
 def _remedy(value: object, unit: str) -> str:
-    """Return a suggestion, in parentheses, for a value that should be a number; empty if there is none."""
+    """Return a suggestion, in parentheses, for a value that should be a number, or an empty string."""
     if isinstance(value, Iterable) and not isinstance(value, str | bytes):
         return f" (write {only[0]}, without brackets)" if len(only := list(value)) == 1 else ""
     if not isinstance(value, str):

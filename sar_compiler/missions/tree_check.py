@@ -7,7 +7,9 @@ from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 
 
 def check_mission(tree: ProjectTree) -> list[Diagnostic]:
-    """Return a finding if the main tree's leaves belong to several missions; no finding if the tree has errors.
+    """Return a finding if the leaves of the main tree belong to several missions.
+
+    If the tree has errors, there is no such finding.
 
     Raises:
         MissionError: If the mission that the user has named does not exist, or a mission cannot be imported.

@@ -66,7 +66,10 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
 
 
 def parameter_files(ros: Sequence[str], params_file: Path | None = None) -> list[Path]:
-    """Return the parameter files in the order in which ROS applies them: *params_file*, then the files in the ROS arguments."""
+    """Return the parameter files in the order in which ROS applies them.
+
+    The file *params_file* comes first, followed by the files in the ROS arguments.
+    """
     first = [] if params_file is None else [params_file]
     return first + [Path(value) for flag, value in pairwise(ros) if flag == _FILE_FLAG]
 
@@ -89,7 +92,7 @@ def node_arguments(ros: Sequence[str]) -> list[str]:
 
 
 def security_arguments(ros: Sequence[str]) -> list[str]:
-    """Return the ROS arguments that select the SROS 2 enclave, to pass them to another process of the mission."""
+    """Return the ROS arguments that select the SROS 2 enclave, for use by another process of the mission."""
     return [part for flag, value in pairwise(ros) if flag in _ENCLAVE_FLAGS for part in (flag, value)]
 
 
@@ -104,7 +107,7 @@ def _without_node_names(arguments: Sequence[str]) -> list[str]:
 
 
 class RosArgumentError(SarError):
-    """ROS has rejected arguments, or a parameter file in them."""
+    """ROS has rejected a ROS argument or a parameter file."""
 
 
 @contextmanager
@@ -161,7 +164,7 @@ _FAULTS = {
 
 
 def _wrong_in_remap(rule: str) -> str | None:
-    """Describe the wrong name in a remap rule `from:=to`; return None if the syntax of the whole rule is wrong."""
+    """Describe the wrong name in a remap rule `from:=to`. Return None if the rule has the wrong syntax."""
     old, assigned, new = rule.partition(":=")
     if not assigned or not old:
         return None

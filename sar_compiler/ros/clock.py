@@ -29,7 +29,7 @@ _SPARED_EVERY_SEC = 60.0
 
 
 class AwakeTime:
-    """The time of the steady clock, excluding suspensions of this process and the grace time after each of them.
+    """The time of the steady clock, without suspensions of this process and without the grace time after each suspension.
 
     Attributes:
         stood_still_at: The time at which the last suspension was detected, as given by `time.monotonic`.
@@ -174,7 +174,9 @@ class NodeTime:
 
 
 class ClockedTime:
-    """Counts the awake time during which a node's clock advances: for deadlines of programs that stop with the clock.
+    """Counts the awake time during which a node's clock advances.
+
+    This time is for deadlines of programs that stop when the clock stops.
 
     Without simulated time, this is the whole awake time.
 
@@ -207,7 +209,7 @@ def mission_clock(node: "Node") -> NodeTime:
 
 
 def steady_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "Timer":
-    """Create a timer of a node that uses the machine's steady clock, which no simulator stops."""
+    """Create a timer that uses the machine's steady clock, which a simulator cannot stop."""
     from rclpy.clock import Clock, ClockType
 
     # All timers of a node share a clock, because rclpy's EventsExecutor has a thread for each clock.
@@ -226,7 +228,10 @@ class _Pace:
 
 
 def trust_simulation(node: "Node") -> None:
-    """Measure a node's deadlines in simulated time at any speed: simulated servers wait for the node's executor."""
+    """Measure a node's deadlines in simulated time, whatever the speed of the simulation.
+
+    This requires that simulated servers wait for the node's executor.
+    """
     of_node(node, _Pace, _Pace).fastest = math.inf
 
 
@@ -241,7 +246,7 @@ def deadline_clock(node: "Node") -> Clock:
 
 
 def deadline_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "Timer":
-    """Create a node's timer that uses simulated time after `trust_simulation`, otherwise the steady clock."""
+    """Create a timer that uses simulated time if the node trusts the simulation, otherwise the steady clock."""
     if of_node(node, _Pace, _Pace).fastest == math.inf:
         return node.create_timer(period_sec, call)
     return steady_timer(node, period_sec, call)

@@ -157,7 +157,10 @@ class UnrequestedMotion:
         return AWAKE.now(), self._clock.now()
 
     def _seconds_since(self, since: tuple[float, float]) -> float:
-        """Return the seconds since two clock times, on the slower clock: a simulated robot brakes in simulated time."""
+        """Return the seconds since a moment, measured on the slower of two clocks.
+
+        A simulated robot brakes in simulated time.
+        """
         return min(now - then for now, then in zip(self._now(), since, strict=True))
 
 
@@ -253,7 +256,7 @@ class DependencyMonitor:
             self.trouble = self.trouble or str(answer.line)
 
     def _count_sources(self) -> None:
-        """Log once for each frame, topic or clock that it has several sources."""
+        """Log once for each frame, topic or clock that has several sources."""
         lines = [self._graph.clock(), *map(self._graph.publisher_conflict, self._topics)]
         if self._hears_transforms:
             lines.append(frame_sources(self._node).conflict())
@@ -339,7 +342,7 @@ class _Localisation:
             yield f"Nav2 is no longer active: {'; '.join(missing)}. Leaves that move the robot wait for Nav2."
 
     def _check_unconfigured(self) -> Iterable[str]:
-        """Yield a message for each node that was restarted but was not configured by the lifecycle manager."""
+        """Yield a message for each restarted node that the lifecycle manager has not configured."""
         now = AWAKE.now()
         for each in self._nodes:
             if each.state != "unconfigured":
@@ -354,7 +357,7 @@ class _Localisation:
                 yield f"{each.name} was restarted, but Nav2's lifecycle manager has not configured it. Run: {steps}"
 
     def _check_new_localizer(self) -> Iterable[str]:
-        """Restore the pose of a restarted localisation that has published nothing; yield a message about it."""
+        """Restore the robot's pose if a restarted localisation has published nothing; yield a message about this."""
         sources, now = self._sources_of_poses(), AWAKE.now()
         if not self._known:
             self._known = sources

@@ -109,8 +109,8 @@ def test_no_parameter_file_leads_to_areas_outside_its_folder(tmp_path: Path, pat
     (tmp_path / "secret").write_text("never shown", encoding="utf-8")
     (folder / "link").symlink_to(tmp_path / "secret")
     [problem] = problems_of(folder, path.format(above=tmp_path))
-    assert f"cannot be read: it is outside {folder}. Move it next to " in problem
-    assert problem.endswith("or pass it on the command line with -p areas_file:=PATH")
+    assert f"cannot be read: it is outside {folder}. Move the file next to " in problem
+    assert problem.endswith("or pass its path on the command line with -p areas_file:=PATH")
 
 
 def test_a_parameter_file_that_is_a_link_may_name_what_lies_beside_the_link_and_beside_the_file(
@@ -149,7 +149,8 @@ def test_a_mission_that_reads_a_file_lists_the_parameter_among_its_paths(tmp_pat
     binding = load("search_and_rescue").binding()
     assert begin_run(MISSION, ParameterReader(given), binding).notes == ()
     with pytest.raises(
-        TypeError, match=r"reads a file named by areas_file\. Add this parameter to path_parameters"
+        TypeError,
+        match=r"reads the file that the parameter areas_file names\. Add this parameter to path_parameters",
     ):
         begin_run(Unlisted(), ParameterReader(given), binding)
 

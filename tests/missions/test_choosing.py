@@ -119,7 +119,7 @@ def test_a_name_that_there_is_not_is_answered_with_the_one_that_was_meant():
 
 def test_a_mission_that_only_looks_installed_in_the_checkout_is_said_to_be_passed_over(install, tmp_path):
     install("farm_f", "farm_f:FARM")
-    with pytest.raises(MissionError, match=f"Missions of {re.escape(str(tmp_path))} are ignored"):
+    with pytest.raises(MissionError, match=f"The missions in {re.escape(str(tmp_path))} are ignored"):
         find_mission("farming", tmp_path)
 
 

@@ -207,7 +207,9 @@ class TestMistakes:
     def test_an_order_of_too_many_zones(self) -> None:
         order = [f"zone_{number}" for number in range(MOST_PLACES + 1)]
         found = mistakes(mission(zone_order=order))
-        assert found == {"zone_order": "names 1,001 zones, more than 1,000: move some to another mission"}
+        assert found == {
+            "zone_order": "names 1,001 zones, but at most 1,000 are allowed: move some zones to another mission"
+        }
 
     def test_a_zone_without_a_pose_with_the_nearest_name(self) -> None:
         [text] = mistakes(mission(zone_order=["zone_a", "zone_B"])).values()
